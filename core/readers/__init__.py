@@ -1,1 +1,1 @@
-"""."""
+"""Readers: one file, one format, one class; content decides which, names only break ties."""

@@ -45,14 +45,16 @@ def attitude_to_quaternion(roll_deg: ArrayLike, pitch_deg: ArrayLike, heading_de
         pitch_deg: (n,) positive nose up, which is a negative turn about the vehicle's y axis.
         heading_deg: (n,) clockwise from grid north; yaw about the map's up axis is 90° − heading.
     """
-    roll, pitch, heading = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, np.float64)) for a in (roll_deg, pitch_deg, heading_deg)))
+    roll, pitch, heading = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(a, np.float64)) for a in (roll_deg, pitch_deg, heading_deg))
+    )
     euler = np.column_stack([90.0 - heading, -pitch, roll])
     quaternion: FloatArray = Rotation.from_euler("ZYX", euler, degrees=True).as_quat(scalar_first=True)
     return quaternion
 
 
 def quaternion_to_attitude(quaternion: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(roll_deg, pitch_deg, heading_deg), each (n,), of quaternions (n, 4): inverse of :func:`attitude_to_quaternion`."""
+    """Inverse of :func:`attitude_to_quaternion`: (roll_deg, pitch_deg, heading_deg), each (n,), of (n, 4)."""
     euler: Any = Rotation.from_quat(np.atleast_2d(quaternion), scalar_first=True).as_euler("ZYX", degrees=True)
     return euler[:, 2], -euler[:, 1], heading_deg(90.0 - euler[:, 0])
 

@@ -1,0 +1,37 @@
+"""How a sensor sits on the vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.rotation import mounting_rotation
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """The extrinsic of a sensor: lidar frame → vehicle frame.
+
+    Attributes:
+        xyz_m: the sensor's origin in the vehicle frame.
+        rpy_deg: roll, pitch, yaw with ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` taking lidar to vehicle coordinates.
+    """
+
+    xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not bool(np.all(np.isfinite([*self.xyz_m, *self.rpy_deg]))):
+            raise ValueError(f"a mounting needs finite numbers: {self}")
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Rotation matrix (3, 3), lidar to vehicle coordinates."""
+        return mounting_rotation(*self.rpy_deg)
+
+    def to_vehicle(self, xyz_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Points (n, 3) of the lidar frame in the vehicle frame."""
+        points: NDArray[np.float64] = np.asarray(xyz_m, np.float64) @ self.rotation.T + np.asarray(self.xyz_m)
+        return points

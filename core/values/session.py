@@ -1,0 +1,299 @@
+"""The session: what a user states about a recording, in `session.toml`."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.mounting import Mounting
+
+SCHEMA: Final = 1
+
+Vector3 = tuple[float, float, float]
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the session file: frozen, and strict about its keys."""
+
+
+class Recording(_Part, frozen=True):
+    """`[recording]`: the files, and how their clocks relate.
+
+    Attributes:
+        lidar: files of the laser scanner, in the order of time.
+        gnss: files of the GNSS receiver, in the order of time.
+        lidar_minus_gnss_s: lidar clock minus GNSS clock, where the clocks differ by a constant.
+        date: UTC date (YYYY-MM-DD) of the first position of a log whose sentences carry none.
+    """
+
+    lidar: tuple[str, ...] = ()
+    gnss: tuple[str, ...] = ()
+    lidar_minus_gnss_s: float = 0.0
+    date: str | None = None
+
+
+class Crs(_Part, frozen=True):
+    """`[crs]`: the map frame.
+
+    Attributes:
+        map: a projected CRS in metres, in any form that pyproj reads.
+        heights: "ellipsoidal", or a geoid model by name.
+        coordinates: "as-recorded", "current-epoch", or a frame and epoch.
+    """
+
+    map: str
+    heights: str = "ellipsoidal"
+    coordinates: str = "as-recorded"
+
+
+class Antenna(_Part, frozen=True):
+    """`[antenna]`: the GNSS antenna's phase centre in the vehicle frame."""
+
+    xyz_m: Vector3
+
+
+class Lidar(_Part, frozen=True):
+    """`[lidar]`: the laser scanner, and how it is mounted.
+
+    Attributes:
+        model: such as "VLP-16"; wins over what the packets say.
+        xyz_m: the sensor's origin in the vehicle frame.
+        rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame.
+    """
+
+    xyz_m: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    model: str | None = None
+
+    @property
+    def mounting(self) -> Mounting:
+        """The extrinsic of the scanner."""
+        return Mounting(self.xyz_m, self.rpy_deg)
+
+
+class Implement(_Part, frozen=True):
+    """`[implement]`: the tool.
+
+    Attributes:
+        width_m: working width.
+        xy_m: middle of the tool's line in the vehicle frame.
+        kind: in the user's words.
+        working_depth_m: how deep it works.
+    """
+
+    width_m: float
+    xy_m: tuple[float, float]
+    kind: str = ""
+    working_depth_m: float | None = None
+
+
+class Field(_Part, frozen=True):
+    """`[field]`: the parcel's boundary, a vector file."""
+
+    boundary: str | None = None
+
+
+class TrajectorySource(_Part, frozen=True):
+    """`[trajectory]`: a trajectory from elsewhere, which replaces GNSS and matching.
+
+    Attributes:
+        files: CSV or SBET files, in the order of time.
+        time: "utc" or "gps" where the file itself does not say.
+        week: GPS week of a file whose times are seconds of the week.
+    """
+
+    files: tuple[str, ...]
+    time: str | None = None
+    week: int | None = None
+
+
+class Run(_Part, frozen=True):
+    """`[run]`: choices of the work itself.
+
+    Attributes:
+        standing: whether scans taken at a stand are kept in the cloud.
+        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...).
+    """
+
+    standing: bool = True
+    fixes: tuple[str, ...] = ("fixed", "float")
+
+
+class Session(_Part, frozen=True):
+    """What a user states about one recording.
+
+    Attributes:
+        furrowmap: version of this schema.
+        name: of the session.
+        recording, crs, antenna, lidar, implement, field, trajectory, run: the tables.
+    """
+
+    furrowmap: int
+    recording: Recording
+    crs: Crs
+    name: str = ""
+    antenna: Antenna | None = None
+    lidar: Lidar = Lidar()
+    implement: Implement | None = None
+    field: Field = Field()
+    trajectory: TrajectorySource | None = None
+    run: Run = Run()
+
+    def changed(self, **tables: Any) -> Session:
+        """The session with some of its tables replaced."""
+        return msgspec.structs.replace(self, **tables)
+
+
+def load_session(path: Path) -> Session:
+    """The session in the file `path`.
+
+    Raises:
+        InputError: if the file cannot be read, is no TOML, or holds an unknown key or a value of the wrong kind.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except IsADirectoryError:
+        raise InputError(
+            f"{path} is a folder, not a session file.",
+            "The session could not be read.",
+            f"Give the file in it: {path / 'session.toml'}",
+            code="session-unreadable",
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}.",
+            "The session could not be read.",
+            "Give the path of a session.toml; `furrowmap init RECORDING...` writes one.",
+            code="session-unreadable",
+        ) from None
+    return parse_session(text, str(path))
+
+
+def parse_session(text: str, name: str = "session.toml") -> Session:
+    """The session written in `text`; `name` stands for the file in messages.
+
+    Raises:
+        InputError: as :func:`load_session`.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"{name}: {error}.",
+            "The file is not valid TOML, so none of it was used.",
+            "Mend the place named above; strings stand in double quotes, lists in square brackets.",
+            code="session-syntax",
+        ) from None
+    if data.get("furrowmap") != SCHEMA:
+        raise InputError(
+            f"{name}: key `furrowmap` is {data.get('furrowmap', 'missing')!r} where this version reads {SCHEMA}.",
+            "The meaning of the other keys cannot be taken for granted.",
+            f"Write `furrowmap = {SCHEMA}` at the top if the file follows this version's documentation.",
+            code="session-schema",
+        )
+    _check_keys(data, name)
+    try:
+        session = msgspec.convert(data, Session)
+    except msgspec.ValidationError as error:
+        raise InputError(
+            f"{name}: {_told(str(error))}.",
+            "The session is not complete or not of the right kind there, so nothing was done.",
+            "Mend that key; `furrowmap run --help` and the reference page 'session.toml' show each with an example.",
+            code="session-value",
+        ) from None
+    _check_values(session, name)
+    return session
+
+
+def _tables() -> dict[str, type[msgspec.Struct]]:
+    """Each table's name in the file and the struct behind it."""
+    return {
+        "recording": Recording,
+        "crs": Crs,
+        "antenna": Antenna,
+        "lidar": Lidar,
+        "implement": Implement,
+        "field": Field,
+        "trajectory": TrajectorySource,
+        "run": Run,
+    }
+
+
+def _check_keys(data: dict[str, Any], name: str) -> None:
+    """Refuse unknown keys, naming the nearest known one: msgspec would only say that they are unknown."""
+    levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, Session.__struct_fields__)]
+    levels += [
+        (f"{table}.", data[table], struct.__struct_fields__)
+        for table, struct in _tables().items()
+        if isinstance(data.get(table), dict)
+    ]
+    for prefix, table, known in levels:
+        for key in table:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, 1, 0.5)
+                raise InputError(
+                    f"{name}: unknown key `{prefix}{key}`.",
+                    "A misspelt key would silently leave a default in place, so the session is refused.",
+                    f"Did you mean `{prefix}{near[0]}`?" if near else f"Known here: {', '.join(known)}.",
+                    code="session-unknown-key",
+                )
+
+
+def _told(message: str) -> str:
+    """The message of msgspec with the key's path in the file's own words."""
+    match = re.fullmatch(r"(.*) - at `\$\.?(.*)`", message)
+    if match is None:
+        return message
+    return f"key `{match[2]}`: {match[1]}" if match[2] else match[1]
+
+
+def _check_values(session: Session, name: str) -> None:
+    """Refuse what no session can mean."""
+    tool = session.implement
+    faults = {
+        "implement.width_m must be above 0": tool is not None and not tool.width_m > 0,
+        'trajectory.time must be "utc" or "gps"': session.trajectory is not None
+        and session.trajectory.time not in (None, "utc", "gps"),
+        "recording.lidar names no file": not session.recording.lidar,
+        "recording.gnss names no file, and there is no [trajectory] either": not session.recording.gnss
+        and session.trajectory is None,
+    }
+    for text, wrong in faults.items():
+        if wrong:
+            raise InputError(
+                f"{name}: {text}.",
+                "Nothing sensible can be computed with that.",
+                "Correct the session file; the reference page 'session.toml' shows each key with an example.",
+                code="session-value",
+            )
+
+
+def resolve(session_file: Path, named: str) -> Path:
+    """The path of a file that a session names: relative to the session file, and inside its folder.
+
+    Raises:
+        InputError: if the name leads out of the session's folder or the file is not there.
+    """
+    folder = session_file.resolve().parent
+    path = (folder / named).resolve()
+    if not path.is_relative_to(folder):
+        raise InputError(
+            f"{session_file}: {named!r} leads out of the session's folder.",
+            "A session may only name files beside or below itself, so that a foreign one cannot read others.",
+            "Put the session file at or above the recordings' folder, or copy the recording beside it.",
+            code="session-path-outside",
+        )
+    if not path.is_file():
+        raise InputError(
+            f"{session_file}: {named!r} is {'a folder' if path.is_dir() else 'not there'}.",
+            "A file that the session names is missing, so the work did not start.",
+            "Correct the name in the session file; paths are relative to that file.",
+            code="session-file-missing",
+        )
+    return path

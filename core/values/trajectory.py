@@ -1,0 +1,190 @@
+"""Where the vehicle was and how it stood, as a function of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude
+
+FloatArray = NDArray[np.float64]
+
+
+class Motion(IntEnum):
+    """What the vehicle does; the sign is the sign of its speed."""
+
+    REVERSE = -1
+    STANDING = 0
+    FORWARD = 1
+
+    @property
+    def label(self) -> str:
+        """The word that files and reports use."""
+        return self.name.lower()
+
+
+SIGMAS = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
+"""What the columns of :attr:`Trajectory.sigma` belong to."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of the vehicle frame in the map frame at given times; nan where there is none.
+
+    Attributes:
+        xyz_m: (n, 3) float64 easting, northing, height of the vehicle frame's origin.
+        quaternion: (n, 4) float64 (w, x, y, z), vehicle to map.
+    """
+
+    xyz_m: FloatArray
+    quaternion: FloatArray
+
+    def attitude_deg(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(roll_deg, pitch_deg, heading_deg), each (n,), in the conventions of files; nan where there is no pose."""
+        known: NDArray[np.bool_] = np.isfinite(self.quaternion[:, 0])
+        out = np.full((3, len(known)), np.nan)
+        if known.any():
+            out[:, known] = quaternion_to_attitude(self.quaternion[known])
+        return out[0], out[1], out[2]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of the vehicle frame at knots in time, interpolated between them except across gaps.
+
+    Attributes:
+        t_s: (n,) UTC, strictly increasing.
+        xyz_m: (n, 3) easting, northing, height of the vehicle frame's origin.
+        quaternion: (n, 4) (w, x, y, z) unit quaternions, vehicle to map; neighbours lie on the same hemisphere.
+        speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
+        motion: (n,) int8, values of :class:`Motion`.
+        fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 where it came from elsewhere.
+        sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
+        heading_from: (n,) short words: what held the heading ('course', 'antennas', 'standing', 'file').
+        max_gap_s: between knots further apart than this there is no pose.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    quaternion: FloatArray
+    speed_mps: FloatArray
+    motion: NDArray[np.int8]
+    fix: NDArray[np.int8]
+    sigma: FloatArray
+    heading_from: NDArray[np.str_]
+    max_gap_s: float
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        shapes = {"xyz_m": (n, 3), "quaternion": (n, 4), "speed_mps": (n,), "motion": (n,), "fix": (n,)}
+        for name, shape in (shapes | {"sigma": (n, 6), "heading_from": (n,)}).items():
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"Trajectory.{name} has shape {getattr(self, name).shape}, not {shape}")
+        if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
+            raise ValueError("Trajectory.t_s does not increase")
+        if n and not bool(np.allclose(np.linalg.norm(self.quaternion, axis=1), 1.0, atol=1e-6)):
+            raise ValueError("Trajectory.quaternion holds something else than unit quaternions")
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @cached_property
+    def turn_rad(self) -> FloatArray:
+        """(n − 1, 3) rotation vector from each knot to the next, in the frame of the earlier one."""
+        rotation = Rotation.from_quat(self.quaternion, scalar_first=True)
+        turn: FloatArray = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
+        return turn
+
+    def interval(self, t_s: ArrayLike) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:
+        """For each time the knot before it, the share (0 to 1) of the way to the next, and whether there is a pose."""
+        t = np.atleast_1d(np.asarray(t_s, np.float64))
+        if len(self) < 2:
+            return np.zeros(t.shape, np.intp), np.zeros(t.shape), np.zeros(t.shape, bool)
+        k = np.clip(np.searchsorted(self.t_s, t, side="right") - 1, 0, len(self) - 2)
+        step = self.t_s[k + 1] - self.t_s[k]
+        share = (t - self.t_s[k]) / step
+        inside = (share >= 0) & (share <= 1) & ((step <= self.max_gap_s) | (share == 0) | (share == 1))
+        return k, share, inside
+
+    def at(self, t_s: ArrayLike) -> Poses:
+        """Poses at times (n,): straight between knots, along the geodesic of the rotation group for attitude.
+
+        Outside the knots' span and inside gaps the pose is nan.
+        """
+        k, share, known = self.interval(t_s)
+        xyz = np.full((len(k), 3), np.nan)
+        quaternion = np.full((len(k), 4), np.nan)
+        if known.any():
+            k, share = k[known], share[known]
+            xyz[known] = self.xyz_m[k] + share[:, None] * (self.xyz_m[k + 1] - self.xyz_m[k])
+            start = Rotation.from_quat(self.quaternion[k], scalar_first=True)
+            quaternion[known] = (start * Rotation.from_rotvec(share[:, None] * self.turn_rad[k])).as_quat(
+                scalar_first=True
+            )
+        return Poses(xyz, quaternion)
+
+    def attitude_deg(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(roll_deg, pitch_deg, heading_deg) of the knots, each (n,)."""
+        return quaternion_to_attitude(self.quaternion)
+
+
+def trajectory_from_attitude(
+    t_s: FloatArray,
+    xyz_m: FloatArray,
+    roll_deg: ArrayLike,
+    pitch_deg: ArrayLike,
+    heading_deg: ArrayLike,
+    *,
+    max_gap_s: float,
+    speed_mps: FloatArray | None = None,
+    motion: NDArray[np.int8] | None = None,
+    fix: NDArray[np.int8] | None = None,
+    sigma: FloatArray | None = None,
+    heading_from: NDArray[np.str_] | str = "file",
+) -> Trajectory:
+    """A trajectory from attitude in the conventions of files; what is not given is unknown.
+
+    Args:
+        t_s: (n,) UTC.
+        xyz_m: (n, 3) of the vehicle frame's origin in the map frame.
+        roll_deg: (n,) or a number, as `pitch_deg` and `heading_deg`.
+        pitch_deg: see `roll_deg`.
+        heading_deg: see `roll_deg`; clockwise from grid north.
+        max_gap_s: see :class:`Trajectory`, as the following.
+        speed_mps: (n,).
+        motion: (n,).
+        fix: (n,).
+        sigma: (n, 6).
+        heading_from: (n,) or one word for all.
+    """
+    n = len(t_s)
+    roll, pitch, heading = (
+        np.broadcast_to(np.asarray(a, np.float64), (n,)) for a in (roll_deg, pitch_deg, heading_deg)
+    )
+    quaternion = attitude_to_quaternion(roll, pitch, heading) if n else np.zeros((0, 4))
+    return Trajectory(
+        t_s=np.asarray(t_s, np.float64),
+        xyz_m=np.asarray(xyz_m, np.float64),
+        quaternion=same_hemisphere(quaternion),
+        speed_mps=np.full(n, np.nan) if speed_mps is None else speed_mps,
+        motion=np.zeros(n, np.int8) if motion is None else motion.astype(np.int8),
+        fix=np.full(n, -1, np.int8) if fix is None else fix.astype(np.int8),
+        sigma=np.full((n, 6), np.nan) if sigma is None else sigma,
+        heading_from=np.full(n, heading_from) if isinstance(heading_from, str) else heading_from,
+        max_gap_s=max_gap_s,
+    )
+
+
+def same_hemisphere(quaternion: FloatArray) -> FloatArray:
+    """Quaternions (n, 4) with signs chosen so that neighbours differ by less than half a turn of the 4-sphere."""
+    if len(quaternion) < 2:
+        return quaternion
+    flips = np.cumsum(np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0) % 2
+    out = quaternion.copy()
+    out[1:][flips == 1] *= -1.0
+    return out
