@@ -1,0 +1,45 @@
+# Every target does its own set-up: a virtual environment in .venv, from the versions in constraints.txt.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+PARTS := core exporters cli
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test setup lint typecheck format bench docs clean
+
+help:  ## this list
+	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+
+demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show a map
+	$(BIN)/python scripts/demo.py
+
+test: lint typecheck  ## everything that must hold: style, types, tests
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+setup: $(INSTALLED)  ## only the virtual environment
+
+$(INSTALLED): pyproject.toml constraints.txt scripts/setup.sh
+	PYTHON=$(PYTHON) scripts/setup.sh $(VENV)
+	@touch $@
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+# The type checker sees the folders under their import names, as an installation has them.
+typecheck: $(INSTALLED)
+	@mkdir -p build/typing/furrowmap
+	@for part in $(PARTS); do ln -sfn ../../../$$part build/typing/furrowmap/$$part; done
+	$(BIN)/mypy $(PARTS:%=-p furrowmap.%)
+
+format: $(INSTALLED)  ## let ruff lay out the code
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: $(INSTALLED)  ## speed and memory
+	@for file in benchmarks/bench_*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit; done
+
+clean:  ## remove everything that can be made again
+	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Runs a command inside the folder that qgis_root.sh built:   in_qgis_root.sh COMMAND [ARGUMENT]...
+# The current folder and the folder for temporary files are there under their own paths; HOME is empty and forgotten;
+# of the environment only CI, TERM, TZ, DISPLAY and QGIS_* go in. Mounts and processes end with the command.
+set -euo pipefail
+root=${XDG_CACHE_HOME:-$HOME/.cache}/furrowmap/qgis-root
+[ -f "$root/etc/qgis-root" ] || { echo "in_qgis_root.sh: no QGIS in $root; run qgis_root.sh first" >&2; exit 125; }
+if [ "${1-}" != --inside ]; then
+  exec unshare --mount --propagation private --pid --fork --kill-child bash "${BASH_SOURCE[0]}" --inside "$@"
+fi
+shift
+
+mount -t proc proc "$root/proc"
+mount -t tmpfs tmpfs "$root/root"
+mount -t tmpfs tmpfs "$root/run"
+mkdir -m 700 "$root/run/user"
+for folder in /dev "$(realpath "${TMPDIR:-/tmp}")" "$(pwd -P)"; do
+  mkdir -p "$root$folder"
+  mount --rbind "$folder" "$root$folder"
+done
+kept=()
+while IFS= read -r name; do kept+=("$name=${!name}"); done < <(compgen -e | grep -xE 'CI|TERM|TZ|DISPLAY|QGIS_.*' || true)
+exec chroot "$root" /usr/bin/env -i -C "$(pwd -P)" PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
+  LANG=C.UTF-8 QT_QPA_PLATFORM=offscreen XDG_RUNTIME_DIR=/run/user TMPDIR="$(realpath "${TMPDIR:-/tmp}")" \
+  PYTHONDONTWRITEBYTECODE=1 "${kept[@]}" "$@"
