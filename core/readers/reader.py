@@ -179,7 +179,7 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
     for other in found[1:]:
         if other.reader is not found[0].reader:
             raise InputError(
-                f"{other.head.path} ({other.reader.title}) is of another kind than {paths[0]} ({found[0].reader.title}).",
+                f"{other.head.path} ({other.reader.title}) goes not with {paths[0]} ({found[0].reader.title}).",
                 "The files of one recording are read as one stream, so they must be of one kind.",
                 "Name the files of one recorder together, and the others under their own key.",
                 code="mixed-formats",
