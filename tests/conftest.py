@@ -1,12 +1,18 @@
-"""Where the tests find recordings, and what happens where they are missing."""
+"""Where the tests find recordings and a QGIS, and what happens where they are missing."""
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+CHECKOUT = Path(__file__).resolve().parents[1]
+SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 
 @pytest.fixture(scope="session")
@@ -15,3 +21,42 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("the sample recordings (../shared/data) are not beside this checkout")
     return SHARED_DATA
+
+
+@dataclass(frozen=True)
+class QgisRoot:
+    """A real QGIS in a folder of its own; files to open lie in the checkout or among the temporary files."""
+
+    def run(self, *command: str | Path, timeout_s: float = 120.0) -> str:
+        """Standard output of a command run inside; its standard error is told where it fails."""
+        done = subprocess.run(
+            [CHECKOUT / "scripts" / "in_qgis_root.sh", *command],
+            cwd=CHECKOUT,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command[0]} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done.stdout
+
+    def open_layers(self, *paths: Path) -> list[dict[str, Any]]:
+        """What QGIS makes of each layer in the files: path, name, provider, valid, error, crs (as EPSG:n), kind
+        (vector, raster, point cloud), count of points or features, fields, extent (x and y minima, then maxima) and
+        renderer.
+        """
+        answer = self.run("python3", CHECKOUT / "tests" / "plugin" / "open_layers.py", *paths)
+        layers: list[dict[str, Any]] = json.loads(answer.splitlines()[-1])
+        return layers
+
+
+@pytest.fixture(scope="session")
+def qgis() -> QgisRoot:
+    """QGIS 3.40, built where it is missing. Where it cannot be built, CI fails and everybody else skips."""
+    built = subprocess.run([CHECKOUT / "scripts" / "qgis_root.sh"], capture_output=True, text=True, check=False)
+    if built.returncode != 0:
+        reason = f"no QGIS to test with: {built.stderr.strip().splitlines()[-1]}"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return QgisRoot()
