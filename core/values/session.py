@@ -118,11 +118,12 @@ class Run(_Part, frozen=True):
 
     Attributes:
         standing: whether scans taken at a stand are kept in the cloud.
-        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...).
+        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...); without it fixed and
+            float where there is any fixed position, else all.
     """
 
     standing: bool = True
-    fixes: tuple[str, ...] = ("fixed", "float")
+    fixes: tuple[str, ...] | None = None
 
 
 class Session(_Part, frozen=True):

@@ -1,0 +1,65 @@
+"""Least squares whose unknowns are a chain: banded normal equations and what they know of each unknown."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+class NormalEquations:
+    """Normal equations ``N x = r`` of observations that each touch a few consecutive unknowns.
+
+    Attributes:
+        band: (width, n) lower form of N, as `scipy.linalg.solveh_banded` has it: ``band[i − j, j] = N[i, j]``.
+        right: (n,) right-hand side.
+    """
+
+    def __init__(self, unknowns: int, width: int) -> None:
+        self.band = np.zeros((width, unknowns))
+        self.right = np.zeros(unknowns)
+
+    def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
+        """Add observations.
+
+        Args:
+            first: (m,) index of the first unknown that each touches; no index twice.
+            design: (m, p) derivatives by the p consecutive unknowns from `first` on; p at most the band's width.
+            residual: (m,) observed minus computed.
+            sigma: (m,) standard deviations.
+        """
+        scaled = design / sigma[:, None]
+        right = residual / sigma
+        for j in range(design.shape[1]):
+            self.right[first + j] += scaled[:, j] * right
+            for i in range(j, design.shape[1]):
+                self.band[i - j, first + j] += scaled[:, i] * scaled[:, j]
+
+    def solve(self) -> tuple[FloatArray, FloatArray]:
+        """The solution (n,) and the standard deviations (n,) that belong to it."""
+        factor = scipy.linalg.cholesky_banded(self.band, lower=True)
+        solution: FloatArray = scipy.linalg.cho_solve_banded((factor, True), self.right)
+        return solution, np.sqrt(_inverse_diagonal(np.ascontiguousarray(factor.T)))
+
+
+@numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)
+def _inverse_diagonal(factor):  # type: ignore[no-untyped-def]
+    """Diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
+
+    Only the entries of the inverse inside the band are computed, from the last column to the first (Takahashi, Fagan
+    and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18).
+    """
+    n, width = factor.shape
+    inverse = np.zeros((n, width))
+    for j in range(n - 1, -1, -1):
+        reach = min(width - 1, n - 1 - j)
+        for i in range(reach, -1, -1):
+            total = 1.0 / factor[j, 0] if i == 0 else 0.0
+            for k in range(1, reach + 1):
+                low, high = min(i, k), max(i, k)
+                total -= factor[j, k] * inverse[j + low, high - low]
+            inverse[j, i] = total / factor[j, 0]
+    return inverse[:, 0].copy()

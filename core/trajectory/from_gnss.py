@@ -1,0 +1,388 @@
+"""The initial trajectory: position and heading from GNSS alone, the vehicle taken as level.
+
+Nakagawa et al., section 2: driving status and azimuth from positions, then the sensor's position from azimuth and
+lever arm. Roll and pitch are zero here and height is the antenna's less its lever arm; scan matching refines them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
+from furrowmap.core.trajectory.motion import Motions, find_motion
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.rotation import unwrap_deg, wrap_deg
+from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
+
+FloatArray = NDArray[np.float64]
+
+STATED_SIGMA_M: Final = {
+    Fix.FIXED: 0.015,
+    Fix.FLOAT: 0.30,
+    Fix.DGPS: 0.60,
+    Fix.PPS: 0.60,
+    Fix.SINGLE: 2.0,
+    Fix.ESTIMATED: 2.0,
+    Fix.MANUAL: 2.0,
+    Fix.SIMULATED: 0.015,
+}
+"""Horizontal standard deviation of a position whose receiver states none, by its quality."""
+HEIGHT_FACTOR: Final = 2.0
+"""Heights are this much worse than positions where the receiver does not say."""
+WHITE_SHARE: Final = 0.3
+"""How much of a position's error changes from epoch to epoch; the rest drifts over a minute or two."""
+WHITE_FLOOR_M: Final = 0.004
+SWAY_RAD: Final = np.radians(0.3)
+"""A tractor on soil sways by a quarter of a degree; an antenna two metres up moves by a centimetre with it."""
+LONGEST_GAP_S: Final = 1.0
+KNOT_STEP_S: Final = 0.2
+"""Between positions further apart than this, knots are put in, so that curves stay curves."""
+JUMP_MPS: Final = 15.0
+"""A position further from its neighbours than a tractor could drive is a jump."""
+ANTENNAS_SIGMA_DEG: Final = 0.5
+ANTENNAS_OFF_DEG: Final = 45.0
+"""A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
+ANTENNAS_TOLD_DEG: Final = 0.5
+
+
+@dataclass(frozen=True)
+class GnssTrajectory:
+    """A trajectory and what there is to say about it.
+
+    Attributes:
+        trajectory: of the vehicle frame.
+        used: positions used, by quality label.
+        unused: positions left out, by reason.
+        gaps: (start, end) in UTC of the times without positions.
+        standing_s: time at a stand.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    used: dict[str, int]
+    unused: dict[str, int]
+    gaps: tuple[tuple[float, float], ...]
+    standing_s: float
+    notices: tuple[Notice, ...]
+
+
+def trajectory_from_gnss(
+    track: GnssTrack, frame: MapFrame, lever_m: tuple[float, float, float], fixes: tuple[Fix, ...] | None
+) -> GnssTrajectory:
+    """The initial trajectory of the vehicle frame.
+
+    Args:
+        track: positions of the antenna.
+        frame: the map frame.
+        lever_m: the antenna in the vehicle frame.
+        fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
+
+    Raises:
+        InputError: if no position is left to use.
+        RefusedError: if the vehicle never moves and no second antenna shows its heading.
+    """
+    notices: list[Notice] = []
+    gated, unused = _gate(track, fixes, notices)
+    e, n = frame.project(gated.lon_deg, gated.lat_deg)
+    en = np.column_stack([e, n])
+    kept = ~_jumps(gated.t_s, en)
+    if not kept.all():
+        unused["jump"] = int((~kept).sum())
+        notices.append(_jump_notice(gated.t_s[~kept], en[~kept]))
+        gated, en = gated[kept], en[kept]
+    convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
+    sigma = _sigmas(gated)
+    white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma[:, 0])
+    step_s = float(np.median(np.diff(gated.t_s)))
+    max_gap_s = max(LONGEST_GAP_S, 2.5 * step_s)
+    motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s)
+
+    heading_2 = _antennas_heading(gated, convergence, motions, notices)
+    if not motions.motion.any() and not np.isfinite(heading_2).any():
+        raise RefusedError(
+            f"{gated.source or 'The GNSS log'}: the antenna never moves by more than its noise "
+            f"({iso_utc(gated.t_s[0])} to {iso_utc(gated.t_s[-1])}).",
+            "A single antenna at a stand shows no heading, so the scans cannot be turned to the map.",
+            "Record while driving, add a two-antenna heading (HDT), or give a [trajectory] from elsewhere.",
+            code="heading-unknown",
+        )
+    if motions.doubtful and not np.isfinite(heading_2).any():
+        notices.append(_direction_notice(gated.t_s, motions))
+
+    grid = _Grid.over(gated.t_s, max_gap_s)
+    chain, antenna = _chain(gated, en, sigma, white, heading_2, motions, lever_m, grid, max_gap_s)
+    start_yaw = _start_yaw(gated.t_s, motions, heading_2, grid)
+    start_en = np.column_stack([np.interp(grid.t_s, gated.t_s, en[:, k]) for k in range(2)])
+    path = solve_path(chain, antenna, start_en, start_yaw)
+
+    motion = motions.motion[grid.nearest]
+    speed = _speed(grid.t_s, path.xyz_m, path.yaw_rad, motion, chain.gap)
+    gaps = tuple((float(gated.t_s[i]), float(gated.t_s[i + 1])) for i in grid.gap_after)
+    if gaps:
+        notices.append(
+            Notice(
+                "gnss-gaps",
+                f"{len(gaps)} gaps in the positions, {sum(b - a for a, b in gaps):.1f} s in all, the longest "
+                f"{max(b - a for a, b in gaps):.1f} s; scans in them have no pose and are left out.",
+            )
+        )
+    outliers = path.outlier[grid.measured]
+    if outliers.mean() > 0.01:
+        notices.append(
+            Notice(
+                "gnss-outliers",
+                f"{outliers.sum()} of {len(outliers)} positions do not fit a wheeled vehicle's path and count less.",
+            )
+        )
+    trajectory = trajectory_from_attitude(
+        grid.t_s,
+        path.xyz_m,
+        0.0,
+        0.0,
+        90.0 - np.degrees(path.yaw_rad),
+        max_gap_s=max_gap_s,
+        speed_mps=speed,
+        motion=motion,
+        fix=gated.fix[grid.nearest],
+        sigma=np.column_stack([path.sigma[:, :3], np.full((len(grid.t_s), 2), np.nan), np.degrees(path.sigma[:, 3])]),
+        heading_from=np.where(
+            np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "course")
+        ),
+    )
+    standing = np.diff(gated.t_s)[(motions.motion[1:] == 0) & (motions.motion[:-1] == 0)]
+    return GnssTrajectory(
+        trajectory,
+        {Fix(f).label: c for f, c in sorted(Counter(gated.fix.tolist()).items())},
+        unused,
+        gaps,
+        float(standing[standing <= max_gap_s].sum()),
+        tuple(notices),
+    )
+
+
+def _gate(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]) -> tuple[GnssTrack, dict[str, int]]:
+    """The positions of the qualities to use, and how many others there were."""
+    positioned = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg) & np.isfinite(track.height_m)
+    positioned &= track.fix != Fix.NONE
+    if fixes is None:
+        good = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED))
+        wanted = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED, Fix.FLOAT)) if good.any() else np.ones(len(track), bool)
+        if len(track) and not good.any():
+            best = Counter(Fix(f).label for f in track.fix[positioned].tolist()).most_common(1)
+            notices.append(
+                Notice(
+                    "gnss-quality",
+                    f"No position has a fixed solution (most are {best[0][0] if best else 'none'}): the cloud is "
+                    "placed as well as these positions are, which is decimetres to metres.",
+                )
+            )
+    else:
+        wanted = np.isin(track.fix, fixes)
+    use = positioned & wanted
+    unused = {Fix(f).label: c for f, c in sorted(Counter(track.fix[~use].tolist()).items())}
+    if use.sum() < 2:
+        found = Counter(Fix(f).label for f in track.fix.tolist())
+        raise InputError(
+            f"{track.source or 'The GNSS log'}: {int(use.sum())} of {len(track)} positions have a quality that is used "
+            f"(found: {', '.join(f'{c} {label}' for label, c in found.most_common()) or 'none'}).",
+            "Without positions nothing can be placed on the map.",
+            'Set `[run] fixes = ["fixed", "float", "dgps", "single"]` to what is good enough for you.',
+            code="gnss-no-positions",
+        )
+    return track[use], unused
+
+
+def _jumps(t_s: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:
+    """Positions that cannot be reached from the median of their neighbours at a tractor's speed."""
+    n = len(t_s)
+    if n < 5:
+        return np.zeros(n, bool)
+    around = np.clip(np.arange(n)[:, None] + np.array([-2, -1, 1, 2]), 0, n - 1)
+    median = np.median(en_m[around], axis=1)
+    reach = JUMP_MPS * np.abs(t_s[around] - t_s[:, None]).max(axis=1) + 0.5
+    return np.asarray(np.hypot(*(en_m - median).T) > reach)
+
+
+def _jump_notice(t_s: FloatArray, en_m: FloatArray) -> Notice:
+    places = ", ".join(
+        f"{iso_utc(t)} at {e:.1f}, {n:.1f}" for t, (e, n) in zip(t_s[:3].tolist(), en_m[:3].tolist(), strict=True)
+    )
+    return Notice("gnss-jumps", f"{len(t_s)} positions jump away from their neighbours and are not used: {places}.")
+
+
+def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
+    spans = ", ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
+    return Notice(
+        "direction-assumed",
+        f"Nothing but the longer way tells forward from reverse in {len(motions.doubtful)} parts ({spans}); if the "
+        "vehicle reversed there, the cloud is turned by 180°.",
+    )
+
+
+def _sigmas(track: GnssTrack) -> FloatArray:
+    """(n, 2) standard deviations of a position's horizontal axes and of its height, stated or by quality."""
+    default = np.array([STATED_SIGMA_M.get(Fix(f), 2.0) for f in track.fix.tolist()])
+    horizontal = np.hypot(track.sigma_e_m, track.sigma_n_m) / np.sqrt(2.0)
+    horizontal = np.where(np.isfinite(horizontal) & (horizontal > 0), horizontal, default)
+    vertical = np.where(
+        np.isfinite(track.sigma_h_m) & (track.sigma_h_m > 0), track.sigma_h_m, HEIGHT_FACTOR * horizontal
+    )
+    return np.column_stack([horizontal, vertical])
+
+
+def _antennas_heading(
+    track: GnssTrack, convergence_deg: FloatArray, motions: Motions, notices: list[Notice]
+) -> FloatArray:
+    """Grid heading (n,) that two antennas show, nan where there is none or it is not the vehicle's."""
+    heading = track.heading_deg - convergence_deg
+    course = 90.0 - np.degrees(np.arctan2(motions.velocity_mps[:, 1], motions.velocity_mps[:, 0]))
+    speed = np.hypot(*motions.velocity_mps.T)
+    both = np.isfinite(heading) & (speed > 0.2)
+    if not both.any():
+        return heading
+    off = wrap_deg(heading - course)[both]
+    median = float(np.degrees(np.angle(np.median(np.cos(np.radians(off))) + 1j * np.median(np.sin(np.radians(off))))))
+    if abs(median) > ANTENNAS_OFF_DEG:
+        notices.append(
+            Notice(
+                "antennas-heading-unused",
+                f"The two-antenna heading is {median:+.0f}° off the course, so it is not the vehicle's; not used.",
+            )
+        )
+        return np.full(len(track), np.nan)
+    if abs(median) > ANTENNAS_TOLD_DEG:
+        notices.append(
+            Notice(
+                "antennas-heading-off",
+                f"The two-antenna heading is {median:+.2f}° off the course (median): the antennas' baseline, the "
+                "vehicle's tracking or a slope may be the cause. The heading is used as it is.",
+            )
+        )
+    return heading
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The knots of the trajectory: every position, and more where positions are far apart.
+
+    Attributes:
+        t_s: (m,) times.
+        measured: (n,) index of each position's knot.
+        nearest: (m,) index of the position before or at each knot.
+        gap_after: positions behind which there is a gap.
+    """
+
+    t_s: FloatArray
+    measured: NDArray[np.intp]
+    nearest: NDArray[np.intp]
+    gap_after: NDArray[np.intp]
+
+    @classmethod
+    def over(cls, t_s: FloatArray, max_gap_s: float) -> _Grid:
+        step = np.diff(t_s)
+        parts = np.where(step > max_gap_s, 1, np.ceil(step / KNOT_STEP_S - 1e-6)).astype(np.intp)
+        parts = np.append(np.maximum(parts, 1), 1)
+        measured = np.concatenate([[0], np.cumsum(parts)[:-1]])
+        nearest = np.repeat(np.arange(len(t_s)), parts)
+        within = np.arange(len(nearest)) - measured[nearest]
+        share = within / parts[nearest]
+        knots = t_s[nearest] + share * np.append(step, 0.0)[nearest]
+        return cls(knots, measured, nearest, np.flatnonzero(step > max_gap_s))
+
+
+def _chain(
+    track: GnssTrack,
+    en_m: FloatArray,
+    sigma_m: FloatArray,
+    white_m: FloatArray,
+    heading_deg: FloatArray,
+    motions: Motions,
+    lever_m: tuple[float, float, float],
+    grid: _Grid,
+    max_gap_s: float,
+) -> tuple[Chain, Antenna]:
+    """The knots with their links and measurements."""
+    m = len(grid.t_s)
+
+    def spread(values: FloatArray) -> FloatArray:
+        out = np.full((m, *values.shape[1:]), np.nan)
+        out[grid.measured] = values
+        return out
+
+    sway = SWAY_RAD * abs(lever_m[2])
+    drift = np.sqrt(np.maximum(sigma_m[:, 0] ** 2 - white_m**2, WHITE_FLOOR_M**2))
+    white_h = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m[:, 1])
+    drift_h = np.sqrt(np.maximum(sigma_m[:, 1] ** 2 - white_h**2, WHITE_FLOOR_M**2))
+    fix = track.fix[grid.nearest]
+    gap = np.diff(grid.t_s) > max_gap_s
+    run = np.cumsum(np.diff(fix, prepend=fix[:1]) != 0)
+    stretch = motions.stretch[grid.nearest]
+    motion = motions.motion[grid.nearest]
+    still = (motion[1:] == 0) & (motion[:-1] == 0)
+    chain = Chain(grid.t_s, still & ~gap, gap, stretch)
+    yaw = np.radians(90.0 - heading_deg)
+    antenna = Antenna(
+        en_m=spread(en_m),
+        height_m=spread(track.height_m),
+        white_m=np.hypot(white_m, sway)[grid.nearest],
+        white_h_m=white_h[grid.nearest],
+        drift_m=drift[grid.nearest],
+        drift_h_m=drift_h[grid.nearest],
+        drift_run=run,
+        yaw_rad=spread(yaw),
+        sigma_yaw_rad=float(np.radians(ANTENNAS_SIGMA_DEG)),
+        lever_m=lever_m,
+    )
+    return chain, antenna
+
+
+def _start_yaw(t_s: FloatArray, motions: Motions, heading_deg: FloatArray, grid: _Grid) -> FloatArray:
+    """Yaw (m,) at the knots, unwrapped, from course and direction of motion, held over stands and gaps."""
+    velocity = motions.velocity_mps * motions.motion[:, None]
+    yaw = np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0]))
+    known = np.hypot(*velocity.T) > 0.0
+    shown = np.isfinite(heading_deg)
+    yaw = np.where(shown, 90.0 - heading_deg, yaw)
+    known |= shown
+    return np.radians(np.interp(grid.t_s, t_s[known], unwrap_deg(yaw[known])))
+
+
+def _speed(
+    t_s: FloatArray, xyz_m: FloatArray, yaw_rad: FloatArray, motion: NDArray[np.int8], gap: NDArray[np.bool_]
+) -> FloatArray:
+    """Speed (m,) along the vehicle's x axis at the knots, 0 at a stand."""
+    dt = np.diff(t_s)
+    step = np.diff(xyz_m[:, :2], axis=0) / dt[:, None]
+    middle = 0.5 * (yaw_rad[1:] + yaw_rad[:-1])
+    along = np.where(gap, np.nan, step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle))
+    both = np.column_stack([np.append(np.nan, along), np.append(along, np.nan)])
+    known = np.isfinite(both)
+    count = known.sum(axis=1)
+    speed = np.where(count > 0, np.where(known, both, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+    return np.where(motion == Motion.STANDING, 0.0, speed)
+
+
+def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
+    """The qualities that a session names.
+
+    Raises:
+        InputError: if a name is no quality.
+    """
+    known = {fix.label: fix for fix in Fix if fix is not Fix.NONE}
+    for label in labels:
+        if label not in known:
+            raise InputError(
+                f"session.toml: key `run.fixes` holds {label!r}.",
+                "That is no GNSS quality, so it is not clear which positions to use.",
+                f"Known: {', '.join(known)}.",
+                code="session-value",
+            )
+    return tuple(known[label] for label in labels)

@@ -1,0 +1,67 @@
+"""The trajectory that a file from elsewhere states, brought into the map frame."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.trajectory.motion import STANDING_MPS, WINDOW_S, local_velocity
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.pose_track import PoseTrack
+from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
+
+LONGEST_GAP_S: Final = 1.0
+
+
+def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
+    """The trajectory of the vehicle frame that `track` states.
+
+    Raises:
+        InputError: if there are fewer than two poses.
+        RefusedError: if the place lies outside the area for which the map's CRS is meant.
+    """
+    if len(track) < 2:
+        raise InputError(
+            f"{track.source}: {len(track)} poses.",
+            "Between fewer than two poses nothing can be interpolated.",
+            "Give the whole trajectory file.",
+            code="trajectory-empty",
+        )
+    if track.projected:
+        e, n = track.position[:, 0], track.position[:, 1]
+        lon, lat = frame.to_lon_lat(e, n)
+        frame.project(lon, lat)  # refuses coordinates that lie outside the CRS's area
+    else:
+        lon, lat = track.position[:, 0], track.position[:, 1]
+        e, n = frame.project(lon, lat)
+    heading = track.heading_deg - frame.convergence_deg(lon, lat) if track.true_north else track.heading_deg
+    step_s = float(np.median(np.diff(track.t_s)))
+    max_gap_s = max(LONGEST_GAP_S, 2.5 * step_s)
+    speed = _speed(track.t_s, np.column_stack([e, n]), heading, max_gap_s)
+    motion = np.where(speed > STANDING_MPS, Motion.FORWARD, np.where(speed < -STANDING_MPS, Motion.REVERSE, 0))
+    return trajectory_from_attitude(
+        track.t_s,
+        np.column_stack([e, n, track.position[:, 2]]),
+        track.roll_deg,
+        track.pitch_deg,
+        heading,
+        max_gap_s=max_gap_s,
+        speed_mps=np.where(motion == 0, 0.0, speed),
+        motion=motion.astype(np.int8),
+        sigma=track.sigma,
+        heading_from="file",
+    )
+
+
+def _speed(
+    t_s: NDArray[np.float64], en_m: NDArray[np.float64], heading_deg: NDArray[np.float64], max_gap_s: float
+) -> NDArray[np.float64]:
+    """Speed (n,) along the heading, over a window around each pose."""
+    segment: NDArray[np.intp] = np.cumsum(np.diff(t_s, prepend=t_s[:1]) > max_gap_s, dtype=np.intp)
+    velocity = local_velocity(t_s, en_m, segment, WINDOW_S / 2)
+    heading = np.radians(heading_deg)
+    speed: NDArray[np.float64] = velocity[:, 0] * np.sin(heading) + velocity[:, 1] * np.cos(heading)
+    return speed

@@ -1,0 +1,230 @@
+"""Moving or standing, forward or reverse: what positions alone say about a vehicle's motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+STANDING_MPS: Final = 0.03
+"""Nakagawa et al., section 2: below 3 cm/s of RTK positions a tractor stands."""
+HYSTERESIS: Final = 1.6
+"""A stand begins below the threshold divided by this and ends above the threshold times this."""
+STAND_REACH_M: Final = 0.015
+"""A stand lasts as long as positions stay this near to its own mean."""
+SHORTEST_STAND_S: Final = 0.4
+WINDOW_S: Final = 0.5
+"""Half the window of a velocity: over one epoch 3 cm/s is below the noise, over a second it is not."""
+VELOCITY_SIGMA_MPS: Final = 0.01
+"""The window grows until white noise in positions leaves velocities this good, so that 3 cm/s can be told."""
+WIDEST_WINDOW_S: Final = 5.0
+
+
+@dataclass(frozen=True)
+class Motions:
+    """How the vehicle moved at each position.
+
+    Attributes:
+        motion: (n,) int8, values of :class:`Motion`.
+        velocity_mps: (n, 2) of the antenna, east and north, over a window around each position.
+        stretch: (n,) counts the stretches of equal motion without a gap inside.
+        doubtful: stretches of motion whose direction nothing but 'mostly forward' tells, as (first, last) index.
+    """
+
+    motion: NDArray[np.int8]
+    velocity_mps: FloatArray
+    stretch: IntArray
+    doubtful: tuple[tuple[int, int], ...]
+
+
+def find_motion(t_s: FloatArray, en_m: FloatArray, white_m: float, max_gap_s: float) -> Motions:
+    """Tell moving from standing and forward from reverse.
+
+    Standing is a low speed over a window, with hysteresis, refined to where positions leave the stand's own mean.
+    Where the course turns round by more than a right angle while the vehicle (nearly) stands, the direction of motion
+    changed, because a vehicle on wheels cannot turn on the spot. Which of the two directions is forward is decided by
+    the longer way, separately for parts that no continuous motion connects.
+
+    Args:
+        t_s: (n,) UTC, strictly increasing.
+        en_m: (n, 2) easting and northing of the antenna.
+        white_m: standard deviation of the noise from position to position.
+        max_gap_s: a longer pause between positions is a gap.
+    """
+    segment: IntArray = np.cumsum(np.diff(t_s, prepend=t_s[:1]) > max_gap_s, dtype=np.intp)
+    step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    half_s = _half_window_s(step_s, white_m)
+    velocity = local_velocity(t_s, en_m, segment, half_s)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    standing = _stands(t_s, en_m, speed, segment, white_m)
+    moving_runs = _runs(np.where(standing, -1, segment), keep=~standing)
+    legs = [leg for run in moving_runs for leg in _split_at_cusps(velocity, speed, run)]
+    sign, doubtful = _directions(t_s, en_m, velocity, segment, legs)
+    motion = np.zeros(len(t_s), np.int8)
+    for (first, last), direction in zip(legs, sign, strict=True):
+        motion[first : last + 1] = direction
+    change = (np.diff(motion, prepend=motion[:1]) != 0) | (np.diff(segment, prepend=segment[:1]) != 0)
+    return Motions(motion, velocity, np.cumsum(change), doubtful)
+
+
+def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s: float) -> FloatArray:
+    """Velocities (n, 2) by straight-line fits to the positions within `half_s` of each one, not across gaps.
+
+    Args:
+        t_s: (n,).
+        en_m: (n, 2).
+        segment: (n,) parts without a gap; a fit stays inside one.
+        half_s: half the window.
+    """
+    n = len(t_s)
+    sums = np.zeros((n, 7))  # 1, t, t², e, n, t·e, t·n relative to the position in the middle
+    step_s = float(np.median(np.diff(t_s))) if n > 1 else 1.0
+    reach = min(n - 1, int(np.ceil(half_s / step_s)) + 1)
+    for k in range(-reach, reach + 1):
+        here = np.arange(max(0, -k), min(n, n - k))
+        dt = t_s[here + k] - t_s[here]
+        near = (np.abs(dt) <= half_s * 1.0001) & (segment[here + k] == segment[here])
+        here, dt = here[near], dt[near]
+        d = en_m[here + k] - en_m[here]
+        one = np.ones(len(here))
+        sums[here] += np.column_stack([one, dt, dt * dt, d[:, 0], d[:, 1], dt * d[:, 0], dt * d[:, 1]])
+    count, st, stt = sums[:, 0], sums[:, 1], sums[:, 2]
+    spread = count * stt - st * st
+    safe = np.where(spread > 1e-9, spread, 1.0)
+    slope = (count[:, None] * sums[:, 5:7] - st[:, None] * sums[:, 3:5]) / safe[:, None]
+    return np.where((spread > 1e-9)[:, None], slope, 0.0)
+
+
+def _half_window_s(step_s: float, white_m: float) -> float:
+    """Half a window whose straight-line fit leaves :data:`VELOCITY_SIGMA_MPS`: σ² = 12 σ_white² / (N³ step²)."""
+    positions = (12.0 * (white_m / (VELOCITY_SIGMA_MPS * step_s)) ** 2) ** (1.0 / 3.0)
+    return float(np.clip(positions * step_s / 2.0, max(WINDOW_S, step_s), WIDEST_WINDOW_S))
+
+
+def _stands(
+    t_s: FloatArray, en_m: FloatArray, speed_mps: FloatArray, segment: IntArray, white_m: float
+) -> NDArray[np.bool_]:
+    """Where the vehicle stands, (n,)."""
+    slow = speed_mps < STANDING_MPS * HYSTERESIS
+    sure = speed_mps < STANDING_MPS / HYSTERESIS
+    reach = max(STAND_REACH_M, 3.0 * white_m)
+    standing = np.zeros(len(t_s), bool)
+    for first, last in _runs(np.where(slow, segment, -1), keep=slow):
+        if not sure[first : last + 1].any():
+            continue
+        mean = np.median(en_m[first : last + 1][sure[first : last + 1]], axis=0)
+        # The window blurs the ends of a stand: positions say better where it began and ended.
+        while first > 0 and segment[first - 1] == segment[first] and _near(en_m[first - 1], mean, reach):
+            first -= 1
+        while last + 1 < len(t_s) and segment[last + 1] == segment[last] and _near(en_m[last + 1], mean, reach):
+            last += 1
+        if t_s[last] - t_s[first] >= SHORTEST_STAND_S:
+            standing[first : last + 1] = True
+    return standing
+
+
+def _near(position: FloatArray, mean: FloatArray, reach_m: float) -> bool:
+    return bool(np.hypot(*(position - mean)) <= reach_m)
+
+
+def _runs(label: IntArray, keep: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, last) of the runs of equal labels where `keep`."""
+    if not len(label):
+        return []
+    starts = np.flatnonzero(np.diff(label, prepend=label[0] - 1) != 0)
+    ends = np.append(starts[1:], len(label)) - 1
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if keep[a]]
+
+
+def _split_at_cusps(velocity: FloatArray, speed: FloatArray, run: tuple[int, int]) -> list[tuple[int, int]]:
+    """Cut a moving run where the vehicle turns back without having been seen to stand.
+
+    At a cusp the speed has a minimum and the velocity, before and after, points apart by more than a right angle.
+    """
+    first, last = run
+    fast = np.flatnonzero(speed[first : last + 1] > 2 * STANDING_MPS) + first
+    back = np.flatnonzero(np.einsum("ij,ij->i", velocity[fast[:-1]], velocity[fast[1:]]) < 0)
+    cuts = [int(a + np.argmin(speed[a : b + 1])) for a, b in zip(fast[back], fast[back + 1], strict=True)]
+    edges = [first, *(c + 1 for c in cuts), last + 1]
+    return [(a, b - 1) for a, b in pairwise(edges) if b > a]
+
+
+def _directions(
+    t_s: FloatArray,
+    en_m: FloatArray,
+    velocity: FloatArray,
+    segment: IntArray,
+    legs: list[tuple[int, int]],
+) -> tuple[list[int], tuple[tuple[int, int], ...]]:
+    """+1 or −1 for each leg of continuous motion, and the parts in which only the longer way told which is which."""
+    sign: list[int] = []
+    groups: list[list[int]] = []
+    for i, leg in enumerate(legs):
+        link = _link(t_s, en_m, velocity, segment, legs[i - 1], leg) if i else 0
+        if link == 0:
+            sign.append(1)
+            groups.append([i])
+        else:
+            sign.append(sign[-1] * link)
+            groups[-1].append(i)
+    doubtful = []
+    for group in groups:
+        way = [_way_m(en_m, legs[i]) for i in group]
+        forward = sum(w * sign[i] for w, i in zip(way, group, strict=True))
+        if forward < 0:
+            for i in group:
+                sign[i] = -sign[i]
+        if len(group) == 1 or abs(forward) < 0.2 * sum(way):
+            doubtful.append((legs[group[0]][0], legs[group[-1]][1]))
+    return sign, tuple(doubtful)
+
+
+def _link(
+    t_s: FloatArray,
+    en_m: FloatArray,
+    velocity: FloatArray,
+    segment: IntArray,
+    before: tuple[int, int],
+    after: tuple[int, int],
+) -> int:
+    """+1 if a leg goes on in the direction of the one before, −1 if it turns back, 0 if that cannot be told."""
+    b, a = _leaves(en_m, before), _enters(en_m, after)
+    v_before, v_after = velocity[b], velocity[a]
+    if segment[before[1]] == segment[after[0]]:
+        return 1 if v_before @ v_after >= 0 else -1
+    # Across a gap the course may have turned by any angle. A way about as long as the speeds on both sides would make
+    # of the time is a drive without turning back.
+    pause_s = t_s[after[0]] - t_s[before[1]]
+    expected_m = 0.5 * (np.hypot(*velocity[before[1]]) + np.hypot(*velocity[after[0]])) * pause_s
+    chord_m = np.hypot(*(en_m[after[0]] - en_m[before[1]]))
+    return 1 if expected_m > 0.2 and chord_m > 0.6 * expected_m else 0
+
+
+def _leaves(en_m: FloatArray, leg: tuple[int, int]) -> int:
+    """Index near the leg's end by which it is a decimetre away from it: nearer, the velocity means little."""
+    away = np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[1]]).T) > 0.1
+    return leg[0] + int(np.flatnonzero(away)[-1]) if away.any() else (leg[0] + leg[1]) // 2
+
+
+def _enters(en_m: FloatArray, leg: tuple[int, int]) -> int:
+    """Index near the leg's start by which it is a decimetre away from it."""
+    away = np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[0]]).T) > 0.1
+    return leg[0] + int(np.flatnonzero(away)[0]) if away.any() else (leg[0] + leg[1]) // 2
+
+
+def _way_m(en_m: FloatArray, leg: tuple[int, int]) -> float:
+    """Length of a leg by steps of at least a decimetre, so that noise adds no way."""
+    path = en_m[leg[0] : leg[1] + 1].tolist()
+    way, last = 0.0, path[0]
+    for position in path[1:]:
+        step = math.dist(position, last)
+        if step >= 0.1:
+            way, last = way + step, position
+    return way
