@@ -42,6 +42,8 @@ WHITE_SHARE: Final = 0.3
 WHITE_FLOOR_M: Final = 0.004
 SWAY_RAD: Final = np.radians(0.3)
 """A tractor on soil sways by a quarter of a degree; an antenna two metres up moves by a centimetre with it."""
+TILT_SIGMA_DEG: Final = 1.0
+"""What taking a tractor on a field as level is off by, in roll and in pitch (one standard deviation)."""
 LONGEST_GAP_S: Final = 1.0
 KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
@@ -152,7 +154,7 @@ def trajectory_from_gnss(
         speed_mps=speed,
         motion=motion,
         fix=gated.fix[grid.nearest],
-        sigma=np.column_stack([path.sigma[:, :3], np.full((len(grid.t_s), 2), np.nan), np.degrees(path.sigma[:, 3])]),
+        sigma=_with_tilt(path.sigma, lever_m),
         heading_from=np.where(
             np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "course")
         ),
@@ -368,6 +370,20 @@ def _speed(
     count = known.sum(axis=1)
     speed = np.where(count > 0, np.where(known, both, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
     return np.where(motion == Motion.STANDING, 0.0, speed)
+
+
+def _with_tilt(sigma: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:
+    """Sigmas (m, 6) of a level vehicle's pose from those (m, 4) of easting, northing, height and yaw.
+
+    The antenna's lever arm turns the unknown tilt into an error of position.
+    """
+    tilt = np.radians(TILT_SIGMA_DEG)
+    out = np.empty((len(sigma), 6))
+    out[:, :2] = np.hypot(sigma[:, :2], tilt * lever_m[2])
+    out[:, 2] = np.hypot(sigma[:, 2], tilt * np.hypot(lever_m[0], lever_m[1]))
+    out[:, 3:5] = TILT_SIGMA_DEG
+    out[:, 5] = np.degrees(sigma[:, 3])
+    return out
 
 
 def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:

@@ -1,0 +1,314 @@
+"""From a session to placed points: the whole way, composed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Final, Protocol
+
+import numpy as np
+
+from furrowmap.core.cloud.ahead import ahead
+from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
+from furrowmap.core.cloud.placing import Placer
+from furrowmap.core.readers.reader import (
+    GivesPoses,
+    GivesScans,
+    GivesTrack,
+    Reader,
+    ReadOptions,
+    open_recording,
+)
+from furrowmap.core.trajectory.from_gnss import fixes_from_labels, trajectory_from_gnss
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.projection import MapFrame, map_frame
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.session import Session, load_session, resolve
+from furrowmap.core.values.trajectory import Trajectory
+
+SCANS_AHEAD: Final = 32
+ORIGIN_STEP_M: Final = 100.0
+
+
+class CloudSink(Protocol):
+    """Takes the points of a run as they are placed."""
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Before the first scan: the map frame, and the local origin of the coordinates to come."""
+        ...
+
+    def add(self, placed: PlacedScan) -> None:
+        """The points of one scan."""
+        ...
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The files of a session, recognised and opened.
+
+    Attributes:
+        lidar: the scanner's reader.
+        positions: the reader of the positions or of the trajectory from elsewhere.
+        inputs: all files, in the order in which the session names them.
+    """
+
+    lidar: Reader
+    positions: Reader
+    inputs: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class Located:
+    """The trajectory of a run and what there is to say about it.
+
+    Attributes:
+        trajectory: of the vehicle frame.
+        source: "gnss" or "file".
+        positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
+        gaps: (start, end) in UTC of the times without positions.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    source: str
+    positions: dict[str, dict[str, int]]
+    gaps: tuple[tuple[float, float], ...]
+    notices: tuple[Notice, ...]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run found out, besides the points that went to its sink.
+
+    Attributes:
+        session: as it was understood.
+        inputs: the files that were read.
+        frame: the map frame.
+        located: the trajectory.
+        tally: scans and points, and the scans' poses.
+        clock: which clock the scanner's times came from.
+        notices: everything worth knowing, in the order of the work.
+        timings_s: seconds of each stage.
+    """
+
+    session: Session
+    inputs: tuple[Path, ...]
+    frame: MapFrame
+    located: Located
+    tally: Tally
+    clock: Clock
+    notices: tuple[Notice, ...]
+    timings_s: dict[str, float]
+
+
+def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run:
+    """Place every point of a session's recording and hand them to `sink` scan by scan.
+
+    Raises:
+        FurrowmapError: if the session, its files or what they hold do not make a cloud.
+    """
+    clock = _StopWatch()
+    session = load_session(session_file)
+    frame = map_frame(session.crs)
+    recording = open_session_recording(session_file, session)
+    progress("positions", 0.0)
+    located = locate(recording.positions, session, frame)
+    clock.lap("positions")
+    placer = _placer(located.trajectory, session)
+    sink.begin(frame, placer.origin_m)
+    scans = _watched(recording.lidar, progress)
+    tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
+    clock.lap("placing")
+    _refuse_empty(tally, located.trajectory, session)
+    notices = [
+        *recording.positions.notices,
+        *located.notices,
+        *recording.lidar.notices,
+        *_session_notices(session, located),
+        *_tally_notices(tally),
+    ]
+    assert isinstance(recording.lidar, GivesScans)
+    return Run(
+        session,
+        recording.inputs,
+        frame,
+        located,
+        tally,
+        recording.lidar.clock,
+        tuple(dict.fromkeys(notices)),
+        clock.laps_s,
+    )
+
+
+def open_session_recording(session_file: Path, session: Session) -> Recording:
+    """Open the files that a session names.
+
+    Raises:
+        InputError: if one is missing, of no known kind, or of a kind that cannot give what it is named for.
+    """
+    stated = session.trajectory
+    if stated is not None:
+        names, key = stated.files, "trajectory.files"
+        options = ReadOptions(date=session.recording.date, time=stated.time, week=stated.week)
+    else:
+        names, key = session.recording.gnss, "recording.gnss"
+        options = ReadOptions(date=session.recording.date)
+    paths = [resolve(session_file, name) for name in names]
+    positions = open_recording(paths, options)
+    _expect(positions, GivesPoses if stated is not None else GivesTrack, paths[0], key)
+    lidar_paths = [resolve(session_file, name) for name in session.recording.lidar]
+    lidar = open_recording(lidar_paths, ReadOptions(model=session.lidar.model, date=session.recording.date))
+    _expect(lidar, GivesScans, lidar_paths[0], "recording.lidar")
+    return Recording(lidar, positions, (*lidar_paths, *paths))
+
+
+def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
+    """The trajectory: from the session's own file, or from GNSS.
+
+    Raises:
+        InputError: if there is too little to make one.
+        RefusedError: if the CRS does not fit the place, or nothing shows the heading.
+    """
+    if isinstance(positions, GivesPoses) and session.trajectory is not None:
+        trajectory = trajectory_from_poses(positions.poses(), frame)
+        steps = np.diff(trajectory.t_s)
+        gaps = np.flatnonzero(steps > trajectory.max_gap_s)
+        spans = tuple((float(trajectory.t_s[i]), float(trajectory.t_s[i + 1])) for i in gaps)
+        return Located(trajectory, "file", {}, spans, ())
+    assert isinstance(positions, GivesTrack)
+    lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+    fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
+    found = trajectory_from_gnss(positions.track(), frame, lever, fixes)
+    return Located(found.trajectory, "gnss", {"used": found.used, "unused": found.unused}, found.gaps, found.notices)
+
+
+def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
+    if not isinstance(reader, kind):
+        raise InputError(
+            f"{path} is '{reader.title}', which gives no {_GIVES[kind]}.",
+            f"The session names it under `{key}`.",
+            "Name the right file there; `furrowmap inspect` says what a file holds.",
+            code="wrong-kind-of-file",
+        )
+
+
+_GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
+
+
+def _placer(trajectory: Trajectory, session: Session) -> Placer:
+    middle = np.median(trajectory.xyz_m, axis=0)
+    e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
+    return Placer(trajectory, session.lidar.mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
+
+
+def _watched(reader: Reader, progress: Progress) -> Iterator[Scan]:
+    """The reader's scans, decoded ahead; tells `progress` how much of the recording has been read."""
+    assert isinstance(reader, GivesScans)
+    for scan in ahead(reader.scans(), SCANS_AHEAD):
+        yield scan
+        progress("placing points", reader.share_read)
+    progress("placing points", 1.0)
+
+
+def _refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> None:
+    """A cloud without points is no cloud: say why, with both clocks' spans.
+
+    Raises:
+        InputError: if not a single point was placed.
+    """
+    if tally.points:
+        return
+    if not tally.points_read:
+        raise InputError(
+            f"{', '.join(session.recording.lidar)}: no laser returns in it.",
+            "There is nothing to place.",
+            "`furrowmap inspect` says what the file holds; perhaps another capture is the recording.",
+            code="no-points",
+        )
+    if tally.scans_standing:
+        raise InputError(
+            f"The vehicle stands in all {tally.scans_standing} scans.",
+            "Scans at a stand are left out, so nothing remains.",
+            "Set `[run] standing = true` to keep them.",
+            code="only-standing",
+        )
+    begin, end = float(trajectory.t_s[0]), float(trajectory.t_s[-1])
+    offset = 0.5 * (tally.first_s + tally.last_s) - 0.5 * (begin + end)
+    raise InputError(
+        f"The scans ({iso_utc(tally.first_s)} to {iso_utc(tally.last_s)}) and the positions ({iso_utc(begin)} to "
+        f"{iso_utc(end)}) have no time in common.",
+        "Without a position at its time no scan can be placed.",
+        f"If both are of one drive, their clocks differ: `[recording] lidar_minus_gnss_s = {offset:.0f}` would bring "
+        "their middles together; 18 s is GPS time, whole hours are a time zone.",
+        code="no-common-time",
+    )
+
+
+def _session_notices(session: Session, located: Located) -> list[Notice]:
+    """What a run could not know."""
+    notices = []
+    if located.source == "gnss":
+        notices.append(
+            Notice(
+                "level-assumed",
+                "Roll and pitch are taken as zero and the height is the antenna's: GNSS alone does not show how the "
+                "vehicle leans.",
+            )
+        )
+        if session.antenna is None:
+            notices.append(
+                Notice(
+                    "antenna-unknown",
+                    "The session does not say where the antenna stands ([antenna] xyz_m): it is taken as the vehicle's "
+                    "origin, and heights are the antenna's.",
+                )
+            )
+    if session.lidar.mounting.xyz_m == (0.0, 0.0, 0.0) and session.lidar.mounting.rpy_deg == (0.0, 0.0, 0.0):
+        notices.append(
+            Notice(
+                "mounting-identity",
+                "The session does not say how the scanner is mounted ([lidar] xyz_m, rpy_deg): its frame is taken as "
+                "the vehicle's.",
+            )
+        )
+    return notices
+
+
+def _tally_notices(tally: Tally) -> list[Notice]:
+    """What of the recording is not in the cloud."""
+    notices = []
+    if tally.points_without_pose:
+        share = 100.0 * tally.points_without_pose / tally.points_read
+        notices.append(
+            Notice(
+                "points-without-pose",
+                f"{tally.points_without_pose} of {tally.points_read} points ({share:.1f} %) and "
+                f"{tally.scans_without_pose} whole scans fall into times without a pose and are not in the cloud.",
+            )
+        )
+    if tally.scans_standing:
+        notices.append(
+            Notice(
+                "standing-left-out",
+                f"{tally.scans_standing} scans at a stand ({tally.points_standing} points) are left out, as asked.",
+            )
+        )
+    return notices
+
+
+class _StopWatch:
+    """Seconds of each stage."""
+
+    def __init__(self) -> None:
+        self.laps_s: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = perf_counter()
+        self.laps_s[stage] = round(now - self._last, 3)
+        self._last = now
