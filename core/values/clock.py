@@ -63,16 +63,17 @@ def las_time_to_utc(las_time: ArrayLike) -> FloatArray:
     return gps_to_utc_s(np.asarray(las_time, np.float64) + LAS_STANDARD_OFFSET_S)
 
 
-def nearest_in_cycle(within_s: ArrayLike, near_s: float, cycle_s: float) -> FloatArray:
+def nearest_in_cycle(within_s: ArrayLike, near_s: ArrayLike, cycle_s: float) -> FloatArray:
     """The time nearest to `near_s` of a clock that shows only its place within a cycle (hour, day, week).
 
     Args:
         within_s: what the clock shows, any shape, seconds since the cycle began.
-        near_s: a time of whose cycle or neighbouring cycle the clock is known to be, in the result's scale.
+        near_s: a time of whose cycle or neighbouring cycle the clock is known to be, in the result's scale; one for all
+            readings, or one for each.
         cycle_s: length of the cycle; a multiple of it lies at 0 of the result's scale.
     """
     within = np.asarray(within_s, np.float64)
-    return within + cycle_s * np.round((near_s - within) / cycle_s)
+    return within + cycle_s * np.round((np.asarray(near_s, np.float64) - within) / cycle_s)
 
 
 def unroll(within_s: ArrayLike, cycle_s: float) -> FloatArray:
@@ -83,6 +84,13 @@ def unroll(within_s: ArrayLike, cycle_s: float) -> FloatArray:
     within = np.asarray(within_s, np.float64)
     turns = np.cumsum(np.round(np.diff(within, prepend=within[:1]) / cycle_s))
     return within - turns * cycle_s
+
+
+def runs_forward(t_s: ArrayLike) -> NDArray[np.bool_]:
+    """Which of the times (n,) are later than all before them: those that a clock running backwards leaves usable."""
+    t = np.asarray(t_s, np.float64)
+    latest = np.fmax.accumulate(np.concatenate([[-np.inf], t[:-1]])) if len(t) else t
+    return np.asarray(t > latest)
 
 
 def iso_utc(t_s: float) -> str:

@@ -1,0 +1,107 @@
+"""What `inspect` tells about positions and poses, whichever file they came from."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import Geod
+from scipy.ndimage import median_filter
+
+from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+JUMP_M: Final = 2.0
+GAP_INTERVALS: Final = 1.5
+
+
+def timing_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
+    """Span, rate and gaps of increasing times (n,); a gap is longer than 1.5 times the median interval."""
+    if len(t_s) < 2:
+        return {}
+    step = np.diff(t_s)
+    interval = float(np.median(step))
+    gaps = step[step > GAP_INTERVALS * interval]
+    return {
+        "span_s": round(float(t_s[-1] - t_s[0]), 3),
+        "rate_hz": round(1.0 / interval, 2),
+        "gaps": {
+            "longer_than_s": round(GAP_INTERVALS * interval, 3),
+            "count": len(gaps),
+            "longest_s": round(float(gaps.max()), 3) if len(gaps) else 0.0,
+        },
+    }
+
+
+def utc_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
+    """First and last of the UTC times (n,), and the leap seconds then."""
+    if not len(t_s):
+        return {}
+    return {
+        "first": iso_utc(float(t_s[0])),
+        "last": iso_utc(float(t_s[-1])),
+        "gps_minus_utc_s": int(gps_minus_utc_s(t_s[0])),
+    }
+
+
+def position_facts(track: GnssTrack) -> dict[str, Any]:
+    """Fixes, place, distance, heights and speed of a receiver's positions."""
+    if not len(track):
+        return {}
+    fixes = {fix.label: int(np.sum(track.fix == fix)) for fix in Fix}
+    facts: dict[str, Any] = {
+        "epochs_by_fix": {label: count for label, count in fixes.items() if count},
+        "place": {
+            "lat_deg": round(float(np.median(track.lat_deg)), 6),
+            "lon_deg": round(float(np.median(track.lon_deg)), 6),
+        },
+        "distance_m": round(float(steps_m(track).sum()), 1),
+    }
+    if np.isfinite(track.height_m).any():
+        facts["height_m"] = [round(float(np.nanmin(track.height_m)), 3), round(float(np.nanmax(track.height_m)), 3)]
+    if np.isfinite(track.speed_mps).any():
+        facts["speed_max_mps"] = round(float(np.nanmax(track.speed_mps)), 2)
+    stated = {
+        "sigmas": track.sigma_e_m,
+        "speed": track.speed_mps,
+        "course": track.course_deg,
+        "heading": track.heading_deg,
+        "height": track.height_m,
+    }
+    facts["stated_for_epochs"] = {name: int(np.isfinite(values).sum()) for name, values in stated.items()}
+    return facts
+
+
+def steps_m(track: GnssTrack) -> NDArray[np.float64]:
+    """Horizontal distances (n − 1,) on the ellipsoid from each position to the next."""
+    lon, lat = track.lon_deg, track.lat_deg
+    distance: NDArray[np.float64] = np.asarray(Geod(ellps="WGS84").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2])
+    return distance
+
+
+def jump_notices(track: GnssTrack) -> list[Notice]:
+    """A notice if positions jump: by 2 m and half the way more than the speed of the steps around them explains.
+
+    That speed is the median over five steps, so that neither braking nor one spike passes for a jump. Across gaps nothing
+    is said.
+    """
+    if len(track) < 6:
+        return []
+    dt = np.diff(track.t_s)
+    way = steps_m(track)
+    expected = median_filter(way / dt, size=5, mode="nearest") * dt
+    jump = (way > 1.5 * expected + JUMP_M) & (dt <= GAP_INTERVALS * np.median(dt))
+    if not jump.any():
+        return []
+    worst = int(np.argmax(np.where(jump, way - expected, 0.0)))
+    with_fix = int(np.sum(jump & (np.diff(track.fix) != 0)))
+    return [
+        Notice(
+            "position-jumps",
+            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m against the motion around "
+            f"them ({with_fix} times where the fix changes); the widest is {way[worst] - expected[worst]:.1f} m, "
+            f"{track.t_s[worst + 1] - track.t_s[0]:.1f} s after the first position.",
+        )
+    ]

@@ -1,0 +1,398 @@
+"""NMEA 0183 sentences out of a stream of bytes, whatever else the stream carries.
+
+A sentence is ``$``, its address and fields, ``*`` and two hexadecimal digits: the exclusive or of all characters between
+``$`` and ``*`` (NMEA 0183 v4.11, section 5.3). Sentences are looked for at every ``$``, not line by line, because noise,
+binary messages and sentences cut short stand directly before whole ones.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Final, Self
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.source import Source
+
+CHUNK_BYTES: Final = 1 << 22
+LONGEST: Final = 512
+"""Bytes after which a ``$`` without its ``*`` is given up; the standard allows 82, makers' own sentences are longer."""
+
+KNOT_MPS: Final = 1852.0 / 3600.0
+
+
+class Kind(IntEnum):
+    """The sentences whose fields are read; :data:`FIELDS` tells which."""
+
+    GGA = 0
+    RMC = 1
+    GST = 2
+    VTG = 3
+    HDT = 4
+    ZDA = 5
+
+
+FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
+    Kind.GGA: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop"),
+    Kind.RMC: ("tod_s", "date_ymd", "valid", "speed_mps", "course_deg"),
+    Kind.GST: ("tod_s", "sigma_n_m", "sigma_e_m", "sigma_h_m"),
+    Kind.VTG: ("", "speed_mps", "course_deg"),
+    Kind.HDT: ("", "heading_deg"),
+    Kind.ZDA: ("tod_s", "date_ymd"),
+}
+"""Names of the columns of :attr:`Sentences.values`. ``tod_s``: UTC seconds of the day; ``date_ymd``: UTC date as the
+number yyyymmdd; ``valid``: 1 where the receiver calls its data valid. THS is read as HDT."""
+
+COLUMNS: Final = max(len(names) for names in FIELDS.values())
+
+
+@dataclass(frozen=True)
+class Sentences:
+    """Intact sentences in the order in which they stand.
+
+    Attributes:
+        kind: (n,) int8, values of :class:`Kind`.
+        talker: (n,) bytes of length 2, such as ``b"GN"``.
+        at: (n,) int64, where the ``$`` stands: byte in the stream, plus the length of all streams before.
+        values: (n, COLUMNS) float64, columns as in :data:`FIELDS`, nan where a field is empty or malformed.
+    """
+
+    kind: NDArray[np.int8]
+    talker: NDArray[np.bytes_]
+    at: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.at)
+
+    def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
+        """Some of the sentences."""
+        return type(self)(self.kind[index], self.talker[index], self.at[index], self.values[index])
+
+    def of(self, kind: Kind) -> Self:
+        """The sentences of one kind."""
+        return self[self.kind == kind]
+
+    def column(self, kind: Kind, name: str) -> NDArray[np.float64]:
+        """The column `name` of sentences that are all of `kind`."""
+        return self.values[:, FIELDS[kind].index(name)]
+
+    @classmethod
+    def joined(cls, parts: list[Self]) -> Self:
+        """The sentences of several parts, one after the other."""
+        if not parts:
+            return cls(np.empty(0, np.int8), np.empty(0, "S2"), np.empty(0, np.int64), np.empty((0, COLUMNS)))
+        return cls(
+            np.concatenate([p.kind for p in parts]),
+            np.concatenate([p.talker for p in parts]),
+            np.concatenate([p.at for p in parts]),
+            np.concatenate([p.values for p in parts]),
+        )
+
+
+@dataclass
+class Tally:
+    """What a stream held, counted.
+
+    Attributes:
+        addresses: intact sentences by address, such as ``GNGGA`` or ``PSTI``.
+        bad_checksums: sentences whose checksum is wrong.
+        cut: sentences that end without a checksum, cut short or written without one.
+        behind_cut: intact sentences that begin where one of the cut ones breaks off, in the middle of its line.
+        nmea_bytes: bytes of all of these, line ends included.
+        stream_bytes: all bytes.
+    """
+
+    addresses: Counter[str] = field(default_factory=Counter)
+    bad_checksums: int = 0
+    cut: int = 0
+    behind_cut: int = 0
+    nmea_bytes: int = 0
+    stream_bytes: int = 0
+
+    @property
+    def intact(self) -> int:
+        """Number of intact sentences."""
+        return self.addresses.total()
+
+    @property
+    def other_bytes(self) -> int:
+        """Bytes of the stream that belong to no sentence."""
+        return self.stream_bytes - self.nmea_bytes
+
+
+def read_sentences(source: Source, tally: Tally, base: int = 0) -> Iterator[Sentences]:
+    """The sentences of a stream, chunk by chunk; `tally` grows on the way.
+
+    Args:
+        source: the stream, from where it stands.
+        tally: takes the counts.
+        base: added to every :attr:`Sentences.at`.
+    """
+    rest = b""
+    while True:
+        block = source.read(CHUNK_BYTES)
+        tally.stream_bytes += len(block)
+        found, used = scan_bytes(rest + block, tally, base, last=not block)
+        yield found
+        if not block:
+            return
+        base += used
+        rest = (rest + block)[used:]
+
+
+def scan_bytes(data: bytes, tally: Tally, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
+    """The sentences in `data`, and how many of its bytes are done with.
+
+    Args:
+        data: a piece of a stream.
+        tally: takes the counts (but for `stream_bytes`).
+        base: where in the stream the piece begins.
+        last: whether the stream ends here; else an unfinished sentence at the end is left for the next piece.
+    """
+    room = data.count(b"$")
+    kind = np.empty(room, np.int8)
+    talker = np.empty((room, 2), np.uint8)
+    at = np.empty(room, np.int64)
+    values = np.full((room, COLUMNS), np.nan)
+    address = np.zeros((room, 8), np.uint8)
+    counts = np.zeros(4, np.int64)
+    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, kind, talker, at, values, address, counts)
+    names, times = np.unique(address[:sentences].view("S8"), return_counts=True)
+    tally.addresses.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
+    tally.bad_checksums += int(counts[_BAD])
+    tally.cut += int(counts[_CUT])
+    tally.behind_cut += int(counts[_BEHIND])
+    tally.nmea_bytes += int(counts[_BYTES])
+    found = Sentences(kind[:rows], talker[:rows].view("S2").ravel(), at[:rows] + base, values[:rows])
+    return found, used
+
+
+_BAD, _CUT, _BEHIND, _BYTES = range(4)
+_GGA, _RMC, _GST, _VTG, _HDT, _ZDA = (int(kind) for kind in Kind)
+_MOST_FIELDS = 16
+_TENS = 10.0 ** np.arange(19)
+
+_DOLLAR, _STAR, _COMMA, _DOT, _MINUS = (ord(c) for c in "$*,.-")
+_0, _9, _A, _F, _G, _H, _D, _M, _N, _P, _R, _S, _T, _V, _W, _E, _Z, _C = (ord(c) for c in "09AFGHDMNPRSTVWEZC")
+_SMALL_A, _SMALL_F = ord("a"), ord("f")
+
+
+@njit(cache=True, nogil=True)
+def _scan(
+    data: Any, last: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
+) -> tuple[int, int, int]:
+    """Fill the arrays; returns rows of known kinds, intact sentences, and bytes done with."""
+    size = len(data)
+    begin = np.empty(_MOST_FIELDS + 1, np.int64)
+    rows = 0
+    sentences = 0
+    broken_off = -1
+    i = 0
+    while i < size:
+        if data[i] != _DOLLAR:
+            i += 1
+            continue
+        end = i + 1
+        checksum = 0
+        while end < size and end - i < LONGEST:
+            c = data[end]
+            if c < 32 or c > 126 or c == _STAR or c == _DOLLAR:
+                break
+            checksum ^= c
+            end += 1
+        if not last and (end == size or (data[end] == _STAR and end + 2 >= size)):
+            return rows, sentences, i
+        if end < size and data[end] == _STAR:
+            high = _hex(data[end + 1]) if end + 1 < size else -1
+            low = _hex(data[end + 2]) if end + 2 < size else -1
+            if high >= 0 and low >= 0:
+                counts[_BYTES] += end + 3 - i + _line_end(data, end + 3)
+                if 16 * high + low == checksum:
+                    _take_address(data, i + 1, end, address[sentences])
+                    sentences += 1
+                    counts[_BEHIND] += broken_off == i
+                    rows += _take(data, i, end, begin, kind, talker, at, values, rows)
+                else:
+                    counts[_BAD] += 1
+                i = end + 3
+                continue
+            end += 1 if high < 0 else 2
+            stopped = end >= size or data[end] < 32 or data[end] > 126 or data[end] == _DOLLAR
+        else:
+            stopped = True
+        if _is_address(data, i + 1, end):
+            counts[_CUT if stopped else _BAD] += 1
+            counts[_BYTES] += end - i + _line_end(data, end)
+            broken_off = end
+        i = end
+    return rows, sentences, size
+
+
+@njit(cache=True, nogil=True)
+def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: Any, values: Any, row: int) -> int:
+    """Read the sentence at `i` into `row` if it is of a known kind; returns how many rows that made."""
+    if data[i + 1] == _P or i + 7 > end or data[i + 6] != _COMMA:
+        return 0
+    a, b, c = data[i + 3], data[i + 4], data[i + 5]
+    begin[0] = i + 7
+    fields = 1
+    for k in range(i + 7, end):
+        if data[k] == _COMMA and fields < _MOST_FIELDS:
+            begin[fields] = k + 1
+            fields += 1
+    for k in range(fields, _MOST_FIELDS + 1):
+        begin[k] = end + 1
+    out = values[row]
+    if a == _G and b == _G and c == _A:
+        known = _GGA
+        out[0] = _time_of_day(data, begin, 0)
+        out[1] = _angle(data, begin, 1, _N, _S, 90.0)
+        out[2] = _angle(data, begin, 3, _E, _W, 180.0)
+        out[3] = _number(data, begin[8], begin[9] - 1)
+        out[4] = _number(data, begin[10], begin[11] - 1)
+        out[5] = _number(data, begin[5], begin[6] - 1)
+        out[6] = _number(data, begin[6], begin[7] - 1)
+        out[7] = _number(data, begin[7], begin[8] - 1)
+    elif a == _R and b == _M and c == _C:
+        known = _RMC
+        out[0] = _time_of_day(data, begin, 0)
+        date = _number(data, begin[8], begin[9] - 1)
+        year = date % 100.0
+        out[1] = (
+            (year + (1900.0 if year >= 80.0 else 2000.0)) * 10000.0 + (date // 100.0) % 100.0 * 100.0 + date // 10000.0
+        )
+        out[2] = 1.0 if begin[2] - 1 > begin[1] and data[begin[1]] == _A else 0.0
+        out[3] = _number(data, begin[6], begin[7] - 1) * KNOT_MPS
+        out[4] = _number(data, begin[7], begin[8] - 1)
+    elif a == _G and b == _S and c == _T:
+        known = _GST
+        out[0] = _time_of_day(data, begin, 0)
+        for k in range(3):
+            out[1 + k] = _number(data, begin[5 + k], begin[6 + k] - 1)
+    elif a == _V and b == _T and c == _G:
+        known = _VTG
+        knots = _number(data, begin[4], begin[5] - 1)
+        kmh = _number(data, begin[6], begin[7] - 1)
+        out[1] = kmh / 3.6 if np.isnan(knots) else knots * KNOT_MPS
+        out[2] = _number(data, begin[0], begin[1] - 1)
+    elif (a == _H and b == _D and c == _T) or (a == _T and b == _H and c == _S):
+        known = _HDT
+        valid = a == _H or (begin[2] - 1 > begin[1] and data[begin[1]] != _V)
+        out[1] = _number(data, begin[0], begin[1] - 1) if valid else np.nan
+    elif a == _Z and b == _D and c == _A:
+        known = _ZDA
+        out[0] = _time_of_day(data, begin, 0)
+        out[1] = (
+            _number(data, begin[3], begin[4] - 1) * 10000.0
+            + _number(data, begin[2], begin[3] - 1) * 100.0
+            + _number(data, begin[1], begin[2] - 1)
+        )
+    else:
+        return 0
+    kind[row] = known
+    talker[row, 0] = data[i + 1]
+    talker[row, 1] = data[i + 2]
+    at[row] = i
+    return 1
+
+
+@njit(cache=True, nogil=True)
+def _number(data: Any, begin: int, end: int) -> float:
+    """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is none."""
+    i = begin
+    sign = 1.0
+    if i < end and data[i] == _MINUS:
+        sign = -1.0
+        i += 1
+    mantissa = 0
+    digits = 0
+    decimals = -1
+    while i < end:
+        c = data[i]
+        if c == _DOT and decimals < 0:
+            decimals = 0
+        elif _0 <= c <= _9 and digits < 18:
+            mantissa = 10 * mantissa + (c - _0)
+            digits += 1
+            if decimals >= 0:
+                decimals += 1
+        else:
+            return np.nan
+        i += 1
+    if digits == 0:
+        return np.nan
+    return sign * (mantissa / _TENS[max(decimals, 0)])
+
+
+@njit(cache=True, nogil=True)
+def _time_of_day(data: Any, begin: Any, k: int) -> float:
+    """Seconds of the day of field `k`, written hhmmss.sss, to the microsecond; nan if it is none."""
+    value = _number(data, begin[k], begin[k + 1] - 1)
+    if begin[k] + 6 > begin[k + 1] - 1 or np.isnan(value) or value < 0.0:
+        return np.nan
+    hours = value // 10000.0
+    minutes = value // 100.0 - 100.0 * hours
+    seconds = value - 10000.0 * hours - 100.0 * minutes
+    if hours >= 24.0 or minutes >= 60.0 or seconds >= 61.0:
+        return np.nan
+    return np.round((3600.0 * hours + 60.0 * minutes + seconds) * 1e6) / 1e6
+
+
+@njit(cache=True, nogil=True)
+def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: float) -> float:
+    """Degrees of field `k`, written dddmm.mmm, with the hemisphere in the field behind; nan if it is none."""
+    value = _number(data, begin[k], begin[k + 1] - 1)
+    degrees = value // 100.0
+    minutes = value - 100.0 * degrees
+    angle = degrees + minutes / 60.0
+    if np.isnan(value) or value < 0.0 or minutes >= 60.0 or angle > most or begin[k + 2] - 1 != begin[k + 1] + 1:
+        return np.nan
+    side = data[begin[k + 1]]
+    if side == positive:
+        return angle
+    return -angle if side == negative else np.nan
+
+
+@njit(cache=True, nogil=True)
+def _hex(c: int) -> int:
+    """Value of a hexadecimal digit, −1 if it is none."""
+    if _0 <= c <= _9:
+        return c - _0
+    if _A <= c <= _F:
+        return c - _A + 10
+    if _SMALL_A <= c <= _SMALL_F:
+        return c - _SMALL_A + 10
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _line_end(data: Any, i: int) -> int:
+    """Number of line-end characters from `i` on, at most 2."""
+    n = 0
+    while n < 2 and i + n < len(data) and (data[i + n] == 13 or data[i + n] == 10):
+        n += 1
+    return n
+
+
+@njit(cache=True, nogil=True)
+def _is_address(data: Any, begin: int, end: int) -> bool:
+    """Whether at least three capital letters or digits stand there, up to a comma or the end."""
+    i = begin
+    while i < end and (65 <= data[i] <= 90 or _0 <= data[i] <= _9):
+        i += 1
+    return 3 <= i - begin <= 8 and (i == end or data[i] == _COMMA)
+
+
+@njit(cache=True, nogil=True)
+def _take_address(data: Any, begin: int, end: int, out: Any) -> None:
+    """The first eight characters before the comma."""
+    for k in range(min(8, end - begin)):
+        if data[begin + k] == _COMMA:
+            return
+        out[k] = data[begin + k]

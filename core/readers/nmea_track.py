@@ -1,0 +1,394 @@
+"""From NMEA sentences to one receiver's positions: which receiver, which day, and what belongs to which epoch.
+
+GGA makes the epoch. RMC and GST join it by their equal time stamp. VTG and HDT carry no time: where the log begins with
+such a sentence, it belongs to the timed sentence behind it (the receiver writes it first in each burst), else to the one
+before it. Nothing is ever sorted: epochs whose time does not run forward are dropped and counted.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.nmea_scan import FIELDS, Kind, Sentences
+from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, runs_forward, unroll
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+FloatArray = NDArray[np.float64]
+
+MOST_DISORDER: Final = 0.05
+"""Share of epochs running backwards from which on a log is not taken for one receiver's."""
+MOST_SWITCHES: Final = 0.2
+"""A receiver may change its talker with the constellations it uses, but not from sentence to sentence."""
+
+
+@dataclass(frozen=True)
+class Epochs:
+    """What the positions of a log come to.
+
+    Attributes:
+        track: the positions; empty if they cannot be told apart.
+        dated: whether the times are UTC; else they count from midnight before the first position.
+        gga: number of GGA sentences of the receiver, with or without a position.
+        without_position: how many of them state none.
+        repeated: how many repeat the position before them.
+        backward: how many were dropped because their time does not run forward.
+        positions_by_talker: number of positions of every talker in the log.
+        notices: what is odd.
+        fault: why the positions cannot be used, if they cannot.
+    """
+
+    track: GnssTrack
+    dated: bool
+    gga: int
+    without_position: int
+    repeated: int
+    backward: int
+    positions_by_talker: dict[str, int]
+    notices: tuple[Notice, ...]
+    fault: InputError | None
+
+
+def assemble(
+    sentences: Sentences,
+    name: str,
+    *,
+    date: str | None,
+    near_s: float | None,
+    place: Callable[[int], str],
+) -> Epochs:
+    """The epochs of the receiver with the best and most positions.
+
+    Args:
+        sentences: of one recording, in the order in which they were written.
+        name: of the log, for messages.
+        date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
+        near_s: a UTC time within twelve hours of the first position of a log without dates.
+        place: words for where a sentence stands, of its :attr:`Sentences.at`.
+
+    Raises:
+        InputError: if `date` is no date.
+    """
+    notices: list[Notice] = []
+    all_gga = sentences.of(Kind.GGA)
+    of_talker = {t: int(np.sum(all_gga.talker[_states_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
+    mine = _one_receiver(all_gga[_states_position(all_gga)], notices, name)
+    gga = all_gga[np.isin(all_gga.talker, mine)] if len(mine) else all_gga
+    log = sentences[_belongs(sentences, mine, [t for t, count in of_talker.items() if count])]
+    positions = gga[_states_position(gga)]
+
+    t_s, dated = _times(positions, log, notices, name, date=date, near_s=near_s)
+    _tell_clock_set(gga, positions, notices, name)
+    forward = runs_forward(t_s)
+    repeated = np.zeros(len(t_s), bool)
+    repeated[1:] = (np.diff(t_s) == 0) & np.all(np.diff(positions.values[:, 1:3], axis=0) == 0, axis=1)
+    backward = ~forward & ~repeated
+    fault = _fault(positions, t_s, backward, name, place, all_gga=len(all_gga))
+    if fault is None:
+        _tell_order(t_s, backward, repeated, notices, name)
+        if not dated:
+            fault = _no_date(t_s, name)
+    else:
+        forward[:] = False
+    positions, t_s = positions[forward], t_s[forward]
+    track = _track(positions, t_s, log, name)
+    _tell_heights(positions, notices, name)
+    return Epochs(
+        track=track,
+        dated=dated,
+        gga=len(gga),
+        without_position=int(np.sum(~_states_position(gga))),
+        repeated=int(repeated.sum()),
+        backward=int(backward.sum()),
+        positions_by_talker={t.decode("ascii"): count for t, count in of_talker.items() if count},
+        notices=tuple(notices),
+        fault=fault,
+    )
+
+
+def _states_position(gga: Sentences) -> NDArray[np.bool_]:
+    quality = gga.column(Kind.GGA, "quality")
+    return (quality > 0) & np.isfinite(gga.values[:, :3]).all(axis=1)
+
+
+def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDArray[np.bytes_]:
+    """The talkers of one receiver: all, if it only changes its talker now and then, else the best one."""
+    talkers = np.unique(positions.talker)
+    if len(talkers) < 2:
+        return talkers
+    step = np.diff(positions.column(Kind.GGA, "tod_s"))
+    ahead = (step + DAY_S / 2) % DAY_S - DAY_S / 2
+    switches = np.sum(positions.talker[1:] != positions.talker[:-1])
+    if np.mean(ahead <= 0) <= MOST_DISORDER and switches <= MOST_SWITCHES * len(positions):
+        return talkers
+    quality = positions.column(Kind.GGA, "quality")
+    rtk = np.isin(quality, (Fix.FIXED, Fix.FLOAT))
+    rank = {t: (int(np.sum(rtk & (positions.talker == t))), int(np.sum(positions.talker == t))) for t in talkers}
+    best = max(talkers, key=lambda t: rank[t])
+    others = ", ".join(f"{t.decode('ascii')} ({rank[t][1]} positions)" for t in talkers if t != best)
+    notices.append(
+        Notice(
+            "several-receivers",
+            f"{name} holds the positions of {len(talkers)} receivers side by side. Those of talker {best.decode('ascii')} "
+            f"({rank[best][1]} positions) are used, those of {others} are left out.",
+        )
+    )
+    return np.array([best])
+
+
+def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[bytes]) -> NDArray[np.bool_]:
+    """Which sentences are the receiver's: of its talkers, or of a kind that only talkers without positions give."""
+    is_mine = np.isin(sentences.talker, mine)
+    is_free = ~np.isin(sentences.talker, np.array(positioned, dtype="S2"))
+    out = is_mine.copy()
+    for kind in Kind:
+        of_kind = sentences.kind == kind
+        if not np.any(of_kind & is_mine):
+            out |= of_kind & is_free
+    return out
+
+
+def _times(
+    positions: Sentences, log: Sentences, notices: list[Notice], name: str, *, date: str | None, near_s: float | None
+) -> tuple[FloatArray, bool]:
+    """Times (n,) of the positions, and whether they are UTC (else they count from the first one's midnight)."""
+    tod = positions.column(Kind.GGA, "tod_s")
+    stated_s = None if date is None else _midnight(date)
+    if not len(tod):
+        return tod, False
+    dated_s, dated_at = _dated(log, positions.at[0])
+    if len(dated_s):
+        behind = np.searchsorted(dated_at, positions.at)
+        before = np.maximum(behind - 1, 0)
+        behind = np.minimum(behind, len(dated_at) - 1)
+        by_before = nearest_in_cycle(tod, dated_s[before], DAY_S)
+        by_behind = nearest_in_cycle(tod, dated_s[behind], DAY_S)
+        nearer = np.abs(by_behind - dated_s[behind]) < np.abs(by_before - dated_s[before])
+        t_s = np.where(nearer, by_behind, by_before)
+        if stated_s is not None and not stated_s <= t_s[0] < stated_s + DAY_S:
+            said = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
+            notices.append(
+                Notice(
+                    "date-contradicted", f"{name}: its sentences say {said} where {date} was stated; they are believed."
+                )
+            )
+        return t_s, True
+    t_s = unroll(tod, DAY_S)
+    if stated_s is not None:
+        return t_s + stated_s, True
+    if near_s is not None:
+        return t_s + float(nearest_in_cycle(t_s[0], near_s, DAY_S) - t_s[0]), True
+    return t_s, False
+
+
+def _midnight(date: str) -> float:
+    try:
+        return dt.datetime.fromisoformat(date).replace(tzinfo=dt.UTC, hour=0, minute=0, second=0).timestamp()
+    except ValueError:
+        raise InputError(
+            f"{date!r} is not a date.",
+            "The day of the log's first position is needed as year, month and day.",
+            'Write it as `date = "2026-06-11"` under `[recording]`.',
+            code="bad-date",
+        ) from None
+
+
+def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """UTC of the sentences that carry a date, and where they stand.
+
+    RMC is believed where the receiver calls it valid. ZDA has no such mark, and before the first position a receiver's
+    calendar may be of any year, so it counts from there on, and only where there is no RMC.
+    """
+    rmc, zda = log.of(Kind.RMC), log.of(Kind.ZDA)
+    rmc = rmc[rmc.column(Kind.RMC, "valid") == 1.0]
+    for kind, found in ((Kind.RMC, rmc), (Kind.ZDA, zda[zda.at >= first_at]), (Kind.ZDA, zda)):
+        t_s = _midnights(found.column(kind, "date_ymd")) + found.column(kind, "tod_s")
+        known = np.isfinite(t_s)
+        if known.any():
+            return t_s[known], found.at[known]
+    return np.empty(0), np.empty(0, np.int64)
+
+
+def _midnights(date_ymd: FloatArray) -> FloatArray:
+    """UTC of the beginning of days (n,) written yyyymmdd; nan where there is no such day."""
+    whole = np.where(np.isfinite(date_ymd), date_ymd, 0.0).astype(np.int64)
+    year, month, day = whole // 10000, whole // 100 % 100, whole % 100
+    usable = (year >= 1980) & (month >= 1) & (month <= 12) & (day >= 1)
+    months = ((year - 1970) * 12 + month - 1).astype("datetime64[M]")
+    days = months.astype("datetime64[D]") + (day - 1)
+    usable &= days.astype("datetime64[M]") == months
+    return np.where(usable, days.astype(np.float64) * DAY_S, np.nan)
+
+
+def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> GnssTrack:
+    """The positions with what RMC, GST, VTG and HDT add to their epochs."""
+    columns: dict[str, FloatArray] = {}
+    gga = {column: positions.column(Kind.GGA, column) for column in FIELDS[Kind.GGA]}
+    joined: dict[str, FloatArray] = {}
+    if len(t_s):
+        timed_t_s, timed_at = _timed(log, positions.at, t_s)
+        for kind in (Kind.RMC, Kind.GST, Kind.VTG, Kind.HDT):
+            found = log.of(kind)
+            if kind is Kind.RMC:
+                found = found[found.column(kind, "valid") == 1.0]
+            if not len(found):
+                continue
+            leads = kind in (Kind.VTG, Kind.HDT) and bool(found.at[0] < timed_at[0])
+            if kind in (Kind.RMC, Kind.GST):
+                stamps = timed_t_s[np.searchsorted(timed_at, found.at)]
+            else:
+                index = np.searchsorted(timed_at, found.at) - (0 if leads else 1)
+                inside = (index >= 0) & (index < len(timed_at))
+                stamps = np.where(inside, timed_t_s[np.clip(index, 0, len(timed_at) - 1)], np.nan)
+            # Of several in one epoch the one nearest to its timed sentence counts: assigned last.
+            order = slice(None) if leads else slice(None, None, -1)
+            row, of = _equal(t_s, stamps[order])
+            for column in FIELDS[kind][1:]:
+                values = np.full(len(t_s), np.nan)
+                values[row] = found.column(kind, column)[order][of]
+                joined[f"{kind.name}.{column}"] = values
+    nothing = np.full(len(t_s), np.nan)
+    for column in ("speed_mps", "course_deg"):
+        rmc, vtg = (joined.get(f"{kind}.{column}", nothing) for kind in ("RMC", "VTG"))
+        columns[column] = np.where(np.isfinite(rmc), rmc, vtg)
+    for column in ("sigma_e_m", "sigma_n_m", "sigma_h_m"):
+        columns[column] = joined.get(f"GST.{column}", nothing)
+    columns["heading_deg"] = joined.get("HDT.heading_deg", nothing)
+    quality = gga["quality"]
+    fix = np.select([quality == 9, quality > 9], [Fix.DGPS, Fix.SINGLE], quality)
+    satellites = np.where(np.isfinite(gga["satellites"]), gga["satellites"], -1.0)
+    return GnssTrack.build(
+        t_s,
+        source=name,
+        lon_deg=gga["lon_deg"],
+        lat_deg=gga["lat_deg"],
+        height_m=gga["altitude_m"] + gga["separation_m"],
+        fix=fix.astype(np.int8),
+        satellites=satellites.astype(np.int16),
+        hdop=gga["hdop"],
+        **columns,
+    )
+
+
+def _timed(
+    log: Sentences, position_at: NDArray[np.int64], position_t_s: FloatArray
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Times of all sentences that carry one, on the day of the position nearest before them, and where they stand."""
+    timed = log[(log.kind != Kind.VTG) & (log.kind != Kind.HDT)]
+    near = np.clip(np.searchsorted(position_at, timed.at, side="right") - 1, 0, len(position_at) - 1)
+    return nearest_in_cycle(timed.values[:, 0], position_t_s[near], DAY_S), timed.at
+
+
+def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Index pairs (into `t_s`, into `stamps`) of times that are equal to the microsecond; `t_s` increases."""
+    known = np.flatnonzero(np.isfinite(stamps))
+    key = np.round(t_s * 1e6).astype(np.int64)
+    wanted = np.round(stamps[known] * 1e6).astype(np.int64)
+    row = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+    equal = key[row] == wanted
+    return row[equal], known[equal]
+
+
+def _fault(
+    positions: Sentences,
+    t_s: FloatArray,
+    backward: NDArray[np.bool_],
+    name: str,
+    place: Callable[[int], str],
+    *,
+    all_gga: int,
+) -> InputError | None:
+    """Why the positions cannot be used, if they cannot."""
+    if not len(t_s):
+        what = f"all {all_gga} GGA sentences state no position" if all_gga else "there is no intact GGA sentence in it"
+        return InputError(
+            f"{name}: {what}.",
+            "Height and kind of fix stand only in GGA, so there is nothing to place scans with.",
+            "Let the receiver write GGA with a fix; `furrowmap inspect` lists the sentences that are there.",
+            code="no-positions",
+        )
+    if backward.sum() <= MOST_DISORDER * len(t_s):
+        return None
+    first = place(int(positions.at[np.flatnonzero(backward)[0]]))
+    steps_back = int(np.sum(np.diff(t_s) < 0))
+    if steps_back > 0.01 * len(t_s):
+        return InputError(
+            f"{first}: time runs back here and {steps_back} times in all, over {len(t_s)} positions of one talker.",
+            "Two receivers wrote into this log under one name, and their sentences cannot be told apart.",
+            "Record each receiver in a file of its own, or give each another talker.",
+            code="receivers-interleaved",
+        )
+    return InputError(
+        f"{first}: time runs back here; {int(backward.sum())} of {len(t_s)} positions are not later than all before.",
+        "The log is pieced together in the wrong order, and what lies behind this place would be lost.",
+        "Give the pieces as files of their own, in the order of time.",
+        code="time-disorder",
+    )
+
+
+def _no_date(t_s: FloatArray, name: str) -> InputError:
+    return InputError(
+        f"{name}: no sentence in it carries a date, only times of day ({clock_face(t_s[0])} to {clock_face(t_s[-1])} UTC).",
+        "Without the day the positions cannot be set beside scans, nor their coordinates beside an epoch.",
+        'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
+        code="no-date",
+    )
+
+
+def clock_face(t_s: float) -> str:
+    """hh:mm:ss.sss of seconds since any midnight."""
+    ms = round(float(t_s) * 1000.0) % (DAY_S * 1000)
+    return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
+
+
+def _tell_order(
+    t_s: FloatArray, backward: NDArray[np.bool_], repeated: NDArray[np.bool_], notices: list[Notice], name: str
+) -> None:
+    if backward.any():
+        widest = float(-np.diff(t_s).min(initial=0.0))
+        notices.append(
+            Notice(
+                "time-runs-back",
+                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before them (time runs back by "
+                f"up to {widest:.3f} s); they are left out.",
+            )
+        )
+    if repeated.any():
+        notices.append(
+            Notice("positions-repeated", f"{name}: {int(repeated.sum())} positions are written twice and count once.")
+        )
+
+
+def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice], name: str) -> None:
+    """Tell where the receiver's clock was set by its first fix; what it said before is worthless."""
+    if not len(positions):
+        return
+    before = gga.column(Kind.GGA, "tod_s")[gga.at < positions.at[0]]
+    before = before[np.isfinite(before)]
+    first = positions.column(Kind.GGA, "tod_s")[0]
+    if len(before) and abs(first - before[-1]) > 60.0 and abs(first - before[-1]) < DAY_S - 60.0:
+        notices.append(
+            Notice(
+                "clock-set-at-first-fix",
+                f"{name}: the receiver's clock jumped from {clock_face(before[-1])} to {clock_face(first)} at the first fix; "
+                f"the {len(before)} times before it are worthless and not used.",
+            )
+        )
+
+
+def _tell_heights(positions: Sentences, notices: list[Notice], name: str) -> None:
+    altitude, separation = (positions.column(Kind.GGA, c) for c in ("altitude_m", "separation_m"))
+    if len(positions) and not np.isfinite(altitude + separation).any():
+        lacking = "altitude" if not np.isfinite(altitude).any() else "geoid separation"
+        notices.append(
+            Notice(
+                "no-ellipsoidal-height",
+                f"{name}: its GGA state no {lacking}, so there is no height above the ellipsoid (altitude + separation).",
+            )
+        )
