@@ -35,7 +35,7 @@ MAY_IMPORT = {
         "furrowmap.core.values.progress",
     ],
     # What composes the others stands directly in core; nobody there composes the simulator.
-    "furrowmap.core": [*CLOUD, "furrowmap.core.pipeline"],
+    "furrowmap.core": [*CLOUD, *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py"))],
     "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],
     "furrowmap.cli": ["furrowmap.core", "furrowmap.exporters", "furrowmap.cli"],
 }

@@ -1,0 +1,72 @@
+"""What the documentation promises and can be checked by reading it: links, examples, tables."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+import msgspec
+import pytest
+from packaging.requirements import Requirement
+
+from furrowmap.core.values.session import Session, parse_session
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+DOCS = CHECKOUT / "docs"
+PAGES = sorted([*CHECKOUT.glob("*.md"), *DOCS.rglob("*.md")])
+PAGE_IDS = [p.relative_to(CHECKOUT).as_posix() for p in PAGES]
+
+
+def blocks(path: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def anchors(path: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=PAGE_IDS)
+def test_links__lead_somewhere(page: Path) -> None:
+    prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose):
+        if re.match(r"https?://|mailto:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        aim = page.parent / name if name else page
+        assert aim.is_file(), f"{target} is not there"
+        assert not anchor or anchor in anchors(aim), f"{target} has no such heading"
+
+
+def test_navigation__lists_every_page_once() -> None:
+    listed = re.findall(r"^ *- ([\w/.-]+\.md)$", (CHECKOUT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=PAGE_IDS)
+def test_examples__are_valid_toml_and_python(page: Path) -> None:
+    for text in blocks(page, "toml"):
+        assert tomllib.loads(text)
+    for text in blocks(page, "python"):
+        assert ast.parse(text).body
+
+
+def test_session_reference__is_a_valid_session_that_names_every_key() -> None:
+    (example,) = blocks(DOCS / "reference" / "session.md", "toml")
+    assert parse_session(example).crs.map == "EPSG:6677"
+    written = tomllib.loads(example)
+    tables = msgspec.json.schema(Session)["$defs"]
+    assert set(written) == set(tables["Session"]["properties"])
+    for key, value in tables["Session"]["properties"].items():
+        for table in re.findall(r"#/\$defs/(\w+)", str(value)):
+            assert set(written[key]) == set(tables[table]["properties"]), f"[{key}]"
+
+
+def test_dependencies__are_all_told() -> None:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
+    told = (DOCS / "dependencies.md").read_text(encoding="utf-8").lower()
+    extras = project["project"]["optional-dependencies"].values()
+    for text in [*project["project"]["dependencies"], *(text for extra in extras for text in extra), "fiona"]:
+        assert f"**{Requirement(text).name.lower()}**" in told
