@@ -84,8 +84,8 @@ def steps_m(track: GnssTrack) -> NDArray[np.float64]:
 def jump_notices(track: GnssTrack) -> list[Notice]:
     """A notice if positions jump: by 2 m and half the way more than the speed of the steps around them explains.
 
-    That speed is the median over five steps, so that neither braking nor one spike passes for a jump. Across gaps nothing
-    is said.
+    That speed is the median over five steps, so that neither braking nor one spike passes for motion. Across gaps
+    nothing is said.
     """
     if len(track) < 6:
         return []
@@ -97,11 +97,12 @@ def jump_notices(track: GnssTrack) -> list[Notice]:
         return []
     worst = int(np.argmax(np.where(jump, way - expected, 0.0)))
     with_fix = int(np.sum(jump & (np.diff(track.fix) != 0)))
+    widest_m = way[worst] - expected[worst]
     return [
         Notice(
             "position-jumps",
-            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m against the motion around "
-            f"them ({with_fix} times where the fix changes); the widest is {way[worst] - expected[worst]:.1f} m, "
+            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m against the motion "
+            f"around them ({with_fix} times where the fix changes); the widest is {widest_m:.1f} m, "
             f"{track.t_s[worst + 1] - track.t_s[0]:.1f} s after the first position.",
         )
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -26,9 +26,9 @@ TOLD_OTHER_BYTES: Final = 0.01
 class NmeaLog:
     """The positions in a log of NMEA 0183 sentences.
 
-    Sentences are found at every ``$`` and believed if their checksum is right, so neither noise nor binary messages between
-    them matter. The height above the ellipsoid is altitude + geoid separation. Times are UTC; the day comes from RMC or
-    ZDA, else from `ReadOptions.date` or `ReadOptions.near_s`.
+    Sentences are found at every ``$`` and believed if their checksum is right, so neither noise nor binary messages
+    between them matter. The height above the ellipsoid is altitude + geoid separation. Times are UTC; the day comes
+    from RMC or ZDA, else from `ReadOptions.date` or `ReadOptions.near_s`.
 
     Args:
         paths: the files of one recording, in the order of time.
@@ -131,7 +131,7 @@ class NmeaLog:
         return tally, epochs
 
 
-def _by(tally: Tally, part: Any) -> dict[str, int]:
+def _by(tally: Tally, part: Callable[[str], str]) -> dict[str, int]:
     """Intact sentences counted by a part of their address, most first."""
     counts: Counter[str] = Counter()
     for address, count in tally.addresses.items():
@@ -145,8 +145,8 @@ def _tally_notices(tally: Tally, name: str) -> list[Notice]:
         notices.append(
             Notice(
                 "sentences-damaged",
-                f"{name}: {tally.bad_checksums} sentences with a wrong checksum and {tally.cut} cut short or without one are "
-                f"not used ({tally.intact} are intact).",
+                f"{name}: {tally.intact} sentences are intact; {tally.bad_checksums} with a wrong checksum and "
+                f"{tally.cut} cut short or without one are not used.",
             )
         )
     if tally.other_bytes > TOLD_OTHER_BYTES * tally.stream_bytes:
@@ -154,8 +154,8 @@ def _tally_notices(tally: Tally, name: str) -> list[Notice]:
         notices.append(
             Notice(
                 "bytes-skipped",
-                f"{name}: {tally.other_bytes} bytes ({share:.0f} %) are no NMEA sentences (comments, noise or a receiver's "
-                f"binary messages) and are skipped.",
+                f"{name}: {tally.other_bytes} bytes ({share:.0f} %) are no NMEA sentences (comments, noise or a "
+                f"receiver's binary messages) and are skipped.",
             )
         )
     return notices

@@ -1,8 +1,8 @@
 """NMEA 0183 sentences out of a stream of bytes, whatever else the stream carries.
 
-A sentence is ``$``, its address and fields, ``*`` and two hexadecimal digits: the exclusive or of all characters between
-``$`` and ``*`` (NMEA 0183 v4.11, section 5.3). Sentences are looked for at every ``$``, not line by line, because noise,
-binary messages and sentences cut short stand directly before whole ones.
+A sentence is ``$``, its address and fields, ``*`` and two hexadecimal digits: the exclusive or of all characters
+between ``$`` and ``*`` (NMEA 0183, section 5.3). Sentences are looked for at every ``$``, not line by line, because
+noise, binary messages and sentences cut short stand directly before whole ones.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def _scan(
         checksum = 0
         while end < size and end - i < LONGEST:
             c = data[end]
-            if c < 32 or c > 126 or c == _STAR or c == _DOLLAR:
+            if c < 32 or c > 126 or c in (_STAR, _DOLLAR):
                 break
             checksum ^= c
             end += 1
@@ -303,7 +303,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
 
 
 @njit(cache=True, nogil=True)
-def _number(data: Any, begin: int, end: int) -> float:
+def _number(data: Any, begin: int, end: int) -> Any:
     """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is none."""
     i = begin
     sign = 1.0
@@ -331,7 +331,7 @@ def _number(data: Any, begin: int, end: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _time_of_day(data: Any, begin: Any, k: int) -> float:
+def _time_of_day(data: Any, begin: Any, k: int) -> Any:
     """Seconds of the day of field `k`, written hhmmss.sss, to the microsecond; nan if it is none."""
     value = _number(data, begin[k], begin[k + 1] - 1)
     if begin[k] + 6 > begin[k + 1] - 1 or np.isnan(value) or value < 0.0:
@@ -345,7 +345,7 @@ def _time_of_day(data: Any, begin: Any, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: float) -> float:
+def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: float) -> Any:
     """Degrees of field `k`, written dddmm.mmm, with the hemisphere in the field behind; nan if it is none."""
     value = _number(data, begin[k], begin[k + 1] - 1)
     degrees = value // 100.0

@@ -1,8 +1,8 @@
 """From NMEA sentences to one receiver's positions: which receiver, which day, and what belongs to which epoch.
 
-GGA makes the epoch. RMC and GST join it by their equal time stamp. VTG and HDT carry no time: where the log begins with
-such a sentence, it belongs to the timed sentence behind it (the receiver writes it first in each burst), else to the one
-before it. Nothing is ever sorted: epochs whose time does not run forward are dropped and counted.
+GGA makes the epoch. RMC and GST join it by their equal time stamp. VTG and HDT carry no time: where the log begins
+with such a sentence, it belongs to the timed sentence behind it (the receiver writes it first in each burst), else to
+the one before it. Nothing is ever sorted: epochs whose time does not run forward are dropped and counted.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDA
     notices.append(
         Notice(
             "several-receivers",
-            f"{name} holds the positions of {len(talkers)} receivers side by side. Those of talker {best.decode('ascii')} "
+            f"{name}: {len(talkers)} talkers state positions side by side. Those of {best.decode('ascii')} "
             f"({rank[best][1]} positions) are used, those of {others} are left out.",
         )
     )
@@ -333,8 +333,9 @@ def _fault(
 
 
 def _no_date(t_s: FloatArray, name: str) -> InputError:
+    span = f"{clock_face(t_s[0])} to {clock_face(t_s[-1])}"
     return InputError(
-        f"{name}: no sentence in it carries a date, only times of day ({clock_face(t_s[0])} to {clock_face(t_s[-1])} UTC).",
+        f"{name}: none of its sentences says the date, only times of day ({span}).",
         "Without the day the positions cannot be set beside scans, nor their coordinates beside an epoch.",
         'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
         code="no-date",
@@ -355,8 +356,8 @@ def _tell_order(
         notices.append(
             Notice(
                 "time-runs-back",
-                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before them (time runs back by "
-                f"up to {widest:.3f} s); they are left out.",
+                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before them (time runs "
+                f"back by up to {widest:.3f} s); they are left out.",
             )
         )
     if repeated.any():
@@ -376,8 +377,8 @@ def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
         notices.append(
             Notice(
                 "clock-set-at-first-fix",
-                f"{name}: the receiver's clock jumped from {clock_face(before[-1])} to {clock_face(first)} at the first fix; "
-                f"the {len(before)} times before it are worthless and not used.",
+                f"{name}: the receiver's clock jumped from {clock_face(before[-1])} to {clock_face(first)} at the "
+                f"first fix; the {len(before)} times before it are worthless and not used.",
             )
         )
 
@@ -389,6 +390,6 @@ def _tell_heights(positions: Sentences, notices: list[Notice], name: str) -> Non
         notices.append(
             Notice(
                 "no-ellipsoidal-height",
-                f"{name}: its GGA state no {lacking}, so there is no height above the ellipsoid (altitude + separation).",
+                f"{name}: its GGA state no {lacking}, so there is no ellipsoidal height (altitude + separation).",
             )
         )
