@@ -1,0 +1,94 @@
+"""SQLite storages of ROS 2 bags (.db3), closed or not.
+
+Two tables matter: `topics` (id, name, type, serialization_format) and `messages` (topic_id, timestamp, data), whose
+rows stand in the order in which they arrived. Source: the schema in rosbag2_storage_sqlite3.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from furrowmap.core.readers.bag_storage import BagMessage, ros2_type
+from furrowmap.core.readers.source import Source
+from furrowmap.core.values.errors import Notice
+
+MAGIC: Final = b"SQLite format 3\x00"
+_JOURNALS: Final = ("-wal", "-journal")
+
+
+class Db3File:
+    """A .db3 file, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notices: list[Notice] = []
+        self.declared: int | None = None
+        self.share_read = 0.0
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) in the order of recording."""
+        with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
+            database, writable = self._plain(Path(folder))
+            flags = "mode=rw" if writable else "mode=ro&immutable=1"
+            try:
+                with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
+                    yield from self._rows(connection, topics)
+            except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
+                self._note("bag-cut", f"the database is damaged ({error}); what follows in it is lost")
+        self.share_read = 1.0
+
+    def _plain(self, folder: Path) -> tuple[Path, bool]:
+        """The database to open, and whether it is a copy of our own.
+
+        Where a recorder that was killed has left its journal, SQLite completes the copy from it; a compressed database
+        is unpacked.
+        """
+        journals = [Path(f"{self.path}{end}") for end in _JOURNALS]
+        journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
+        with Source(self.path) as source:
+            if not source.compression and not journals:
+                return self.path.resolve(), False
+            copy = folder / "bag.db3"
+            with copy.open("wb") as file:
+                shutil.copyfileobj(source, file, 1 << 20)
+            if source.fault:
+                self._note("bag-cut", f"{source.fault}; what follows is lost")
+        for journal in journals:
+            shutil.copyfile(journal, f"{copy}{journal.name[len(self.path.name) :]}")
+            self._note("bag-unclosed", f"its recorder was killed and left {journal.name}, which was taken in as well")
+        return copy, True
+
+    def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        known = {
+            number: (str(name), ros2_type(str(kind)), str(encoding))
+            for number, name, kind, encoding in connection.execute(
+                "SELECT id, name, type, serialization_format FROM topics"
+            )
+        }
+        wanted = [number for number, (topic, _, _) in known.items() if topics is None or topic in topics]
+        (last,) = connection.execute("SELECT max(id) FROM messages").fetchone()
+        rows = connection.execute(
+            "SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id IN (SELECT value FROM json_each(?))"
+            " ORDER BY id",
+            (json.dumps(wanted),),
+        )
+        damaged = 0
+        for row, number, received_ns, data in rows:
+            self.share_read = row / last
+            if number in known and isinstance(received_ns, int) and isinstance(data, bytes):
+                yield BagMessage(*known[number], received_ns, data)
+            else:
+                damaged += 1
+        if damaged:
+            self._note("bag-orphans", f"{damaged} rows that are no messages of a known topic were left out")
+
+    def _note(self, code: str, text: str) -> None:
+        self.notices.append(Notice(code, f"{self.path.name}: {text}."))

@@ -1,0 +1,150 @@
+"""MCAP files as a stream of records, with or without a summary, whole or cut.
+
+Source: the MCAP format specification, https://mcap.dev/spec. A file is a row of records (an opcode, a length, the
+content); messages and the channels they belong to stand in chunks or alone, and the summary at the end only repeats
+and counts them.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.bag_storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
+from furrowmap.core.values.errors import Notice
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0B
+_KNOWN = range(0x01, 0x10)
+_PRIVATE = range(0x80, 0x100)
+_RECORD = struct.Struct("<BQ")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<QQQI")
+
+
+class McapFile:
+    """An MCAP file, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notices: list[Notice] = []
+        self.declared: int | None = None
+        self._stream = ByteStream(path)
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str, str]] = {}
+        self._orphans = 0
+        self._last_ns: int | None = None
+
+    @property
+    def share_read(self) -> float:
+        """How much of the file has been read, 0 to 1."""
+        return self._stream.share_read
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) in the order of recording."""
+        with self._stream.source:
+            self._stream.take(len(MAGIC))
+            try:
+                while (record := self._record()) is not None:
+                    op, content = record
+                    if op == _FOOTER:
+                        break
+                    if op == _STATISTICS:
+                        self.declared = int.from_bytes(content[:8], "little")
+                    elif op == _CHUNK:
+                        yield from self._chunk(content, topics)
+                    else:
+                        yield from self._message(op, content, topics)
+                else:
+                    where, lost = self._stream.where(), lost_after(self._last_ns)
+                    self._note("bag-cut", f"the file ends at {where}, before its footer; {lost}")
+            except Damage as damage:
+                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {lost_after(self._last_ns)}")
+            if self._orphans:
+                self._note("bag-orphans", f"{self._orphans} messages of channels that are damaged were left out")
+
+    def _record(self) -> tuple[int, bytes] | None:
+        """The next record of the file, or None at its end."""
+        head = self._stream.take(_RECORD.size)
+        if not head:
+            if self._stream.source.fault:
+                raise Damage(self._stream.source.fault)
+            return None
+        if len(head) < _RECORD.size:
+            raise Damage("the file ends within a record's head")
+        op, size = _RECORD.unpack(head)
+        if op not in _KNOWN and op not in _PRIVATE:
+            raise Damage(f"a record of kind {op} is none of this format")
+        content = self._stream.take(size)
+        if len(content) < size and op != _CHUNK:
+            raise Damage(f"the file ends {size - len(content)} bytes before the record does")
+        return op, content
+
+    def _chunk(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages of a chunk, as far as it is whole; none where its checksum is wrong."""
+        at = self._stream.offset - len(content)
+        faults = []
+        records = b""
+        try:
+            _, _, size, checksum = _CHUNK_HEAD.unpack_from(content)
+            method, start = _string(content, _CHUNK_HEAD.size)
+            (packed,) = struct.unpack_from("<Q", content, start)
+            records, fault = inflate(content[start + 8 : start + 8 + packed], method, size)
+            if fault:
+                faults.append(fault)
+            elif checksum and zlib.crc32(records) != checksum:
+                records = b""
+                faults.append("its checksum is wrong, so none of it was used")
+        except Damage as damage:
+            faults.append(str(damage))
+        except (struct.error, UnicodeDecodeError):
+            faults.append("its head is damaged")
+        position = 0
+        while position < len(records):
+            if position + _RECORD.size > len(records):
+                break
+            op, size = _RECORD.unpack_from(records, position)
+            start, position = position + _RECORD.size, position + _RECORD.size + size
+            if position > len(records):
+                break
+            yield from self._message(op, records[start:position], topics)
+        if position != len(records):
+            faults.append("its last record is cut")
+        if faults:
+            self._note("bag-chunk-damaged", f"the chunk at byte {at} was read only in part: {'; '.join(faults)}")
+
+    def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The message in a record, if it is one; a schema or channel is remembered."""
+        try:
+            if op == _MESSAGE:
+                channel, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(content)
+                topic, kind, encoding = self._channels[channel]
+                self._last_ns = log_ns
+                if topics is None or topic in topics:
+                    yield BagMessage(topic, kind, encoding, log_ns, content[_MESSAGE_HEAD.size :])
+            elif op == _SCHEMA:
+                name, _ = _string(content, 2)
+                self._schemas[int.from_bytes(content[:2], "little")] = name
+            elif op == _CHANNEL:
+                channel, schema = struct.unpack_from("<HH", content)
+                topic, after = _string(content, 4)
+                encoding, _ = _string(content, after)
+                self._channels[channel] = (topic, ros2_type(self._schemas.get(schema, "")), encoding)
+        except (KeyError, struct.error, UnicodeDecodeError):
+            self._orphans += 1
+
+    def _note(self, code: str, text: str) -> None:
+        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
+
+
+def _string(content: bytes, position: int) -> tuple[str, int]:
+    """The string at `position`, and where it ends."""
+    (size,) = struct.unpack_from("<I", content, position)
+    end = position + 4 + size
+    if end > len(content):
+        raise struct.error
+    return content[position + 4 : end].decode(), end

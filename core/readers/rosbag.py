@@ -1,0 +1,278 @@
+"""ROS bags: laser scans out of packets or point clouds, and positions, whatever else was recorded beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from furrowmap.core.readers import db3_file, mcap_file, rosbag1_file
+from furrowmap.core.readers.bag_storage import BagMessage, Damage
+from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.rosbag_files import METADATA, BagFiles, storage_files
+from furrowmap.core.readers.rosbag_messages import (
+    IMU,
+    NAV_SAT_FIX,
+    POINT_CLOUD,
+    VELODYNE_SCAN,
+    FixLog,
+    deserialised,
+)
+from furrowmap.core.readers.source import Head
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.scan import Clock, Scan
+
+if TYPE_CHECKING:
+    from furrowmap.core.readers.rosbag_packets import PacketScans
+    from furrowmap.core.readers.rosbag_points import CloudScans
+
+T = TypeVar("T")
+
+
+@dataclass
+class _Topic:
+    """What was recorded under one name and type."""
+
+    name: str
+    type: str
+    messages: int
+    first_ns: int
+    last_ns: int
+
+
+class _RosBag:
+    """What both generations of bags have in common: everything but the files they lie in.
+
+    Reading passes over the messages twice: once to see what there is, as a bag's index may be missing or wrong, and
+    once for the messages of the chosen topic.
+
+    Args:
+        paths: the bags of one recording, in the order of time.
+        options: `model` and `near_s` are used.
+    """
+
+    format: ClassVar[str]
+    title: ClassVar[str]
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+        self.clock = Clock.RECORDER
+        self.share_read = 0.0
+        self._topics: list[_Topic] | None = None
+
+    def scans(self) -> Iterator[Scan]:
+        """The scans of the topic with packets, or else with point clouds, that has the most messages.
+
+        Raises:
+            InputError: if the bag holds neither, or nothing of it can be decoded.
+        """
+        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
+        yield from self._scans(chosen, self._decoder(chosen))
+
+    def track(self) -> GnssTrack:
+        """The positions of the topic with the most NavSatFix messages.
+
+        Raises:
+            InputError: if the bag holds none that can be decoded.
+        """
+        chosen = self._choose("positions", NAV_SAT_FIX)
+        return self._positions(chosen)[0]
+
+    def inspect(self) -> Inspection:
+        """Read the first bag through and say what it is and holds.
+
+        Raises:
+            InputError: if no message can be recovered from it.
+        """
+        if len(self.paths) > 1:
+            return type(self)(self.paths[:1], self.options).inspect()
+        topics = self._found()
+        first_s, last_s = min(t.first_ns for t in topics) * 1e-9, max(t.last_ns for t in topics) * 1e-9
+        facts: dict[str, Any] = {
+            "messages": sum(topic.messages for topic in topics),
+            "first": iso_utc(first_s),
+            "last": iso_utc(last_s),
+            "span_s": round(last_s - first_s, 3),
+            "topics": {topic.name: _topic_facts(topic) for topic in topics},
+        }
+        clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "when the recorder received the messages")]
+        for name, look_into in (("scans", self._scan_facts), ("positions", self._position_facts)):
+            try:
+                told, clock = look_into()
+            except InputError as error:
+                facts[name] = "none"
+                if error.code != "bag-nothing-usable":
+                    self.notices.append(Notice(error.code, error.what))
+            else:
+                facts[name] = told
+                clocks.append(clock)
+        imu = {topic.name: topic.messages for topic in topics if topic.type == IMU}
+        if imu:
+            facts["imu_messages_not_used"] = imu
+        return Inspection(self.paths[0], self.format, self.title, facts, tuple(clocks), tuple(self.notices))
+
+    def _found(self) -> list[_Topic]:
+        """All topics, by a pass over all messages."""
+        if self._topics is None:
+            files = BagFiles(self.paths)
+            found: dict[tuple[str, str], _Topic] = {}
+            for message in files.messages():
+                now = message.received_ns
+                topic = found.setdefault(
+                    (message.topic, message.type), _Topic(message.topic, message.type, 0, now, now)
+                )
+                topic.messages += 1
+                topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
+            self.notices += files.notices
+            if not found:
+                why = "; ".join(notice.text.rstrip(".") for notice in files.notices)
+                raise InputError(
+                    f"{self.paths[0]}: a ROS bag without a readable message{f' ({why})' if why else ''}.",
+                    "There is nothing in it to map.",
+                    "Copy the recording again, or look at it with the recorder's own tools.",
+                    code="bag-empty",
+                )
+            self._topics = list(found.values())
+        return self._topics
+
+    def _choose(self, what: str, *kinds: str) -> _Topic:
+        """The topic to read for `what`: of the first of the types that was recorded, the one with most messages."""
+        found = [topic for topic in self._found() if topic.type in kinds]
+        if not found:
+            there = ", ".join(f"{topic.name} ({topic.type})" for topic in self._found()[:8])
+            raise InputError(
+                f"{self.paths[0]}: no topic with {what} among {there}.",
+                f"furrowmap takes {what} from {' or '.join(kinds)}, and none was recorded.",
+                "Give the recording that holds them, or record that topic as well.",
+                code="bag-nothing-usable",
+            )
+        chosen, *others = sorted(found, key=lambda topic: (kinds.index(topic.type), -topic.messages, topic.name))
+        if others:
+            rest = ", ".join(f"{topic.name} ({topic.messages})" for topic in others)
+            self._note(
+                "bag-topic-chosen", chosen, f"its {chosen.messages} messages are read for {what}; not read: {rest}."
+            )
+        return chosen
+
+    def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans:
+        from furrowmap.core.readers.rosbag_packets import PacketScans
+        from furrowmap.core.readers.rosbag_points import CloudScans
+
+        source = self._source(chosen)
+        return PacketScans(source, self.options) if chosen.type == VELODYNE_SCAN else CloudScans(source)
+
+    def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[Scan]:
+        for scans in self._read(chosen, decoder.push):
+            self.clock = decoder.clock
+            yield from scans
+        yield from decoder.finish()
+        self.clock = decoder.clock
+        self.notices += decoder.notices()
+
+    def _positions(self, chosen: _Topic) -> tuple[GnssTrack, FixLog]:
+        from furrowmap.core.readers.facts import jump_notices
+
+        log = FixLog()
+        for _ in self._read(chosen, log.add):
+            pass
+        track, notices = log.track(self._source(chosen))
+        self.notices += notices + jump_notices(track)
+        return track, log
+
+    def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
+        """What `take` makes of each message of a topic; those that make no sense are left out and counted."""
+        files = BagFiles(self.paths)
+        taken = damaged = 0
+        first = ""
+        for message in files.messages({chosen.name}):
+            self.share_read = files.share_read
+            if message.type != chosen.type:
+                continue
+            try:
+                result = take(deserialised(message), message)
+            except Damage as damage:
+                damaged += 1
+                first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
+            else:
+                taken += 1
+                yield result
+        if not taken:
+            raise InputError(
+                f"{self._source(chosen)}: none of its {damaged} messages could be decoded ({first}).",
+                "They are damaged, or laid out otherwise than their type says.",
+                "Copy the recording again, or record the topic with the driver's usual settings.",
+                code="bag-undecodable",
+            )
+        if damaged:
+            self._note("bag-messages-damaged", chosen, f"{damaged} messages were left out (the first: {first}).")
+
+    def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
+        decoder = self._decoder(chosen)
+        scans = points = 0
+        first_s, last_s = float("inf"), float("-inf")
+        for scan in self._scans(chosen, decoder):
+            scans += 1
+            points += len(scan)
+            first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
+        told = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
+        return told, ClockReading(self.clock, first_s, last_s, "times of the points")
+
+    def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        from furrowmap.core.readers.facts import position_facts, timing_facts
+
+        chosen = self._choose("positions", NAV_SAT_FIX)
+        track, log = self._positions(chosen)
+        told = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
+        note = f"stamps of the positions, as their driver set them; received {log.delay_s():.3f} s later (median)"
+        return told, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
+
+    def _source(self, topic: _Topic) -> str:
+        return f"{self.paths[0]}, {topic.name}"
+
+    def _note(self, code: str, topic: _Topic, text: str) -> None:
+        self.notices.append(Notice(code, f"{self._source(topic)}: {text}"))
+
+
+class RosBag1(_RosBag):
+    """A ROS 1 bag (.bag), indexed or not, whole or cut."""
+
+    format: ClassVar[str] = "rosbag1"
+    title: ClassVar[str] = "ROS 1 bag"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain by the first bytes."""
+        return 1.0 if head.data.startswith(rosbag1_file.MAGIC) else 0.0
+
+
+class RosBag2(_RosBag):
+    """A ROS 2 bag: its folder, or one of its files (.db3, .mcap)."""
+
+    format: ClassVar[str] = "rosbag2"
+    title: ClassVar[str] = "ROS 2 bag (folder, .db3 or .mcap)"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain by the first bytes (of an SQLite file: by its tables) or by what stands in a folder."""
+        if head.path.is_dir():
+            return 0.9 if (head.path / METADATA).is_file() or storage_files(head.path) else 0.0
+        if head.data.startswith(mcap_file.MAGIC):
+            return 1.0
+        if head.data.startswith(db3_file.MAGIC):
+            return 1.0 if all(word in head.data for word in (b"messages", b"topics", b"topic_id")) else 0.0
+        return 0.0
+
+
+def _topic_facts(topic: _Topic) -> dict[str, Any]:
+    return {
+        "type": topic.type,
+        "messages": topic.messages,
+        "first": iso_utc(topic.first_ns * 1e-9),
+        "last": iso_utc(topic.last_ns * 1e-9),
+    }

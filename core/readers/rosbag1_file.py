@@ -1,0 +1,210 @@
+"""ROS 1 bags (format V2.0) as a stream of records, indexed or not, whole or cut.
+
+Source: the ROS wiki's page 'Bags/Format/2.0'. A bag is a row of records: a header of named fields, then data. Messages
+and the connections they belong to stand in chunks; behind each chunk stands its index, and at the end of a bag that was
+closed the connections again and what each chunk holds. A bag that was never closed lacks the end only.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.bag_storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
+from furrowmap.core.values.errors import InputError, Notice
+
+MAGIC: Final = b"#ROSBAG V"
+_VERSION: Final = b"#ROSBAG V2.0\n"
+
+_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = (bytes([op]) for op in range(2, 8))
+_U32 = struct.Struct("<I")
+_TIME = struct.Struct("<II")
+
+_Fields = dict[bytes, bytes]
+
+
+class Rosbag1File:
+    """A ROS 1 bag, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notices: list[Notice] = []
+        self.declared: int | None = None
+        self._stream = ByteStream(path)
+        self._connections: dict[int, tuple[str, str]] = {}
+        self._orphans = 0
+        self._last_ns: int | None = None
+
+    @property
+    def share_read(self) -> float:
+        """How much of the file has been read, 0 to 1."""
+        return self._stream.share_read
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) in the order of recording.
+
+        Raises:
+            InputError: if the file is no bag of this version, or encrypted.
+        """
+        with self._stream.source:
+            self._begin()
+            counted: int | None = None
+            indexed = False
+            try:
+                while (record := self._record()) is not None:
+                    fields, data = record
+                    op = fields.get(b"op")
+                    if op == _BAG:
+                        indexed = any(fields.get(b"index_pos", b""))
+                        self._refuse_encrypted(fields)
+                    elif op == _CHUNK_INFO:
+                        counted = (counted or 0) + _messages_of_chunk(data)
+                    elif op == _CHUNK:
+                        yield from self._chunk(fields, data, topics)
+                    elif op in (_MESSAGE, _CONNECTION):
+                        yield from self._message(fields, data, topics)
+                    elif op != _INDEX:
+                        self._note(
+                            "bag-record-unknown", f"the record before {self._stream.where()} is of no known kind"
+                        )
+            except Damage as damage:
+                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {lost_after(self._last_ns)}")
+            else:
+                self.declared = counted
+                if not indexed:
+                    self._note("bag-unindexed", "the bag was never closed and has no index; it was read through")
+                elif counted is None:
+                    where, lost = self._stream.where(), lost_after(self._last_ns)
+                    self._note("bag-cut", f"the bag ends at {where}, before its index; {lost}")
+            if self._orphans:
+                self._note("bag-orphans", f"{self._orphans} messages of connections that are damaged were left out")
+
+    def _begin(self) -> None:
+        line = self._stream.take(len(_VERSION))
+        if line != _VERSION:
+            version = line[len(MAGIC) :].decode("ascii", "replace").strip()
+            raise InputError(
+                f"{self.path}: a ROS bag of version {version or 'unknown'}, where 2.0 is read.",
+                "Its records are laid out differently, so none of it was read.",
+                "Bring it to version 2.0 on a machine with ROS 1: `rosbag fix old.bag new.bag`.",
+                code="bag-version",
+            )
+
+    def _refuse_encrypted(self, fields: _Fields) -> None:
+        if fields.get(b"encryptor"):
+            raise InputError(
+                f"{self.path}: the bag is encrypted ({fields[b'encryptor'].decode('ascii', 'replace')}).",
+                "Its messages cannot be read.",
+                "Decrypt it on the machine that recorded it: `rosbag decrypt`.",
+                code="bag-encrypted",
+            )
+
+    def _record(self) -> tuple[_Fields, bytes] | None:
+        """The next record of the file, or None at its end."""
+        head = self._stream.take(4)
+        if not head:
+            if self._stream.source.fault:
+                raise Damage(self._stream.source.fault)
+            return None
+        header = self._whole(_U32.unpack(head)[0]) if len(head) == 4 else b""
+        size = self._stream.take(4)
+        if len(size) < 4:
+            raise Damage("the file ends within a record's header")
+        fields = _fields(header)
+        (length,) = _U32.unpack(size)
+        data = self._stream.take(length)
+        if len(data) < length and fields.get(b"op") != _CHUNK:
+            raise Damage(f"the file ends {length - len(data)} bytes before the record does")
+        return fields, data
+
+    def _whole(self, size: int) -> bytes:
+        data = self._stream.take(size)
+        if len(data) < size:
+            raise Damage(f"the file ends {size - len(data)} bytes before the record does")
+        return data
+
+    def _chunk(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages of a chunk, as far as it is whole."""
+        at = self._stream.offset - len(data)
+        faults = []
+        content = b""
+        try:
+            method = fields[b"compression"].decode("ascii", "replace")
+            content, fault = inflate(data, method, _U32.unpack(fields[b"size"])[0])
+            faults += [fault] if fault else []
+        except Damage as damage:
+            faults.append(str(damage))
+        except (KeyError, struct.error):
+            faults.append("its header is damaged")
+        position = 0
+        try:
+            while position < len(content):
+                inner, start, position = _inner_record(content, position)
+                yield from self._message(inner, content[start:position], topics)
+        except Damage as damage:
+            faults.append(str(damage))
+        if faults:
+            self._note("bag-chunk-damaged", f"the chunk at byte {at} was read only in part: {'; '.join(faults)}")
+
+    def _message(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The message in a record, if it is one; a connection is remembered."""
+        try:
+            op = fields[b"op"]
+            if op == _CONNECTION:
+                self._connections[_U32.unpack(fields[b"conn"])[0]] = _connection(fields, data)
+            elif op == _MESSAGE:
+                seconds, nanoseconds = _TIME.unpack(fields[b"time"])
+                topic, kind = self._connections[_U32.unpack(fields[b"conn"])[0]]
+                self._last_ns = seconds * 1_000_000_000 + nanoseconds
+                if topics is None or topic in topics:
+                    yield BagMessage(topic, kind, "ros1", self._last_ns, data)
+        except (KeyError, struct.error, UnicodeDecodeError):
+            self._orphans += 1
+
+    def _note(self, code: str, text: str) -> None:
+        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
+
+
+def _inner_record(content: bytes, position: int) -> tuple[_Fields, int, int]:
+    """Fields, start and end of the data of the record at `position` of a chunk."""
+    try:
+        (header_size,) = _U32.unpack_from(content, position)
+        start = position + 4 + header_size + 4
+        (size,) = _U32.unpack_from(content, start - 4)
+    except struct.error:
+        raise Damage("it ends within a record's header") from None
+    if start + size > len(content):
+        raise Damage(f"it ends {start + size - len(content)} bytes before its last record does")
+    return _fields(content[position + 4 : start - 4]), start, start + size
+
+
+def _fields(header: bytes) -> _Fields:
+    """The fields of a record's header: each a length, a name, '=' and a value."""
+    fields: _Fields = {}
+    position = 0
+    while position < len(header):
+        if position + 4 > len(header):
+            raise Damage("a record's header is damaged")
+        end = position + 4 + int.from_bytes(header[position : position + 4], "little")
+        name, equals, value = header[position + 4 : end].partition(b"=")
+        if end > len(header) or not equals:
+            raise Damage("a record's header is damaged")
+        fields[name] = value
+        position = end
+    return fields
+
+
+def _connection(fields: _Fields, data: bytes) -> tuple[str, str]:
+    """Topic and message type of a connection, the type in ROS 2's spelling."""
+    try:
+        kind = _fields(data)[b"type"].decode()
+    except Damage:
+        raise KeyError("type") from None
+    return fields[b"topic"].decode(), ros2_type(kind)
+
+
+def _messages_of_chunk(data: bytes) -> int:
+    """How many messages a chunk's entry in the index counts."""
+    return sum(count for _, count in _TIME.iter_unpack(data[: len(data) // 8 * 8]))

@@ -1,0 +1,154 @@
+"""Which files a bag lies in, and all their messages as one stream."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Final
+
+from furrowmap.core.readers import db3_file, mcap_file, rosbag1_file
+from furrowmap.core.readers.bag_storage import BagMessage, Storage
+from furrowmap.core.readers.db3_file import Db3File
+from furrowmap.core.readers.mcap_file import McapFile
+from furrowmap.core.readers.rosbag1_file import Rosbag1File
+from furrowmap.core.readers.source import look
+from furrowmap.core.values.errors import InputError, Notice
+
+METADATA: Final = "metadata.yaml"
+
+_STORAGE_NAME: Final = re.compile(r".+\.(db3|mcap)(\.(zstd|zst|gz|xz))?", re.IGNORECASE)
+_METADATA_BYTES: Final = 1 << 24
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """What the metadata.yaml beside a ROS 2 bag's files says of them."""
+
+    files: tuple[str, ...]
+    messages: int
+
+
+class BagFiles:
+    """The files of a recording, in the order of time.
+
+    Args:
+        paths: files, or folders of ROS 2 bags.
+
+    Attributes:
+        notices: files that are missing or damaged; complete when the messages have ended.
+        share_read: how much has been read, 0 to 1.
+
+    Raises:
+        InputError: if a folder holds no file of a bag.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self.notices: list[Notice] = []
+        self.share_read = 0.0
+        self._declared = 0
+        self._files = [file for path in paths for file in self._files_of(path)]
+
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) of all files, each file's in the order of recording.
+
+        Raises:
+            InputError: if the only file cannot be read.
+        """
+        sizes = [file.stat().st_size for file in self._files]
+        total = 0
+        for k, file in enumerate(self._files):
+            try:
+                storage = open_storage(file)
+                count = 0
+                for message in storage.messages(topics):
+                    count += 1
+                    self.share_read = (sum(sizes[:k]) + sizes[k] * storage.share_read) / sum(sizes)
+                    yield message
+            except InputError as error:
+                if len(self._files) == 1:
+                    raise
+                self._note(error.code, f"{error.what} The other files of the bag are used.")
+                continue
+            self.notices += storage.notices
+            total += count
+            if topics is None and storage.declared not in (None, count):
+                self._note(
+                    "bag-count", f"{file}: {count} messages were found where its index counts {storage.declared}."
+                )
+        if topics is None and self._declared and total != self._declared:
+            self._note("bag-count", f"{total} messages were found where {METADATA} counts {self._declared}.")
+        self.share_read = 1.0
+
+    def _files_of(self, path: Path) -> list[Path]:
+        """The file itself; or those in a folder that its metadata name, else those that look like a bag's."""
+        if not path.is_dir():
+            return [path]
+        files = storage_files(path)
+        metadata = self._metadata(path)
+        if metadata is not None:
+            self._declared += metadata.messages
+            missing = [name for name in metadata.files if not (path / name).is_file()]
+            if missing:
+                self._note("bag-file-missing", f"{path}: {', '.join(missing)} of the bag is not there.")
+            files = [path / name for name in metadata.files if name not in missing] or files
+        if not files:
+            raise InputError(
+                f"{path}: a folder without a .db3 or .mcap file.",
+                "There is no recording in it.",
+                "Give the folder of a ROS 2 bag with all its files, or a recording itself.",
+                code="bag-folder-empty",
+            )
+        return files
+
+    def _metadata(self, folder: Path) -> _Metadata | None:
+        """What metadata.yaml says; None, and a notice, where it is not there or makes no sense."""
+        from ruamel.yaml import YAML
+
+        file = folder / METADATA
+        try:
+            with file.open("rb") as stream:
+                read = YAML(typ="safe").load(stream.read(_METADATA_BYTES))["rosbag2_bagfile_information"]
+            # A name is taken without its folders: nothing outside the bag's own one is read.
+            return _Metadata(
+                tuple(PurePath(name).name for name in read["relative_file_paths"]), int(read["message_count"])
+            )
+        except FileNotFoundError:
+            self._note("bag-no-metadata", f"{folder}: {METADATA} is missing; the files were taken by their names.")
+        except Exception as error:  # noqa: BLE001 (on damage the YAML library raises whatever comes)
+            why = " ".join(str(error).split())[:200]
+            self._note("bag-metadata-damaged", f"{file}: {why}; the files were taken by their names.")
+        return None
+
+    def _note(self, code: str, text: str) -> None:
+        self.notices.append(Notice(code, text))
+
+
+def storage_files(folder: Path) -> list[Path]:
+    """Files in a folder that are named like those of a ROS 2 bag, parts in the order of their numbers."""
+    return sorted(
+        (file for file in folder.iterdir() if _STORAGE_NAME.fullmatch(file.name) and file.is_file()),
+        key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)],
+    )
+
+
+def open_storage(path: Path) -> Storage:
+    """The file's storage, by its content.
+
+    Raises:
+        InputError: if it is none of the three that bags are kept in.
+    """
+    data = look(path).data
+    if data.startswith(rosbag1_file.MAGIC):
+        return Rosbag1File(path)
+    if data.startswith(mcap_file.MAGIC):
+        return McapFile(path)
+    if data.startswith(db3_file.MAGIC):
+        return Db3File(path)
+    raise InputError(
+        f"{path}: neither a ROS 1 bag nor an MCAP nor an SQLite file.",
+        "Its first bytes belong to no storage of a ROS bag, so nothing of it was read.",
+        "Copy the recording again; if only its beginning is damaged, the recorder's own tools may repair it.",
+        code="bag-unknown-storage",
+    )

@@ -1,0 +1,152 @@
+"""ROS messages that carry packets and positions, deserialised by `rosbags`.
+
+Definitions: the ROS packages sensor_msgs and velodyne_msgs. `rosbags` is imported when the first message comes: the
+registry loads every reader at each start.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.bag_storage import BagMessage, Damage, unpacked
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+VELODYNE_SCAN: Final = "velodyne_msgs/msg/VelodyneScan"
+NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
+IMU: Final = "sensor_msgs/msg/Imu"
+
+FIXED_SIGMA_M: Final = 0.10
+"""A position augmented from the ground whose horizontal standard deviation is at most this counts as fixed: integer
+ambiguities give centimetres, float ones decimetres."""
+
+_PACKET_BYTES: Final = 1206
+_VELODYNE_DEFINITIONS: Final = {
+    "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{_PACKET_BYTES}] data\n",
+    VELODYNE_SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
+}
+
+
+def deserialised(message: BagMessage) -> Any:
+    """The message as `rosbags` understands it: an object with the fields of its definition.
+
+    Raises:
+        Damage: if the bytes are no message of their type.
+    """
+    if message.encoding not in ("ros1", "cdr"):
+        raise Damage(f"messages encoded as {message.encoding!r} are not read")
+    store = _typestore(message.encoding)
+    try:
+        if message.encoding == "ros1":
+            return store.deserialize_ros1(message.data, message.type)
+        return store.deserialize_cdr(unpacked(message.data), message.type)
+    except Exception as error:  # noqa: BLE001 (the one boundary: on damage rosbags raises whatever comes)
+        raise Damage(str(error) or type(error).__name__) from None
+
+
+@cache
+def _typestore(encoding: str) -> Typestore:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
+    for name, definition in _VELODYNE_DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
+
+
+def stamp_s(content: Any, message: BagMessage) -> float:
+    """The stamp in a message's header as UTC; where the driver left it 0, the time of its reception."""
+    return _seconds(content.header.stamp) or message.received_ns * 1e-9
+
+
+def packets(content: Any, message: BagMessage) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """Payloads (m, 1206) and stamps (m,) UTC of the packets in a VelodyneScan."""
+    payloads = np.array([packet.data for packet in content.packets], np.uint8).reshape(-1, _PACKET_BYTES)
+    at_s = stamp_s(content, message)
+    return payloads, np.array([_seconds(packet.stamp) or at_s for packet in content.packets], np.float64)
+
+
+class FixLog:
+    """Positions out of NavSatFix messages, gathered to a track.
+
+    A NavSatFix states no more than that there is a fix (0), one with satellite-based (1) or with ground-based
+    augmentation (2): these become single, dgps, and fixed or float by the stated standard deviation, which is the best
+    that the message can tell. Its altitude is above the ellipsoid by definition.
+    """
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, ...]] = []
+        self._received_s: list[float] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, content: Any, message: BagMessage) -> None:
+        """Take in one message.
+
+        Raises:
+            Damage: if it places the antenna nowhere on Earth.
+        """
+        lat, lon, height = float(content.latitude), float(content.longitude), float(content.altitude)
+        if abs(lat) > 90.0 or abs(lon) > 360.0:
+            raise Damage(f"latitude {lat:g}, longitude {lon:g} is no place on Earth")
+        known = int(content.position_covariance_type) > 0
+        variance = np.asarray(content.position_covariance, np.float64)[::4]
+        with np.errstate(invalid="ignore"):
+            sigma = np.sqrt(variance) if known else np.full(3, np.nan)
+        fix = _fix(int(content.status.status), float(np.hypot(sigma[0], sigma[1])))
+        if not np.isfinite((lat, lon)).all():
+            fix = Fix.NONE
+        self._rows.append((stamp_s(content, message), lon, lat, height, float(fix), *map(float, sigma)))
+        self._received_s.append(message.received_ns * 1e-9)
+
+    def delay_s(self) -> float:
+        """Median of reception minus stamp."""
+        return float(np.median(np.array(self._received_s) - np.array(self._rows)[:, 0]))
+
+    def track(self, source: str) -> tuple[GnssTrack, list[Notice]]:
+        """All positions in the order of their stamps, and what was odd about them."""
+        table = np.array(self._rows, np.float64).reshape(-1, 8)
+        notices = []
+        back = int((np.diff(table[:, 0]) <= 0).sum())
+        if back:
+            notices.append(
+                Notice(
+                    "gnss-time-back",
+                    f"{source}: at {back} places time stands or runs back; the positions were put in the order of "
+                    "their stamps, one a stamp.",
+                )
+            )
+            table = table[np.unique(table[:, 0], return_index=True)[1]]
+        columns = dict(zip(("lon_deg", "lat_deg", "height_m", "fix"), table[:, 1:5].T, strict=True))
+        sigmas = dict(zip(("sigma_e_m", "sigma_n_m", "sigma_h_m"), table[:, 5:].T, strict=True))
+        ground = {Fix(code).label: int((table[:, 4] == code).sum()) for code in (Fix.FIXED, Fix.FLOAT)}
+        if any(ground.values()):
+            notices.append(
+                Notice(
+                    "gnss-fix-guessed",
+                    f"{source}: NavSatFix knows only 'ground-based augmentation': {ground['fixed']} positions with a "
+                    f"stated horizontal sigma of at most {FIXED_SIGMA_M:.2f} m are taken as fixed, {ground['float']} "
+                    "with a larger or no sigma as float.",
+                )
+            )
+        return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices
+
+
+def _fix(status: int, sigma_m: float) -> Fix:
+    """The quality behind a NavSatStatus and a horizontal standard deviation (nan: not stated)."""
+    if status == 2:
+        return Fix.FIXED if sigma_m <= FIXED_SIGMA_M else Fix.FLOAT
+    return {0: Fix.SINGLE, 1: Fix.DGPS}.get(status, Fix.NONE)
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + float(stamp.nanosec) * 1e-9

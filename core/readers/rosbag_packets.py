@@ -1,0 +1,71 @@
+"""VelodyneScan messages to scans, through the decoder that captures go through as well."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.bag_storage import BagMessage
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rosbag_messages import packets
+from furrowmap.core.readers.velodyne import RETURN_WORDS, PacketDecoder
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.scan import Clock, Scan
+
+_BATCH: Final = 1000
+
+
+class PacketScans:
+    """Turns the VelodyneScan messages of one topic into scans.
+
+    Args:
+        source: file and topic, for messages.
+        options: `model` and `near_s` are used.
+    """
+
+    def __init__(self, source: str, options: ReadOptions) -> None:
+        self._decoder = PacketDecoder(options.model, where=source, near_s=options.near_s)
+        self._payloads: list[NDArray[np.uint8]] = []
+        self._host_s: list[NDArray[np.float64]] = []
+        self._held = 0
+
+    def push(self, content: Any, message: BagMessage) -> list[Scan]:
+        """Take in one message; the scans that are complete with it."""
+        payloads, host_s = packets(content, message)
+        self._payloads.append(payloads)
+        self._host_s.append(host_s)
+        self._held += len(payloads)
+        return self._decoded() if self._held >= _BATCH else []
+
+    def finish(self) -> list[Scan]:
+        """The scans that were still open."""
+        return self._decoded() + self._decoder.finish()
+
+    def _decoded(self) -> list[Scan]:
+        if not self._held:
+            return []
+        payloads, host_s = np.concatenate(self._payloads), np.concatenate(self._host_s)
+        self._payloads, self._host_s = [], []
+        self._held = 0
+        return self._decoder.push(payloads, host_s)
+
+    @property
+    def clock(self) -> Clock:
+        """Where the times come from; known with the first scan."""
+        return self._decoder.kind
+
+    def facts(self) -> dict[str, Any]:
+        """What `inspect` tells."""
+        counts, model = self._decoder.counts, self._decoder.model
+        return {
+            "model": model.name if model else "unknown",
+            "return_modes": {RETURN_WORDS.get(mode, f"0x{mode:02x}"): n for mode, n in counts.modes.items()},
+            "packets": counts.packets,
+            "rpm": round(counts.rpm, 1),
+        }
+
+    def notices(self) -> list[Notice]:
+        """What was odd; complete after `finish`."""
+        return self._decoder.notices()

@@ -1,0 +1,224 @@
+"""PointCloud2 messages to scans.
+
+A driver fills a PointCloud2 with fields of its own choice; x, y and z are needed, the others are used under the names
+they have in the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS package sensor_msgs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.bag_storage import BagMessage, Damage
+from furrowmap.core.readers.rosbag_messages import stamp_s
+from furrowmap.core.values.clock import DAY_S
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.scan import Clock, Scan
+
+FloatArray = NDArray[np.float64]
+
+_DATATYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+_NAMES: Final = {
+    "intensity": ("intensity", "i", "reflectivity", "reflectance"),
+    "ring": ("ring", "channel", "line", "laser_id"),
+    "time": ("time", "t", "timestamp", "time_stamp", "offset_time", "time_offset"),
+}
+_UNITS_S: Final = (1.0, 1e-3, 1e-6, 1e-9)
+_REVOLUTION_S: Final = (0.005, 1.5)
+"""Between these lies the time that any spinning scanner takes for a turn: three units of time differ by a thousand, so
+at most one of them brings a message's span in here."""
+
+
+@dataclass(frozen=True)
+class _PointTimes:
+    """How a time field is to be read.
+
+    Attributes:
+        unit_s: its unit.
+        origin: what it counts from: "utc", "stamp" (that of the message), or "first" (an unknown zero: the message's
+            first return is placed at its stamp).
+    """
+
+    unit_s: float
+    origin: str
+
+
+class CloudScans:
+    """Turns the PointCloud2 messages of one topic into scans, one message a scan.
+
+    Args:
+        source: file and topic, for messages.
+    """
+
+    clock: Final = Clock.RECORDER
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._scans = self._slots = self._untimed = self._empty = self._late = 0
+        self._fields: tuple[str, ...] = ()
+        self._times: _PointTimes | None = None
+        self._ringed = True
+        self._last_s = -np.inf
+
+    def push(self, content: Any, message: BagMessage) -> list[Scan]:
+        """The scan in a message; none where it holds no return, or runs back behind an earlier one.
+
+        Raises:
+            Damage: if fields and data of the message do not go together.
+        """
+        points = _points(content)
+        names = points.dtype.names or ()
+        self._fields = self._fields or tuple(str(field.name) for field in content.fields)
+        self._slots += points.size
+        xyz = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float32)
+        returned = np.isfinite(xyz).all(axis=-1) & (xyz != 0).any(axis=-1)
+        if not returned.any():
+            self._empty += 1
+            return []
+        at_s = stamp_s(content, message)
+        if at_s <= self._last_s:
+            self._late += 1
+            return []
+        self._last_s = at_s
+        ring = points["ring"] if "ring" in names else None
+        layout = _columns_of_layout(points.shape, ring)
+        xyz, points = xyz[returned], points[returned]
+        n = len(points)
+        self._ringed = self._ringed and ring is not None
+        laser = np.clip(points["ring"], 0, 255).astype(np.uint8) if ring is not None else np.zeros(n, np.uint8)
+        t_s = self._point_times(points["time"] if "time" in names else None, n, at_s)
+        if layout is None:
+            order = np.argsort(t_s, kind="stable")
+            column = _columns_of_rings(laser[order])
+        else:
+            order = np.lexsort((layout[returned], t_s))
+            column = layout[returned][order]
+        self._scans += 1
+        scan = Scan(
+            number=self._scans - 1,
+            t_s=t_s[order],
+            xyz_m=xyz[order],
+            intensity=_intensity(points["intensity"][order] if "intensity" in names else np.zeros(n)),
+            laser=laser[order],
+            column=np.minimum(column - column.min(), 65535).astype(np.uint16),
+            return_number=np.ones(n, np.uint8),
+            returns=np.ones(n, np.uint8),
+        )
+        return [scan]
+
+    def finish(self) -> list[Scan]:
+        """Nothing: every message is a scan of its own."""
+        return []
+
+    def facts(self) -> dict[str, Any]:
+        """What `inspect` tells."""
+        written = "none"
+        if self._times is not None:
+            unit = {1.0: "s", 1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}[self._times.unit_s]
+            origin = {"utc": "since 1970", "stamp": "from the message's stamp", "first": "from an unknown zero"}
+            written = f"{unit} {origin[self._times.origin]}"
+        return {"slots": self._slots, "fields": list(self._fields), "time_per_point": written}
+
+    def notices(self) -> list[Notice]:
+        """What the messages did not say, and those that were left out."""
+        told = {
+            "no-point-times": self._untimed
+            and f"{self._untimed} of {self._scans} clouds have no usable time per point, so all their points carry the "
+            "message's stamp: the motion during a revolution smears them.",
+            "point-times-unanchored": self._times is not None
+            and self._times.origin == "first"
+            and "the points' times count from an unknown zero; each cloud's first point was placed at its stamp.",
+            "no-rings": self._scans and not self._ringed and "the points do not say which laser measured them.",
+            "clouds-empty": self._empty and f"{self._empty} clouds without a return were left out.",
+            "clouds-late": self._late
+            and f"{self._late} clouds whose stamp is not behind that of the one before were left out.",
+        }
+        return [Notice(code, f"{self._source}: {text}") for code, text in told.items() if text]
+
+    def _point_times(self, values: NDArray[Any] | None, n: int, at_s: float) -> FloatArray:
+        """UTC of each of n points."""
+        own = np.full(n, np.nan) if values is None else values.astype(np.float64)
+        usable = bool(np.isfinite(own).all())
+        if self._times is None and usable:
+            self._times = _read_times(own, at_s)
+        if self._times is None or not usable:
+            self._untimed += 1
+            return np.full(n, at_s)
+        own = own * self._times.unit_s
+        if self._times.origin == "utc":
+            return own
+        return at_s + (own - own.min() if self._times.origin == "first" else own)
+
+
+def _points(content: Any) -> NDArray[Any]:
+    """A view of a PointCloud2's points, (height, width), with the fields that are used under their usual names."""
+    height, width, step, row = (int(n) for n in (content.height, content.width, content.point_step, content.row_step))
+    byte_order = ">" if content.is_bigendian else "<"
+    there = {str(field.name): field for field in content.fields}
+    wanted = {axis: (axis,) for axis in "xyz"} | _NAMES
+    names, formats, offsets = [], [], []
+    for name, spellings in wanted.items():
+        field = next((there[spelling] for spelling in spellings if spelling in there), None)
+        if field is None or int(field.datatype) not in _DATATYPES:
+            if name in "xyz":
+                raise Damage(f"the cloud has no field {name!r} (its fields: {', '.join(there) or 'none'})")
+            continue
+        names.append(name)
+        formats.append(byte_order + _DATATYPES[int(field.datatype)])
+        offsets.append(int(field.offset))
+    ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
+    if max(ends) > step or row < width * step or len(content.data) < height * row:
+        raise Damage(f"{width} × {height} points of {step} bytes do not go into {len(content.data)} bytes of data")
+    dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
+    data = np.ascontiguousarray(content.data, np.uint8)
+    return np.ndarray((height, width), dtype, data.data, strides=(row, step))
+
+
+def _read_times(values: FloatArray, at_s: float) -> _PointTimes | None:
+    """Unit and origin of a cloud's times (n,): by the span of a revolution, and by where they lie to the stamp."""
+    span, middle = float(np.ptp(values)), float(np.median(values))
+    unit_s = next((unit for unit in _UNITS_S if _REVOLUTION_S[0] <= span * unit < _REVOLUTION_S[1]), None)
+    if unit_s is None:
+        return None
+    if abs(middle * unit_s - at_s) < min(DAY_S, 0.5 * at_s):
+        return _PointTimes(unit_s, "utc")
+    return _PointTimes(unit_s, "stamp" if abs(middle) * unit_s < 10.0 else "first")
+
+
+def _columns_of_layout(shape: tuple[int, ...], ring: NDArray[Any] | None) -> NDArray[np.int64] | None:
+    """Each slot's firing in an organised cloud (height, width); None where the layout does not tell."""
+    if min(shape) <= 1:
+        return None
+    along = int(np.argmax(shape))
+    if ring is not None:
+        constant = [bool((ring == ring[:1]).all()), bool((ring == ring[:, :1]).all())]
+        if not any(constant):
+            return None
+        along = constant.index(True)
+    columns: NDArray[np.int64] = np.indices(shape)[along]
+    return columns
+
+
+def _columns_of_rings(ring: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Each point's firing (n,) where only the points' order is known: a new one starts where a laser comes again."""
+    n = len(ring)
+    by_ring = np.argsort(ring, kind="stable")
+    same = ring[by_ring[1:]] == ring[by_ring[:-1]]
+    comes_again = np.full(n, n)
+    comes_again[by_ring[:-1][same]] = by_ring[1:][same]
+    next_start = np.minimum.accumulate(comes_again[::-1])[::-1].tolist()
+    starts = np.zeros(n, np.int64)
+    start = next_start[0]
+    while start < n:
+        starts[start] = 1
+        start = next_start[start]
+    return np.cumsum(starts)
+
+
+def _intensity(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Intensities as the sensor counts them, in the smallest type that holds them."""
+    whole = np.rint(np.clip(np.nan_to_num(values.astype(np.float64)), 0, 65535)).astype(np.uint16)
+    return whole.astype(np.uint8) if int(whole.max()) <= 255 else whole
