@@ -1,0 +1,250 @@
+"""UTC of a Velodyne's device stamps, which show only the microseconds past some hour.
+
+The stamp of a sensor that gets PPS and GPRMC from a GNSS receiver counts from the full hour of UTC; which hour, its
+position packets say (VLP-16 User Manual 63-9243 Rev. E, sections 9.3.1.6 and 9.3.3). Any other sensor's counts from
+when it was switched on, and only the recorder's time of each packet tells when that was.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc, nearest_in_cycle
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.scan import Clock
+
+FloatArray = NDArray[np.float64]
+
+POSITION_BYTES: Final = 512
+"""Length of a position packet's payload."""
+STAMP_AT: Final = 198
+SENTENCE_AT: Final = 206
+
+PPS_WORDS: Final = ("absent", "synchronising", "locked", "error")
+PPS_LOCKED: Final = 2
+
+_SENTENCE_AGE_S: Final = 2.0
+"""A GPRMC sentence tells of the second just past; a device stamp further from it counts from no full hour of UTC."""
+_JUMP_S: Final = 2.0
+"""The recorder receives packets late and in bursts; a device stamp that departs further from it has been set anew."""
+_LATE_S: Final = 0.02
+"""A stamp earlier than its predecessor by less than this is a packet out of order."""
+_NEXT_S: Final = 0.25
+"""A stamp later than its predecessor by less than this needs no second opinion."""
+_FIRST_PLAUSIBLE_S: Final = 946_684_800.0
+"""2000-01-01: a recorder whose clock says less has no clock."""
+
+_RMC = re.compile(
+    rb"\$G[A-Z]RMC,(\d{2})(\d{2})(\d{2}(?:\.\d*)?),([AV]),"
+    rb"(?:(\d{2})(\d{2}(?:\.\d*)?))?,([NS]?),(?:(\d{3})(\d{2}(?:\.\d*)?))?,([EW]?),"
+    rb"[^,]*,[^,]*,(?:(\d{2})(\d{2})(\d{2}))?[^*$]*\*([0-9A-Fa-f]{2})"
+)
+
+
+@dataclass(frozen=True)
+class PositionPacket:
+    """What a sensor said in a position packet.
+
+    Attributes:
+        host_s: the recorder's time of the packet.
+        device_s: the sensor's own time, seconds past its hour.
+        pps: state of the pulse per second, an index into `PPS_WORDS`.
+        sentence_s: UTC of its GPRMC sentence; a time of day (0 to 86,400) where that has no date; nan without one.
+        valid: whether the receiver called that sentence valid (A).
+        lat_deg: latitude, nan where there is none.
+        lon_deg: longitude, nan where there is none.
+    """
+
+    host_s: float
+    device_s: float
+    pps: int
+    sentence_s: float
+    valid: bool
+    lat_deg: float
+    lon_deg: float
+
+    @classmethod
+    def parse(cls, payload: bytes, host_s: float) -> PositionPacket:
+        """Take a position packet apart; a damaged sentence counts as none."""
+        device_s = int.from_bytes(payload[STAMP_AT : STAMP_AT + 4], "little") * 1e-6
+        pps = payload[STAMP_AT + 4]
+        sentence_s = lat_deg = lon_deg = float("nan")
+        valid = False
+        found = _RMC.search(payload, SENTENCE_AT)
+        if found and _checksum(payload[found.start() + 1 : found.end() - 3]) == int(found[14], 16):
+            sentence_s = int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3])
+            valid = found[4] == b"A" and sentence_s < DAY_S
+            if found[11]:
+                try:
+                    date = dt.datetime(2000 + int(found[13]), int(found[12]), int(found[11]), tzinfo=dt.UTC)
+                    sentence_s += date.timestamp()
+                except ValueError:
+                    valid = False
+            if found[5] and found[8]:
+                lat_deg = (int(found[5]) + float(found[6]) / 60) * (-1 if found[7] == b"S" else 1)
+                lon_deg = (int(found[8]) + float(found[9]) / 60) * (-1 if found[10] == b"W" else 1)
+        return cls(host_s, device_s, pps, sentence_s, valid, lat_deg, lon_deg)
+
+    def utc_s(self, near_s: float) -> float | None:
+        """UTC of the device stamp by the sentence's hour; None where the two don't belong together.
+
+        Args:
+            near_s: a time on about the right day, for sentences without a date.
+        """
+        if not self.valid:
+            return None
+        sentence_s = self.sentence_s
+        if sentence_s < DAY_S:
+            sentence_s = float(nearest_in_cycle(sentence_s, near_s, DAY_S))
+        utc_s = float(nearest_in_cycle(self.device_s, sentence_s, HOUR_S))
+        return utc_s if abs(utc_s - sentence_s) <= _SENTENCE_AGE_S else None
+
+
+@dataclass
+class SensorClock:
+    """Turns device stamps, batch after batch in the order of the recording, into UTC.
+
+    Hours roll over and pauses are bridged by what the recorder says went by. Where the sensor's clock was set anew
+    (it got its lock, or was restarted), time runs on by the recorder's clock and `jumps` counts it.
+
+    Attributes:
+        kind: which clock the times come from.
+        home_s: UTC where the sensor's hour begins, give or take whole hours; 0 for one that counts from the hour.
+        utc_minus_host_s: what to add to the recorder's time to come near UTC.
+        jumps: UTC and size in seconds of each step of the sensor's clock.
+    """
+
+    kind: Clock
+    home_s: float
+    utc_minus_host_s: float
+    jumps: list[tuple[float, float]] = field(default_factory=list)
+    _offset_s: float = 0.0
+    _device_s: float = float("nan")
+    _host_s: float = float("nan")
+
+    def utc_s(self, device_us: NDArray[np.uint32], host_s: FloatArray) -> FloatArray:
+        """UTC of each packet's stamp.
+
+        Args:
+            device_us: (m,) stamps, microseconds past the hour.
+            host_s: (m,) the recorder's time of each packet.
+        """
+        if not len(device_us):
+            return np.empty(0)
+        device_s = device_us.astype(np.float64) * 1e-6
+        step_s = np.diff(device_s, prepend=self._device_s)
+        rolled = np.abs(step_s + HOUR_S) < _NEXT_S
+        smooth = rolled | ((step_s > -_LATE_S) & (step_s < _NEXT_S))
+        offset_s: FloatArray = self._offset_s + HOUR_S * np.cumsum(rolled, dtype=np.float64)
+        for i in np.flatnonzero(~smooth).tolist():
+            offset_s[i:] += self._step(i, device_s, host_s, offset_s)
+        self._device_s, self._host_s, self._offset_s = float(device_s[-1]), float(host_s[-1]), float(offset_s[-1])
+        return device_s + offset_s
+
+    def _step(self, i: int, device_s: FloatArray, host_s: FloatArray, offset_s: FloatArray) -> float:
+        """By how much the offset changes at packet `i`, whose stamp does not simply follow the one before."""
+        first = i == 0 and np.isnan(self._device_s)
+        if first:
+            predicted_s = float(host_s[0]) + self.utc_minus_host_s
+        elif i == 0:
+            predicted_s = self._device_s + self._offset_s + float(host_s[0]) - self._host_s
+        else:
+            predicted_s = float(device_s[i - 1] + offset_s[i - 1] + host_s[i] - host_s[i - 1])
+        bases_s = (self.home_s,) if first else (float(offset_s[i]), self.home_s)
+        for base_s in bases_s:
+            utc_s = float(nearest_in_cycle(device_s[i] + base_s, predicted_s, HOUR_S))
+            if abs(utc_s - predicted_s) <= _JUMP_S:
+                break
+        else:
+            utc_s = predicted_s
+        change_s = utc_s - float(device_s[i] + offset_s[i])
+        if not first and abs(change_s - HOUR_S * round(change_s / HOUR_S)) > _JUMP_S:
+            self.jumps.append((utc_s, -change_s))
+        return change_s
+
+
+def settle(
+    device_us: NDArray[np.uint32],
+    host_s: FloatArray,
+    positions: list[PositionPacket],
+    near_s: float | None = None,
+) -> tuple[SensorClock, list[Notice]]:
+    """Find out what the sensor's stamps count from.
+
+    Args:
+        device_us: (m,) stamps of the first data packets, m > 0; the more, the less the recorder's jitter matters.
+        host_s: (m,) the recorder's time of each.
+        positions: the position packets seen so far.
+        near_s: a time near which the recording lies, for recorders without a clock.
+    """
+    near = float(np.median(host_s))
+    if near_s is not None and near < _FIRST_PLAUSIBLE_S:
+        near = near_s
+    tied = [utc_s - p.host_s for p in positions if (utc_s := p.utc_s(near)) is not None]
+    if tied:
+        ahead_s = float(np.median(tied))
+        return SensorClock(Clock.SENSOR_GPS, 0.0, ahead_s), _lock_notices(device_us, host_s, ahead_s)
+    if near_s is not None and float(np.median(host_s)) < _FIRST_PLAUSIBLE_S:
+        utc_s = float(nearest_in_cycle(device_us[0] * 1e-6, near_s, HOUR_S))
+        notice = Notice(
+            "clock-stated",
+            f"The recorder's clock knows no date ({iso_utc(float(host_s[0]))}): the sensor's stamps are taken as"
+            f" counted from the full hour of UTC, the hour as near as possible to {iso_utc(near_s)}.",
+        )
+        return SensorClock(Clock.STATED, 0.0, utc_s - float(host_s[0])), [notice]
+    apart_s = host_s - device_us * 1e-6
+    apart_s = nearest_in_cycle(apart_s, float(np.median(apart_s)), HOUR_S)
+    home_s = float(np.median(apart_s))
+    return SensorClock(Clock.RECORDER, home_s, 0.0), [_recorder_notice(positions, home_s)]
+
+
+def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: float) -> list[Notice]:
+    first_s = float(host_s[0]) + ahead_s
+    if abs(float(nearest_in_cycle(device_us[0] * 1e-6, first_s, HOUR_S)) - first_s) <= _JUMP_S:
+        return []
+    return [
+        Notice(
+            "clock-before-lock",
+            "The recording begins before the sensor's clock was set by GPS: until then its times are the recorder's,"
+            f" moved by the {ahead_s:+.3f} s found after the lock.",
+        )
+    ]
+
+
+def _recorder_notice(positions: list[PositionPacket], home_s: float) -> Notice:
+    if not positions:
+        why = "There are no position packets"
+    elif all(np.isnan(p.sentence_s) for p in positions):
+        why = f"The position packets bring no GPRMC sentence (PPS {pps_words(p.pps for p in positions)})"
+    elif not any(p.valid for p in positions):
+        why = f"The receiver calls all its GPRMC sentences void (PPS {pps_words(p.pps for p in positions)})"
+    else:
+        why = "The sensor's stamps do not follow the GPRMC sentences in its position packets"
+    past_hour_s = home_s - HOUR_S * round(home_s / HOUR_S)
+    if abs(past_hour_s) < 1.0:
+        how = (
+            f"; the stamps agree with the recorder's time past the hour to {abs(past_hour_s):.3f} s, so the sensor may"
+            " well have been set by GPS or the recorder"
+        )
+    else:
+        how = f"; the stamps stand {abs(past_hour_s):.1f} s off the recorder's time past the hour"
+    return Notice("clock-recorder", f"{why}: times are the recorder's{how}.")
+
+
+def pps_words(states: Iterable[int]) -> str:
+    """The states of the pulse per second that occur, in words."""
+    return ", ".join(PPS_WORDS[pps] if pps < len(PPS_WORDS) else f"state {pps}" for pps in sorted(set(states)))
+
+
+def _checksum(body: bytes) -> int:
+    total = 0
+    for byte in body:
+        total ^= byte
+    return total
