@@ -47,8 +47,11 @@ TILT_SIGMA_DEG: Final = 1.0
 LONGEST_GAP_S: Final = 1.0
 KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
-JUMP_MPS: Final = 15.0
-"""A position further from its neighbours than a tractor could drive is a jump."""
+JUMP_FLOOR_M: Final = 0.3
+JUMP_SIGMAS: Final = 6.0
+FASTEST_MPS: Final = 15.0
+HARDEST_MPS2: Final = 3.0
+"""A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
 ANTENNAS_SIGMA_DEG: Final = 0.5
 ANTENNAS_OFF_DEG: Final = 45.0
 """A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
@@ -95,7 +98,7 @@ def trajectory_from_gnss(
     gated, unused = _gate(track, fixes, notices)
     e, n = frame.project(gated.lon_deg, gated.lat_deg)
     en = np.column_stack([e, n])
-    kept = ~_jumps(gated.t_s, en)
+    kept = ~_jumps(gated.t_s, en, _sigmas(gated)[:, 0])
     if not kept.all():
         unused["jump"] = int((~kept).sum())
         notices.append(_jump_notice(gated.t_s[~kept], en[~kept]))
@@ -202,15 +205,16 @@ def _gate(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]
     return track[use], unused
 
 
-def _jumps(t_s: FloatArray, en_m: FloatArray) -> NDArray[np.bool_]:
-    """Positions that cannot be reached from the median of their neighbours at a tractor's speed."""
+def _jumps(t_s: FloatArray, en_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
+    """Positions (n,) that no drive leads to from the median of their neighbours."""
     n = len(t_s)
-    if n < 5:
+    if n < 7:
         return np.zeros(n, bool)
-    around = np.clip(np.arange(n)[:, None] + np.array([-2, -1, 1, 2]), 0, n - 1)
+    around = np.clip(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, n - 1)
     median = np.median(en_m[around], axis=1)
-    reach = JUMP_MPS * np.abs(t_s[around] - t_s[:, None]).max(axis=1) + 0.5
-    return np.asarray(np.hypot(*(en_m - median).T) > reach)
+    dt = t_s[around] - t_s[:, None]
+    reach = 0.5 * HARDEST_MPS2 * (dt**2).max(axis=1) + FASTEST_MPS * np.abs(dt.mean(axis=1))
+    return np.asarray(np.hypot(*(en_m - median).T) > reach + np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * sigma_m))
 
 
 def _jump_notice(t_s: FloatArray, en_m: FloatArray) -> Notice:

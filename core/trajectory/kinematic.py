@@ -24,8 +24,11 @@ SLIP: Final = 0.03
 """Sideways movement of the rear axle as a share of the way driven (one standard deviation)."""
 SLIP_FLOOR_M: Final = 0.001
 ACCELERATION_MPS2: Final = 1.0
-YAW_RATE_RADPS: Final = np.radians(40.0)
-YAW_ACCELERATION_RADPS2: Final = np.radians(25.0)
+YAW_RATE_RADPS: Final = np.radians(200.0)
+"""Links headings where nothing else does; weak enough not to shorten turns."""
+CURVATURE_RATE: Final = 0.1
+"""How fast the steering changes the path's curvature, in 1/(m s): from straight to a circle of 3 m in some seconds."""
+CURVATURE_FLOOR_RAD: Final = 0.0005
 CLIMB_ACCELERATION_MPS2: Final = 0.15
 CLIMB_MPS: Final = 0.05
 """How much a vehicle's height changes in a second across a stop or a turn of direction, where nothing else links it."""
@@ -229,14 +232,27 @@ def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> 
 
 
 def _add_inertia(equations: NormalEquations, chain: Chain, state: FloatArray) -> None:
-    """Within a stretch of motion, velocity and yaw rate change as slowly as a heavy vehicle's do."""
+    """Within a stretch of motion, velocity and the path's curvature change as slowly as a heavy vehicle's do.
+
+    Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.
+    """
     middle, before, after = _triples(chain)
     span = 0.5 * (before + after)
-    for column, bound in ((0, ACCELERATION_MPS2), (1, ACCELERATION_MPS2), (2, YAW_ACCELERATION_RADPS2)):
-        design = _second_difference(before, after, _STATE)
+    design = _second_difference(before, after, _STATE)
+    for column in range(2):
         value = state[:, column]
         change = (value[middle + 1] - value[middle]) / after - (value[middle] - value[middle - 1]) / before
-        equations.add((middle - 1) * _STATE + column, design, -change, bound * span)
+        equations.add((middle - 1) * _STATE + column, design, -change, ACCELERATION_MPS2 * span)
+
+    way = np.hypot(*np.diff(state[:, :2], axis=0).T)
+    behind, ahead = way[middle - 1], way[middle]
+    mean = 0.5 * (behind + ahead) + CURVATURE_FLOOR_RAD
+    a, b = behind / mean, ahead / mean  # turn ahead · way behind = turn behind · way ahead
+    design = np.zeros((len(middle), 2 * _STATE + 1))
+    design[:, 0], design[:, _STATE], design[:, 2 * _STATE] = b, -a - b, a
+    turn = np.diff(state[:, 2])
+    sigma = CURVATURE_RATE * span * behind * ahead / mean + CURVATURE_FLOOR_RAD
+    equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
 
 
 def _solve_height(chain: Chain, antenna: Antenna) -> tuple[FloatArray, FloatArray]:
