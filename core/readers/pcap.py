@@ -185,8 +185,8 @@ class Capture:
             notices.append(
                 Notice(
                     "cut-capture",
-                    f"{self.path.name} ends within a record (at byte {self._at + self._pos:,}, of which {self._left_over:,}"
-                    f" bytes are there), as when power fails; the {self.records:,} records before it are whole.",
+                    f"{self.path.name} ends within a record (at byte {self._at + self._pos:,}; {self._left_over:,}"
+                    f" bytes of it), as when power fails; the {self.records:,} records before it are whole.",
                 )
             )
         return notices

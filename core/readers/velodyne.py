@@ -39,6 +39,8 @@ _SETTLE_PACKETS: Final = 2000
 """So many packets are held back to set the sensor's clock against the recorder's (1 to 3 s)."""
 _COUNTS: Final = 36_000
 """Azimuth is counted in hundredths of a degree."""
+_MAX_STEP: Final = 120
+"""No sensor turns further from one block to the next (0.8 degrees at 1200 rpm)."""
 
 
 @dataclass(frozen=True)
@@ -659,6 +661,8 @@ def _decode(  # type: ignore[no-untyped-def]
 
     The azimuth of a firing is its block's, carried on by the packet's mean rate of turning (which averages out the
     encoder's rounding over 11 blocks), to the microsecond of each laser's own firing (VLP-16 manual, section 9.5).
+    A sensor that is set to report only a sector leaves the rest out and fills its packets across: the blocks after
+    the leap were fired as much later as turning there took.
     """
     lasers_n = len(order)
     per_block = 32 // lasers_n
@@ -670,35 +674,47 @@ def _decode(  # type: ignore[no-untyped-def]
     for p in range(len(offset)):
         base = offset[p]
         mode = data[base + 1204]
-        first = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
-        second = (np.int64(data[base + 102]) | np.int64(data[base + 103]) << 8) % 36_000
-        last = (np.int64(data[base + 1102]) | np.int64(data[base + 1103]) << 8) % 36_000
-        dual = mode == 0x39 or (mode != 0x37 and mode != 0x38 and first == second)
+        same = data[base + 2] == data[base + 102] and data[base + 3] == data[base + 103]
+        dual = mode == 0x39 or (mode != 0x37 and mode != 0x38 and same)
         blocks = 6 if dual else 12
-        advance = (last - first) % 36_000
-        duration_s = (blocks - 1) * per_block * cycle_s
-        rate = advance / duration_s
-        if rate > 36_000.0 * 30.0:  # no sensor turns at 1800 rpm: an azimuth is damaged
-            rate = 0.0
-        else:
-            state[_TURNED] += advance
-            state[_TURNING] += duration_s
+        size = 200 if dual else 100
+
+        turned = 0
+        steps = 0
+        before = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
+        for b in range(1, blocks):
+            block = (np.int64(data[base + b * size + 2]) | np.int64(data[base + b * size + 3]) << 8) % 36_000
+            step = (block - before + 18_000) % 36_000 - 18_000
+            if abs(step) <= _MAX_STEP:
+                turned += step
+                steps += 1
+            before = block
+        rate = max(0.0, turned / (steps * per_block * cycle_s)) if steps else 0.0
+        state[_TURNED] += turned
+        state[_TURNING] += steps * per_block * cycle_s
+        hidden = steps == blocks - 2  # one leap: the edges of the sector that the sensor is set to report
+        hidden_s = 0.0
         for i in range(lasers_n):
             ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
             cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
             sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
         turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
+        before = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
         for b in range(blocks):
-            at = base + b * (200 if dual else 100)
+            at = base + b * size
             if data[at] != 0xFF or data[at + 1] != 0xEE:
                 state[_BAD] += 12 - (2 * b if dual else b)
                 break
             block = (np.int64(data[at + 2]) | np.int64(data[at + 3]) << 8) % 36_000
+            leap = (block - before) % 36_000
+            if hidden and _MAX_STEP < leap < 36_000 - _MAX_STEP and rate > 0.0:
+                hidden_s = (np.round(leap / (rate * cycle_s)) - per_block) * cycle_s
+            before = block
             for f in range(per_block):
                 azimuth = block + rate * cycle_s * f
                 if azimuth >= 36_000.0:
                     azimuth -= 36_000.0
-                fired_s = t_s[p] + (b * per_block + f) * cycle_s
+                fired_s = t_s[p] + (b * per_block + f) * cycle_s + hidden_s
                 gap_s = fired_s - state[_TIME]
                 fallen = state[_AZIMUTH] - azimuth
                 pause = gap_s >= turn_s or gap_s < -turn_s
