@@ -1,0 +1,159 @@
+"""SBET: the smoothed best estimate of trajectory that GNSS/INS processors write."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.pose_file import RawPoses, cut_notice, joined, too_few
+from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.pose_track import PoseTrack
+
+FloatArray = NDArray[np.float64]
+
+FIELDS: Final = 17
+RECORD_BYTES: Final = 8 * FIELDS
+CHUNK_RECORDS: Final = 1 << 16
+TIME, LAT, LON, HEIGHT, ROLL, PITCH, HEADING, WANDER = 0, 1, 2, 3, 7, 8, 9, 10
+"""Fields of a record that are read."""
+
+LIMITS: Final = {
+    TIME: (0.0, 1e10),
+    LAT: (-np.pi / 2, np.pi / 2),
+    LON: (-np.pi, 2 * np.pi),
+    HEIGHT: (-1e4, 1e6),
+    ROLL: (-np.pi, np.pi),
+    PITCH: (-np.pi / 2, np.pi / 2),
+    HEADING: (-2 * np.pi, 4 * np.pi),
+    WANDER: (-2 * np.pi, 2 * np.pi),
+}
+LONGEST_STEP_S: Final = 3600.0
+LEAST_ANGLE: Final = 1e-12
+"""Bytes of other formats, read as doubles, are mostly next to nothing; no place is so near to 0° N 0° E."""
+
+
+class Sbet:
+    """Poses from SBET files.
+
+    A record is 17 little-endian doubles: time, latitude, longitude, ellipsoidal height, three velocities, roll, pitch,
+    platform heading, wander angle, three accelerations, three angular rates; angles in radians, body axes x forward,
+    y right, z down (Applanix POSPac's SBET). The platform heading counts from the wander-azimuth frame: true heading =
+    platform heading − wander angle. Times are GPS seconds of the week or since 1980-01-06; with
+    ``ReadOptions.time = "utc"`` the same in UTC, which some processors write. Standard deviations stand in a file of
+    another kind and stay unknown.
+
+    Args:
+        paths: the files of one trajectory, in the order of time.
+        options: `time`, `week` and `near_s` are used.
+    """
+
+    format: ClassVar[str] = "sbet"
+    title: ClassVar[str] = "trajectory in SBET"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """By its numbers, as SBET has no signature: angles of places on Earth, at times that increase."""
+        records = _records(head.data)[:200]
+        if not len(records) or not np.isfinite(records).all() or not _plausible(records).all():
+            return 0.0
+        step = np.diff(records[:, TIME])
+        if np.any(step <= 0) or np.any(step > LONGEST_STEP_S):
+            return 0.0
+        return 0.95 if len(records) > 1 or head.suffix in (".sbet", ".out") else 0.0
+
+    def poses(self) -> PoseTrack:
+        """All poses of all files.
+
+        Raises:
+            InputError: if a file holds fewer than two whole records or impossible ones, if the week is unknown, or if
+                the records are out of order.
+        """
+        self.notices = []
+        return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
+
+    def inspect(self) -> Inspection:
+        """Read the first file through and say what it is and holds.
+
+        Raises:
+            InputError: as :meth:`poses`, but an unknown week is only told.
+        """
+        self.notices = []
+        facts, clocks = self._read(self.paths[0]).tell(self.options, self.notices)
+        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
+
+    def _read(self, path: Path) -> RawPoses:
+        seconds: list[FloatArray] = [np.empty(0)]
+        values: list[FloatArray] = [np.empty((0, 12))]
+        count = rest = 0
+        with Source(path) as source:
+            while block := source.read(CHUNK_RECORDS * RECORD_BYTES):
+                records = _records(block)
+                bad = ~_plausible(records)
+                if bad.any():
+                    raise _damaged(path, (count + int(np.flatnonzero(bad)[0])) * RECORD_BYTES)
+                seconds.append(records[:, TIME].copy())
+                values.append(_values(records))
+                count += len(records)
+                rest = len(block) % RECORD_BYTES
+            fault = source.fault
+        if count < 2:
+            raise too_few(path, f"{count} whole records of {RECORD_BYTES} bytes, and {rest} bytes behind")
+        if rest or fault:
+            self.notices.append(cut_notice(path, fault or f"{rest} bytes behind {count} whole records are part of one"))
+        note = "taken for GPS time, as SBET has it" if self.options.time is None else "as stated"
+        scale = self.options.time or "gps"
+        return RawPoses(
+            np.concatenate(seconds),
+            scale,
+            note,
+            np.concatenate(values),
+            projected=False,
+            true_north=True,
+            name=str(path),
+        )
+
+
+def _records(data: bytes) -> FloatArray:
+    """The whole records (n, 17) at the head of `data`."""
+    count = len(data) // RECORD_BYTES
+    return np.frombuffer(data, "<f8", count * FIELDS).reshape(count, FIELDS)
+
+
+def _values(records: FloatArray) -> FloatArray:
+    """Values (n, 12) as :class:`RawPoses` has them, of records (n, 17)."""
+    out = np.full((len(records), 12), np.nan)
+    out[:, 0] = np.degrees(records[:, LON])
+    out[:, 1] = np.degrees(records[:, LAT])
+    out[:, 2] = records[:, HEIGHT]
+    out[:, 3] = np.degrees(records[:, ROLL])
+    out[:, 4] = np.degrees(records[:, PITCH])
+    out[:, 5] = np.degrees(records[:, HEADING] - records[:, WANDER])
+    return out
+
+
+def _plausible(records: FloatArray) -> NDArray[np.bool_]:
+    """Which records (n, 17) can be poses on or above the Earth."""
+    good = np.abs(records[:, (LAT, LON)]).max(axis=1) > LEAST_ANGLE
+    for field, (low, high) in LIMITS.items():
+        good &= (records[:, field] >= low) & (records[:, field] <= high)
+    return np.asarray(good)
+
+
+def _damaged(path: Path, at: int) -> InputError:
+    return InputError(
+        f"{path}, byte {at}: the record there is no pose on Earth.",
+        "Its latitude, longitude, height or attitude cannot be: the file is damaged, or no SBET.",
+        "Export the trajectory again, or copy the file again.",
+        code="damaged-record",
+    )
