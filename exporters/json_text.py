@@ -1,0 +1,43 @@
+"""Any of furrowmap's values as JSON that every reader takes: no NaN, no infinity, no half characters."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def json_text(value: object) -> str:
+    """`value` as indented JSON in its own order, with a line break at the end."""
+    return json.dumps(plain(value), ensure_ascii=False, allow_nan=False, indent=2) + "\n"
+
+
+def plain(value: object) -> Any:
+    """`value` in what JSON knows: numbers that are not finite become null, other unknown kinds their text.
+
+    File names that are no valid text keep their odd bytes as escapes.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, int):
+        return value
+    if isinstance(value, Mapping):
+        return {plain(str(key)): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    text = value.as_posix() if isinstance(value, Path) else str(value)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")

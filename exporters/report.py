@@ -1,0 +1,84 @@
+"""`report.json`: what a run was given, what it found, and how far that can be trusted."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+from furrowmap.core.values.errors import Notice
+from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.json_text import json_text, plain
+
+SCHEMA: Final = 1
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """A file by which a run can be repeated.
+
+    Attributes:
+        name: as the session has it.
+        bytes: its size as it lies on the disk.
+        sha256: of these bytes, in hexadecimal.
+    """
+
+    name: str
+    bytes: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path, name: str) -> FileRecord:
+        """The record of the file at `path`, read through in blocks.
+
+        Raises:
+            OSError: if it cannot be read.
+        """
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256")
+            return cls(name, stream.tell(), digest.hexdigest())
+
+
+@dataclass(frozen=True)
+class Report:
+    """The content of `report.json`; every table may hold whatever JSON can, and numpy's numbers.
+
+    Attributes:
+        session: the session as it was understood.
+        inputs: the files that were read.
+        figures: what came out, in SI units that the names state.
+        accuracy: how far the figures may be off.
+        observability: what the recording could not tell.
+        clocks: what each clock said, and how they disagree.
+        warnings: what a user should know.
+        timings: seconds of each stage.
+        products: names of the files written.
+    """
+
+    session: Mapping[str, Any]
+    inputs: Sequence[FileRecord]
+    figures: Mapping[str, Any]
+    accuracy: Mapping[str, Any] = field(default_factory=dict)
+    observability: Mapping[str, Any] = field(default_factory=dict)
+    clocks: Mapping[str, Any] = field(default_factory=dict)
+    warnings: Sequence[Notice] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    products: Sequence[str] = ()
+
+
+def write_report(path: Path, report: Report) -> dict[str, Any]:
+    """Write `report` as `report.json`.
+
+    Returns:
+        The content as it stands in the file.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    content = {"furrowmap": version("furrowmap"), "schema": SCHEMA, **plain(report)}
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(json_text(content), encoding="utf-8")
+    return content
