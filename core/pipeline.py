@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Final, Protocol
+from typing import Final, Protocol, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.readers.reader import (
+    ClockReading,
     GivesPoses,
     GivesScans,
     GivesTrack,
@@ -27,12 +28,16 @@ from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session, load_session, resolve
 from furrowmap.core.values.trajectory import Trajectory
 
 SCANS_AHEAD: Final = 32
 ORIGIN_STEP_M: Final = 100.0
+
+
+class LidarReader(Reader, GivesScans, Protocol):
+    """A reader of laser scans."""
 
 
 class CloudSink(Protocol):
@@ -45,21 +50,6 @@ class CloudSink(Protocol):
     def add(self, placed: PlacedScan) -> None:
         """The points of one scan."""
         ...
-
-
-@dataclass(frozen=True)
-class Recording:
-    """The files of a session, recognised and opened.
-
-    Attributes:
-        lidar: the scanner's reader.
-        positions: the reader of the positions or of the trajectory from elsewhere.
-        inputs: all files, in the order in which the session names them.
-    """
-
-    lidar: Reader
-    positions: Reader
-    inputs: tuple[Path, ...]
 
 
 @dataclass(frozen=True)
@@ -91,7 +81,7 @@ class Run:
         frame: the map frame.
         located: the trajectory.
         tally: scans and points, and the scans' poses.
-        clock: which clock the scanner's times came from.
+        clocks: what the clocks in the scanner's recording said, the one that was used first.
         notices: everything worth knowing, in the order of the work.
         timings_s: seconds of each stage.
     """
@@ -101,7 +91,7 @@ class Run:
     frame: MapFrame
     located: Located
     tally: Tally
-    clock: Clock
+    clocks: tuple[ClockReading, ...]
     notices: tuple[Notice, ...]
     timings_s: dict[str, float]
 
@@ -112,59 +102,80 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     Raises:
         FurrowmapError: if the session, its files or what they hold do not make a cloud.
     """
-    clock = _StopWatch()
+    watch = _StopWatch()
     session = load_session(session_file)
     frame = map_frame(session.crs)
-    recording = open_session_recording(session_file, session)
-    progress("positions", 0.0)
-    located = locate(recording.positions, session, frame)
-    clock.lap("positions")
+    inputs = Inputs.of(session_file, session)
+    positions = open_positions(inputs, session)
+    located = locate(positions, session, frame)
+    watch.lap("positions")
+    lidar = open_lidar(inputs, session, near_s=float(np.mean(located.trajectory.t_s[[0, -1]])))
     placer = _placer(located.trajectory, session)
     sink.begin(frame, placer.origin_m)
-    scans = _watched(recording.lidar, progress)
+    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress)
     tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
-    clock.lap("placing")
+    watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
     notices = [
-        *recording.positions.notices,
+        *positions.notices,
         *located.notices,
-        *recording.lidar.notices,
+        *lidar.notices,
         *_session_notices(session, located),
         *_tally_notices(tally),
     ]
-    assert isinstance(recording.lidar, GivesScans)
-    return Run(
-        session,
-        recording.inputs,
-        frame,
-        located,
-        tally,
-        recording.lidar.clock,
-        tuple(dict.fromkeys(notices)),
-        clock.laps_s,
-    )
+    return Run(session, inputs.all, frame, located, tally, lidar.clocks, tuple(dict.fromkeys(notices)), watch.laps_s)
 
 
-def open_session_recording(session_file: Path, session: Session) -> Recording:
-    """Open the files that a session names.
+@dataclass(frozen=True)
+class Inputs:
+    """The files that a session names, found before any work starts."""
+
+    lidar: tuple[Path, ...]
+    positions: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, session_file: Path, session: Session) -> Inputs:
+        stated = session.trajectory
+        positions = stated.files if stated is not None else session.recording.gnss
+        return cls(
+            tuple(resolve(session_file, name) for name in session.recording.lidar),
+            tuple(resolve(session_file, name) for name in positions),
+        )
+
+    @property
+    def all(self) -> tuple[Path, ...]:
+        return self.lidar + self.positions
+
+
+def open_positions(inputs: Inputs, session: Session) -> Reader:
+    """The reader of the session's positions, or of its trajectory from elsewhere.
 
     Raises:
-        InputError: if one is missing, of no known kind, or of a kind that cannot give what it is named for.
+        InputError: if a file is of no known kind, or of one that cannot give what it is named for.
     """
     stated = session.trajectory
+    options = ReadOptions(
+        date=session.recording.date,
+        time=stated.time if stated is not None else None,
+        week=stated.week if stated is not None else None,
+    )
+    reader = open_recording(inputs.positions, options)
     if stated is not None:
-        names, key = stated.files, "trajectory.files"
-        options = ReadOptions(date=session.recording.date, time=stated.time, week=stated.week)
+        _expect(reader, GivesPoses, inputs.positions[0], "trajectory.files")
     else:
-        names, key = session.recording.gnss, "recording.gnss"
-        options = ReadOptions(date=session.recording.date)
-    paths = [resolve(session_file, name) for name in names]
-    positions = open_recording(paths, options)
-    _expect(positions, GivesPoses if stated is not None else GivesTrack, paths[0], key)
-    lidar_paths = [resolve(session_file, name) for name in session.recording.lidar]
-    lidar = open_recording(lidar_paths, ReadOptions(model=session.lidar.model, date=session.recording.date))
-    _expect(lidar, GivesScans, lidar_paths[0], "recording.lidar")
-    return Recording(lidar, positions, (*lidar_paths, *paths))
+        _expect(reader, GivesTrack, inputs.positions[0], "recording.gnss")
+    return reader
+
+
+def open_lidar(inputs: Inputs, session: Session, near_s: float) -> LidarReader:
+    """The reader of the session's laser scans; `near_s` is a UTC time of the drive.
+
+    Raises:
+        InputError: as :func:`open_positions`.
+    """
+    reader = open_recording(inputs.lidar, ReadOptions(model=session.lidar.model, near_s=near_s))
+    _expect(reader, GivesScans, inputs.lidar[0], "recording.lidar")
+    return cast("LidarReader", reader)
 
 
 def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
@@ -206,10 +217,9 @@ def _placer(trajectory: Trajectory, session: Session) -> Placer:
     return Placer(trajectory, session.lidar.mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
 
 
-def _watched(reader: Reader, progress: Progress) -> Iterator[Scan]:
-    """The reader's scans, decoded ahead; tells `progress` how much of the recording has been read."""
-    assert isinstance(reader, GivesScans)
-    for scan in ahead(reader.scans(), SCANS_AHEAD):
+def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress) -> Iterator[Scan]:
+    """The scans; tells `progress` how much of the recording has been read."""
+    for scan in scans:
         yield scan
         progress("placing points", reader.share_read)
     progress("placing points", 1.0)

@@ -107,9 +107,16 @@ class Reader(Protocol):
 
 @runtime_checkable
 class GivesScans(Protocol):
-    """A reader of a laser scanner's recording."""
+    """A reader of a laser scanner's recording.
+
+    Attributes:
+        clock: which clock its times come from.
+        clocks: what every clock of the recording said, that one first; complete when the scans have ended.
+        share_read: how much of the files has been read, 0 to 1.
+    """
 
     clock: Clock
+    clocks: tuple[ClockReading, ...]
     share_read: float
 
     def scans(self) -> Iterator[Scan]:
