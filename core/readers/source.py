@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import gzip
 import io
 import lzma
 import sys
 import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Protocol
 
 from furrowmap.core.values.errors import InputError
 
@@ -22,6 +22,52 @@ HEAD_BYTES = 1 << 16
 
 _MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"\xfd7zXZ\x00": "xz"}
 _SUFFIX = {"gzip": ".gz", "zstd": ".zst", "xz": ".xz"}
+_RAW_BYTES = 1 << 18
+_PIECE_BYTES = 1 << 20
+
+
+class _Member(Protocol):
+    """One of the compressed streams that may follow each other in a file."""
+
+    @property
+    def eof(self) -> bool: ...
+    @property
+    def needs_input(self) -> bool: ...
+    @property
+    def unused_data(self) -> bytes: ...
+    def decompress(self, data: bytes, max_length: int, /) -> bytes: ...
+
+
+class _GzipMember:
+    """zlib's decompressor in the manner of those of lzma and zstd."""
+
+    def __init__(self) -> None:
+        self._zlib = zlib.decompressobj(wbits=31)
+        self._more = False
+
+    @property
+    def eof(self) -> bool:
+        return self._zlib.eof
+
+    @property
+    def needs_input(self) -> bool:
+        return not self._more
+
+    @property
+    def unused_data(self) -> bytes:
+        return self._zlib.unused_data
+
+    def decompress(self, data: bytes, max_length: int, /) -> bytes:
+        piece = self._zlib.decompress(self._zlib.unconsumed_tail + data, max_length)
+        self._more = len(piece) == max_length
+        return piece
+
+
+_MEMBER: dict[str, Callable[[], _Member]] = {
+    "gzip": _GzipMember,
+    "zstd": zstd.ZstdDecompressor,
+    "xz": lzma.LZMADecompressor,
+}
 
 
 @dataclass(frozen=True)
@@ -60,13 +106,8 @@ class Source(io.BufferedIOBase):
         magic = self._raw.read(6)
         self._raw.seek(0)
         self.compression = next((name for start, name in _MAGIC.items() if magic.startswith(start)), "")
-        self._stream: BinaryIO = self._raw
-        if self.compression == "gzip":
-            self._stream = cast("BinaryIO", gzip.GzipFile(fileobj=self._raw))
-        elif self.compression == "zstd":
-            self._stream = cast("BinaryIO", zstd.ZstdFile(self._raw))
-        elif self.compression == "xz":
-            self._stream = cast("BinaryIO", lzma.LZMAFile(self._raw))  # noqa: SIM115 (closed by close)
+        self._pieces = self._decompressed() if self.compression else iter(())
+        self._piece = memoryview(b"")
 
     def readable(self) -> bool:
         """Streams of this kind are for reading."""
@@ -75,11 +116,11 @@ class Source(io.BufferedIOBase):
     def read(self, size: int | None = -1, /) -> bytes:
         """Up to `size` bytes (all that remain if negative); fewer only at the end, or where the file is damaged."""
         wanted = -1 if size is None else size
-        blocks: list[bytes] = []
+        blocks: list[bytes | memoryview] = []
         got = 0
         while wanted < 0 or got < wanted:
             try:
-                block = self._stream.read(1 << 20 if wanted < 0 else wanted - got)
+                block = self._next(_PIECE_BYTES if wanted < 0 else wanted - got)
             except (EOFError, OSError, zlib.error, lzma.LZMAError, zstd.ZstdError) as error:
                 self.fault = f"the {self.compression or 'file'} stream is damaged or cut ({error})"
                 break
@@ -87,7 +128,34 @@ class Source(io.BufferedIOBase):
                 break
             blocks.append(block)
             got += len(block)
-        return blocks[0] if len(blocks) == 1 else b"".join(blocks)
+        return bytes(blocks[0]) if len(blocks) == 1 else b"".join(blocks)
+
+    def _next(self, size: int) -> bytes | memoryview:
+        """Some bytes, `size` at most; none at the end."""
+        if not self.compression:
+            return self._raw.read(size)
+        if not self._piece:
+            self._piece = memoryview(next(self._pieces, b""))
+        block, self._piece = self._piece[:size], self._piece[size:]
+        return block
+
+    def _decompressed(self) -> Iterator[bytes]:
+        """All there is up to where the file is cut; the libraries' own file objects lose the last part of that."""
+        data = self._raw.read(_RAW_BYTES)
+        while data:
+            member = _MEMBER[self.compression]()
+            while not member.eof:
+                if not data and member.needs_input:
+                    data = self._raw.read(_RAW_BYTES)
+                    if not data:
+                        raise EOFError("it ends too early")
+                piece = member.decompress(data, _PIECE_BYTES)
+                data = b""
+                if piece:
+                    yield piece
+            data = member.unused_data or self._raw.read(_RAW_BYTES)
+            if not data.strip(b"\0"):
+                data = b""  # padding
 
     @property
     def share_read(self) -> float:
@@ -96,7 +164,6 @@ class Source(io.BufferedIOBase):
 
     def close(self) -> None:
         """Close the file."""
-        self._stream.close()
         self._raw.close()
         super().close()
 

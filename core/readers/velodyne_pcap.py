@@ -65,6 +65,7 @@ class VelodynePcap:
             model_named(options.model)
         self._survey = _Survey.of(self._paths)
         self.clock: Clock = settle(*self._survey.clocks, options.near_s)[0].kind
+        self.clocks: tuple[ClockReading, ...] = ()
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -79,7 +80,7 @@ class VelodynePcap:
         return 0.5
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of all files, streamed; `notices` is complete when they have ended."""
+        """The scans of all files, streamed; `notices` and `clocks` are complete when they have ended."""
         return self._read(self._paths, _Traffic())
 
     def inspect(self) -> Inspection:
@@ -92,7 +93,7 @@ class VelodynePcap:
             self.format,
             self.title,
             traffic.facts(self._survey.sender),
-            traffic.clock_readings(self.clock),
+            self.clocks,
             tuple(self.notices),
         )
 
@@ -112,6 +113,7 @@ class VelodynePcap:
                 self.notices += capture.notices
         yield from decoder.finish()
         self.notices += [*clock_notices, *decoder.notices(), *traffic.notices(self.clock)]
+        self.clocks = traffic.clock_readings(self.clock)
         self.share_read = 1.0
 
 
@@ -259,9 +261,9 @@ class _Traffic:
             "whole_scans": counts.whole,
             "rpm": round(counts.rpm, 1),
             "revolutions": round(counts.rpm / 60.0 * running_s, 2),
-            "start": iso_utc(counts.first_s),
-            "end": iso_utc(counts.last_s),
-            "duration_s": round(counts.last_s - counts.first_s, 6),
+            "first": iso_utc(counts.first_s),
+            "last": iso_utc(counts.last_s),
+            "span_s": round(counts.last_s - counts.first_s, 6),
         }
         if self.first_fix and self.first_fix.lat_deg == self.first_fix.lat_deg:
             facts["gps_position"] = {
