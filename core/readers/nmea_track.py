@@ -24,6 +24,10 @@ FloatArray = NDArray[np.float64]
 
 MOST_DISORDER: Final = 0.05
 """Share of epochs running backwards from which on a log is not taken for one receiver's."""
+MOST_SPLICES: Final = 4
+"""Steps back up to which a log in disorder is taken for pieces put together wrongly."""
+CLOCK_SET_S: Final = 60.0
+"""A step of the clock before the first fix from which on it has been set, and not only waited."""
 MOST_SWITCHES: Final = 0.2
 """A receiver may change its talker with the constellations it uses, but not from sentence to sentence."""
 
@@ -317,7 +321,7 @@ def _fault(
         return None
     first = place(int(positions.at[np.flatnonzero(backward)[0]]))
     steps_back = int(np.sum(np.diff(t_s) < 0))
-    if steps_back > 0.01 * len(t_s):
+    if steps_back > max(MOST_SPLICES, 0.01 * len(t_s)):
         return InputError(
             f"{first}: time runs back here and {steps_back} times in all, over {len(t_s)} positions of one talker.",
             "Two receivers wrote into this log under one name, and their sentences cannot be told apart.",
@@ -370,15 +374,17 @@ def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
     """Tell where the receiver's clock was set by its first fix; what it said before is worthless."""
     if not len(positions):
         return
-    before = gga.column(Kind.GGA, "tod_s")[gga.at < positions.at[0]]
-    before = before[np.isfinite(before)]
-    first = positions.column(Kind.GGA, "tod_s")[0]
-    if len(before) and abs(first - before[-1]) > 60.0 and abs(first - before[-1]) < DAY_S - 60.0:
+    tod = gga.column(Kind.GGA, "tod_s")[gga.at <= positions.at[0]]
+    tod = tod[np.isfinite(tod)]
+    ahead = (np.diff(tod) + DAY_S / 2) % DAY_S - DAY_S / 2
+    jumps = np.flatnonzero(np.abs(ahead) > CLOCK_SET_S)
+    if len(jumps):
+        last = int(jumps[-1])
         notices.append(
             Notice(
                 "clock-set-at-first-fix",
-                f"{name}: the receiver's clock jumped from {clock_face(before[-1])} to {clock_face(first)} at the "
-                f"first fix; the {len(before)} times before it are worthless and not used.",
+                f"{name}: the receiver's clock jumped from {clock_face(tod[last])} to {clock_face(tod[last + 1])} on "
+                f"the way to the first fix; the {len(tod) - 1} times before that fix are worthless and not used.",
             )
         )
 
