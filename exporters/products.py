@@ -1,0 +1,153 @@
+"""From a session to the folder of its products."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from types import TracebackType
+from typing import Any, Final, Self
+
+import msgspec
+import tomli_w
+
+from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.pipeline import run
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.session import Session, load_session
+from furrowmap.exporters.copc.points import PointBatch
+from furrowmap.exporters.copc.writer import CopcWriter
+from furrowmap.exporters.geopackage import write_field
+from furrowmap.exporters.json_text import plain
+from furrowmap.exporters.report import write_report
+from furrowmap.exporters.run_report import report_of
+from furrowmap.exporters.staging import recover, staged_folder
+
+CLOUD: Final = "cloud.copc.laz"
+FIELD: Final = "field.gpkg"
+REPORT: Final = "report.json"
+SESSION: Final = "session.toml"
+OTHER: Final = 1
+"""LAS class of points that nobody has classified yet."""
+PRODUCTS: Final = (CLOUD, FIELD, REPORT, SESSION)
+
+
+def write_products(
+    session_file: Path, folder: Path, *, overwrite: bool = False, progress: Progress = silent
+) -> dict[str, Any]:
+    """Run a session and write its products into `folder`.
+
+    Args:
+        session_file: the session.
+        folder: made if it is not there; products of the same session in it are replaced.
+        overwrite: replace products of another session, too.
+        progress: is told of the stages.
+
+    Returns:
+        The content of `report.json`.
+
+    Raises:
+        FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
+    """
+    _refuse_foreign(folder, load_session(session_file), overwrite=overwrite)
+    start = perf_counter()
+    with staged_folder(folder) as staging:
+        with _Cloud(staging / CLOUD) as cloud:
+            found = run(session_file, cloud, progress)
+            written = perf_counter()
+            cloud.finish(progress)
+        written = perf_counter() - written
+        progress("writing layers", 0.0)
+        write_field(staging / FIELD, found.tally.poses, found.frame.crs)
+        (staging / SESSION).write_text(session_text(found.session), encoding="utf-8")
+        timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}
+        return write_report(staging / REPORT, report_of(found, session_file, timings, PRODUCTS))
+
+
+class _Cloud:
+    """The sink of a run that writes the cloud."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._writer: CopcWriter | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Open the file, now that its CRS and local origin are known."""
+        self._writer = CopcWriter(
+            self._path,
+            crs_wkt=frame.crs.to_wkt("WKT1_GDAL"),
+            origin_m=origin_m,
+            extra=(("scan", "uint32", "scan (revolution) number"),),
+        ).__enter__()
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of one scan."""
+        assert self._writer is not None
+        scan = placed.scan
+        self._writer.append(
+            PointBatch(
+                placed.xyz_m,
+                placed.t_s,
+                intensity=scan.intensity,
+                return_number=scan.return_number,
+                returns=scan.returns,
+                classification=OTHER,
+                extra={"scan": scan.number},
+            )
+        )
+
+    def finish(self, progress: Progress) -> None:
+        """Sort, compress and write the points."""
+        assert self._writer is not None
+        self._writer.close(progress)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._writer is not None:
+            self._writer.__exit__(kind, error, trace)
+
+
+def session_text(session: Session) -> str:
+    """A session as a file: every key that has a value, the defaults too."""
+    tables = {key: _without_none(value) for key, value in msgspec.to_builtins(session).items() if value is not None}
+    head = f"# As furrowmap {version('furrowmap')} understood the session; paths are relative to the original file.\n\n"
+    return head + tomli_w.dumps(tables)
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    return value
+
+
+def _refuse_foreign(folder: Path, session: Session, *, overwrite: bool) -> None:
+    """Keep the products of another session where they are.
+
+    Raises:
+        RefusedError: if there are any and `overwrite` was not asked for.
+    """
+    if overwrite or not folder.is_dir():
+        return
+    recover(folder)
+    there = [name for name in PRODUCTS if (folder / name).exists()]
+    if not there:
+        return
+    try:
+        earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))["session"]
+        same = (earlier["name"], earlier["recording"]) == (session.name, plain(msgspec.to_builtins(session.recording)))
+    except (OSError, ValueError, KeyError, TypeError):
+        same = False
+    if not same:
+        raise RefusedError(
+            f"{folder} holds {', '.join(there)} of another session.",
+            "They would be lost, so nothing was done.",
+            "Choose another folder with -o, or replace them with --overwrite.",
+            code="output-exists",
+        )
