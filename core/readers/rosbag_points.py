@@ -92,7 +92,7 @@ class CloudScans:
         t_s = self._point_times(points["time"] if "time" in names else None, n, at_s)
         if layout is None:
             order = np.argsort(t_s, kind="stable")
-            column = _columns_of_rings(laser[order])
+            column = _columns_of_times(t_s[order], laser[order])
         else:
             order = np.lexsort((layout[returned], t_s))
             column = layout[returned][order]
@@ -202,20 +202,24 @@ def _columns_of_layout(shape: tuple[int, ...], ring: NDArray[Any] | None) -> NDA
     return columns
 
 
-def _columns_of_rings(ring: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Each point's firing (n,) where only the points' order is known: a new one starts where a laser comes again."""
-    n = len(ring)
-    by_ring = np.argsort(ring, kind="stable")
-    same = ring[by_ring[1:]] == ring[by_ring[:-1]]
-    comes_again = np.full(n, n)
-    comes_again[by_ring[:-1][same]] = by_ring[1:][same]
-    next_start = np.minimum.accumulate(comes_again[::-1])[::-1].tolist()
-    starts = np.zeros(n, np.int64)
-    start = next_start[0]
-    while start < n:
-        starts[start] = 1
-        start = next_start[start]
-    return np.cumsum(starts)
+def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Each return's firing (n,) in a cloud from which slots without a return are gone; t_s increasing.
+
+    A laser fires once a cycle, whose length is the usual time between two returns of one laser. The lasers share the
+    cycle in a fixed pattern, and a firing begins in the pattern's widest pause.
+    """
+    by_laser = np.argsort(laser, kind="stable")
+    step = np.diff(t_s[by_laser])[np.diff(laser[by_laser].astype(np.int16)) == 0]
+    step = step[step > 0]
+    if not len(step):
+        return np.zeros(len(t_s), np.int64)
+    cycle_s = float(np.quantile(step, 0.2))
+    cycle_s = float(step[np.abs(step - cycle_s) < 0.2 * cycle_s].mean())
+    turns = (t_s - t_s[0]) / cycle_s
+    within = np.sort(turns % 1.0)
+    pause = np.diff(within, append=within[0] + 1.0)
+    widest = int(np.argmax(pause))
+    return np.floor(turns - within[widest] - 0.5 * pause[widest]).astype(np.int64)
 
 
 def _intensity(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:

@@ -1,0 +1,203 @@
+"""Point clouds as drivers lay them out, each way: what comes out is what went in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.bag_storage import BagMessage, Damage
+from furrowmap.core.readers.reader import ReadOptions, open_recording
+from furrowmap.core.readers.rosbag_points import CloudScans
+from furrowmap.core.values.scan import Scan
+from tests.core.readers.small_bags import ROS1, T0_NS, mixed, point_cloud, revolution, write_bag1
+
+T0_S = T0_NS * 1e-9
+
+TIMES: dict[str, tuple[str, float, float]] = {
+    # How drivers write times: type, unit, and what they count from.
+    "time f4": ("f4", 1.0, 0.0),
+    "t u4": ("u4", 1e-9, 0.0),
+    "time_stamp u4": ("u4", 1e-9, 0.0),
+    "t f4": ("f4", 1e-6, 0.0),
+    "offset_time u4": ("u4", 1e-6, 0.0),
+    "timestamp f8": ("f8", 1.0, T0_S),
+    "timestamp u4": ("u4", 1e-3, 0.0),
+    "t f8": ("f8", 1e-9, T0_S),
+    "time f8": ("f8", 1e-6, T0_S),
+}
+
+
+def cloud(points: NDArray[Any], stamp_ns: int = T0_NS, **options: Any) -> Any:
+    return point_cloud(stamp_ns, points, **options)
+
+
+def scans_of(*messages: Any) -> tuple[list[Scan], CloudScans]:
+    decoder = CloudScans("test")
+    message = BagMessage("/points", "sensor_msgs/msg/PointCloud2", "cdr", T0_NS, b"")
+    return [scan for content in messages for scan in decoder.push(content, message)], decoder
+
+
+def codes(decoder: CloudScans) -> set[str]:
+    return {notice.code for notice in decoder.notices()}
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    how=st.sampled_from(sorted(TIMES)),
+    big=st.booleans(),
+    ring=st.sampled_from(["u1", "u2", "i4"]),
+    intensity=st.sampled_from(["u1", "u2", "f4", "f8"]),
+    xyz=st.sampled_from(["f4", "f8"]),
+    rows=st.sampled_from([1, 4, 16]),
+    pad=st.integers(0, 7),
+    gaps=st.integers(0, 4),
+    seed=st.integers(0, 1000),
+)
+def test_every_layout_gives_the_points_that_were_put_in(
+    how: str, big: bool, ring: str, intensity: str, xyz: str, rows: int, pad: int, gaps: int, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    name, kind = how.split()
+    unit_s, origin_s = TIMES[how][1:]
+    n = rows * 8
+    order = ">" if big else "<"
+    fields = [("x", xyz), ("y", xyz), ("intensity", intensity), ("z", xyz), ("ring", ring), (name, kind)]
+    points = np.zeros(n, [(field, order + form) for field, form in fields])
+    truth = random.uniform(-50, 50, (n, 3)).astype(np.float32)
+    offset_s = np.linspace(0.0, 0.1, n)
+    for k, axis in enumerate("xyz"):
+        points[axis] = truth[:, k]
+    points["intensity"] = random.integers(0, 256, n)
+    points["ring"] = np.arange(n) // 8 if rows > 1 else np.arange(n) % 4
+    points[name] = np.round((origin_s + offset_s) / unit_s, 9 if unit_s == 1.0 else 0)
+    gone = random.permutation(n)[:gaps]
+    points["x"][gone] = np.nan
+    kept = np.setdiff1d(np.arange(n), gone)
+    (scan,), decoder = scans_of(cloud(points.reshape(rows, -1), pad=pad))
+    resolution_s = max(unit_s, 1e-6) if unit_s < 1.0 else 1e-6
+    np.testing.assert_allclose(scan.t_s, T0_S + offset_s[kept], rtol=0, atol=resolution_s)
+    # Points of one time (milliseconds are coarse) may change places: both sides in the order of x.
+    mine, its = np.argsort(scan.xyz_m[:, 0]), kept[np.argsort(truth[kept, 0])]
+    np.testing.assert_array_equal(scan.xyz_m[mine], truth[its])
+    np.testing.assert_array_equal(scan.intensity[mine], points["intensity"][its].astype(int))
+    np.testing.assert_array_equal(scan.laser[mine], points["ring"][its].astype(int))
+    assert (np.diff(scan.t_s) >= 0).all()
+    assert not codes(decoder)
+
+
+def test_a_message_without_times_per_point_is_told() -> None:
+    points = revolution()[["x", "y", "z", "intensity", "ring"]]
+    (scan,), decoder = scans_of(cloud(np.array(points, points.dtype)))
+    assert set(scan.t_s) == {T0_S}
+    assert codes(decoder) == {"no-point-times"}
+
+
+def test_the_same_time_for_all_points_is_none() -> None:
+    points = revolution()
+    points["time"] = 0.05
+    (scan,), decoder = scans_of(cloud(points))
+    assert set(scan.t_s) == {T0_S}
+    assert codes(decoder) == {"no-point-times"}
+
+
+def test_times_before_the_stamp_are_kept() -> None:
+    points = revolution()
+    points["time"] -= 0.1
+    (scan,), _ = scans_of(cloud(points))
+    assert scan.t_s[[0, -1]] == pytest.approx([T0_S - 0.1, T0_S], abs=1e-6)
+
+
+def test_times_from_an_unknown_zero_start_at_the_stamp() -> None:
+    points = revolution()
+    wide = np.zeros(len(points), [(name, points.dtype[name]) for name in "xyz"] + [("timestamp", "<f8")])
+    for axis in "xyz":
+        wide[axis] = points[axis]
+    wide["timestamp"] = 5000.0 + points["time"].astype(np.float64)
+    (scan,), decoder = scans_of(cloud(wide))
+    assert scan.t_s[[0, -1]] == pytest.approx([T0_S, T0_S + 0.1], abs=1e-6)
+    assert codes(decoder) == {"point-times-unanchored", "no-rings"}
+
+
+def test_columns_are_firings_whether_organised_or_not() -> None:
+    """16 lasers, 10 firings of 55 µs: as rows of firings, as rows of lasers, and as a list with returns missing."""
+    points = revolution(160)
+    points["time"] = np.arange(160) // 16 * 0.01 + np.arange(160) % 16 * 1e-5
+    firing = np.arange(160) // 16
+    grid = points.reshape(10, 16)
+    for laid_out in (grid, np.ascontiguousarray(grid.T)):
+        (scan,), _ = scans_of(cloud(laid_out))
+        np.testing.assert_array_equal(scan.column, firing)
+    some = np.delete(np.arange(160), [0, 17, 18, 40, 159])
+    (scan,), _ = scans_of(cloud(points[some]))
+    np.testing.assert_array_equal(scan.column, firing[some])
+
+
+def test_zeros_and_infinities_are_no_returns() -> None:
+    points = revolution(8)
+    points["x"][0] = np.inf
+    for axis in "xyz":
+        points[axis][1] = 0.0
+    (scan,), _ = scans_of(cloud(points))
+    assert len(scan) == 6
+
+
+def test_clouds_that_run_back_or_hold_nothing_are_left_out_and_counted() -> None:
+    empty = revolution()
+    empty["x"] = np.nan
+    messages = [
+        cloud(revolution(), T0_NS),
+        cloud(revolution(), T0_NS - 100_000_000),
+        cloud(empty, T0_NS + 100_000_000),
+        cloud(revolution(), T0_NS + 200_000_000),
+    ]
+    scans, decoder = scans_of(*messages)
+    assert [scan.number for scan in scans] == [0, 1]
+    assert codes(decoder) == {"clouds-late", "clouds-empty"}
+
+
+def test_intensities_beyond_a_byte_are_kept() -> None:
+    points = revolution()
+    points["intensity"] = 3000.0
+    (scan,), _ = scans_of(cloud(points))
+    assert scan.intensity.dtype == np.uint16
+    assert set(scan.intensity) == {3000}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"data": np.zeros(10, np.uint8)},
+        {"point_step": 4},
+        {"width": 2**31},
+        {"fields": []},
+        {"row_step": 0},
+    ],
+    ids=str,
+)
+def test_a_cloud_that_contradicts_itself_is_damaged(change: dict[str, Any]) -> None:
+    content = cloud(revolution())
+    for name, value in change.items():
+        setattr(content, name, value)
+    with pytest.raises(Damage):
+        scans_of(content)
+
+
+def test_reading_needs_no_more_memory_for_a_longer_bag(tmp_path: Path) -> None:
+    import tracemalloc
+
+    peaks = []
+    for clouds in (10, 40):
+        path = write_bag1(tmp_path / f"{clouds}.bag", mixed(ROS1, clouds, 20_000), "LZ4")
+        reader = open_recording([path], ReadOptions())
+        next(iter(open_recording([path], ReadOptions()).scans()))
+        tracemalloc.start()
+        assert sum(1 for _ in reader.scans()) == clouds
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.1 * peaks[0]
