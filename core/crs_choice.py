@@ -1,0 +1,154 @@
+"""Which projected CRS suits a place, for a user who has not said."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Final, TypeAlias
+
+from pyproj import CRS
+from pyproj.database import CRSInfo, query_utm_crs_info
+
+_JAPAN: Final = {
+    6669: "Nagasaki and the western islands of Kagoshima",
+    6670: "Fukuoka, Saga, Kumamoto, Oita, Miyazaki, Kagoshima",
+    6671: "Yamaguchi, Shimane, Hiroshima",
+    6672: "Kagawa, Ehime, Tokushima, Kochi",
+    6673: "Hyogo, Tottori, Okayama",
+    6674: "Kyoto, Osaka, Fukui, Shiga, Mie, Nara, Wakayama",
+    6675: "Ishikawa, Toyama, Gifu, Aichi",
+    6676: "Niigata, Nagano, Yamanashi, Shizuoka",
+    6677: "Tokyo, Fukushima, Tochigi, Ibaraki, Saitama, Chiba, Gunma, Kanagawa",
+    6678: "Aomori, Akita, Yamagata, Iwate, Miyagi",
+    6679: "western Hokkaido, such as Otaru, Hakodate, Date",
+    6680: "central Hokkaido, such as Sapporo, Asahikawa, Tomakomai, Wakkanai",
+    6681: "eastern Hokkaido, such as Obihiro, Kitami, Kushiro, Nemuro",
+    6682: "Ogasawara",
+    6683: "Okinawa's main islands",
+    6684: "Miyako and Yaeyama",
+    6685: "Daito",
+    6686: "Okinotorishima",
+    6687: "Minamitorishima",
+}
+"""EPSG codes of JGD2011's plane rectangular zones I to XIX, and the prefectures of each.
+
+After public notice no. 9 of 2002 of Japan's ministry of land; PROJ's database names but one prefecture for zone IX.
+"""
+_NEAR_JAPAN_DEG: Final = 0.1
+_NEAR_UTM_DEG: Final = 0.5
+"""So near to a zone's border (10 and about 50 km) the neighbour is named as an alternative."""
+_LOCAL_DATUMS: Final = ("ETRS89", "NAD83(2011)", "GDA2020", "NZGD2000", "SIRGAS 2000")
+"""Datums in use today whose UTM zones a country may prefer to those of WGS 84."""
+
+_Box: TypeAlias = tuple[float, float, float, float]
+"""West, south, east, north in degrees."""
+
+
+@dataclass(frozen=True)
+class CrsChoice:
+    """A projected CRS proposed for a place.
+
+    Attributes:
+        code: such as "EPSG:6677".
+        name: as the authority has it.
+        reason: why this one, without a full stop.
+        alternatives: other codes, each with a few words on where or when it would be right.
+    """
+
+    code: str
+    name: str
+    reason: str
+    alternatives: tuple[str, ...] = ()
+
+
+def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
+    """The CRS for a place: Japan's plane rectangular zone by its area of use, elsewhere the UTM zone on WGS 84.
+
+    Returns:
+        None towards the poles, where UTM has no zones.
+    """
+    return _plane_rectangular(lon_deg, lat_deg) or _utm(lon_deg, lat_deg)
+
+
+def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
+    """Japan's zone, or None outside all of them.
+
+    The zones follow prefectures, of which PROJ's database knows only the box around each zone; where boxes overlap,
+    the one in which the place lies deepest is taken, and the others are named.
+    """
+    zones = sorted(
+        (_eccentricity(area.bounds, lon_deg, lat_deg), code)
+        for code in _JAPAN
+        if (area := CRS.from_epsg(code).area_of_use) is not None
+        and _outside_deg(area.bounds, lon_deg, lat_deg) <= _NEAR_JAPAN_DEG
+    )
+    if not zones or zones[0][0] > 1.0:
+        return None
+    best, *others = (code for _, code in zones)
+    return CrsChoice(
+        code=f"EPSG:{best}",
+        name=CRS.from_epsg(best).name,
+        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({_JAPAN[best]})",
+        alternatives=tuple(f"EPSG:{code} for {_JAPAN[code]}" for code in others),
+    )
+
+
+def _utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
+    """The UTM zone on WGS 84, the neighbouring one where it is near, and the same zone on the datum of the country."""
+    zones = _utm_zones(lon_deg, lat_deg)
+    own = _on_wgs84(zones)
+    if own is None:
+        return None
+    local = tuple(
+        f"{zone.auth_name}:{zone.code}, the zone on {datum}, the datum of maps there"
+        for zone in zones
+        if (datum := zone.name.partition(" / ")[0]) in _LOCAL_DATUMS and "(N-E)" not in zone.name
+    )
+    beside = (_on_wgs84(_utm_zones(lon_deg + shift, lat_deg)) for shift in (-_NEAR_UTM_DEG, _NEAR_UTM_DEG))
+    neighbours = tuple(
+        f"{zone.auth_name}:{zone.code}, the neighbouring zone, whose border is near"
+        for zone in beside
+        if zone is not None and zone.code != own.code
+    )
+    return CrsChoice(
+        code=f"{own.auth_name}:{own.code}",
+        name=own.name,
+        reason=f"{_place(lon_deg, lat_deg)} lies in this zone",
+        alternatives=tuple(dict.fromkeys(local + neighbours)),
+    )
+
+
+def _utm_zones(lon_deg: float, lat_deg: float) -> list[CRSInfo]:
+    """The zones on all datums in whose area of use the place lies."""
+    lon_deg = (lon_deg + 180.0) % 360.0 - 180.0
+    return [
+        zone
+        for zone in _all_utm_zones()
+        if (area := zone.area_of_use) is not None and _outside_deg(area.bounds, lon_deg, lat_deg) == 0.0
+    ]
+
+
+@cache
+def _all_utm_zones() -> tuple[CRSInfo, ...]:
+    return tuple(query_utm_crs_info())
+
+
+def _on_wgs84(zones: list[CRSInfo]) -> CRSInfo | None:
+    return next((zone for zone in zones if zone.name.startswith("WGS 84 / UTM zone")), None)
+
+
+def _eccentricity(box: _Box, lon_deg: float, lat_deg: float) -> float:
+    """0 in the middle of the box, 1 on its edge."""
+    west, south, east, north = box
+    return max(abs(2 * lon_deg - west - east) / (east - west), abs(2 * lat_deg - south - north) / (north - south))
+
+
+def _outside_deg(box: _Box, lon_deg: float, lat_deg: float) -> float:
+    """How far outside the box the place lies; 0 inside."""
+    west, south, east, north = box
+    return math.hypot(max(west - lon_deg, 0.0, lon_deg - east), max(south - lat_deg, 0.0, lat_deg - north))
+
+
+def _place(lon_deg: float, lat_deg: float) -> str:
+    return f"{abs(lat_deg):.4f}°{'S' if lat_deg < 0 else 'N'} {abs(lon_deg):.4f}°{'W' if lon_deg < 0 else 'E'}"

@@ -1,0 +1,184 @@
+"""What recordings are before a session speaks of them, and whether they belong together in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.reader import (
+    ClockReading,
+    GivesPoses,
+    GivesScans,
+    GivesTrack,
+    Inspection,
+    Reader,
+    Recognised,
+)
+from furrowmap.core.values.clock import DAY_S, HOUR_S, WEEK_S, iso_utc
+from furrowmap.core.values.scan import Clock
+
+_OFFSETS: Final = (
+    (18.0, 1, "GPS time taken for UTC"),
+    (HOUR_S, 14, "a local time taken for UTC"),
+    (HOUR_S / 4, 56, "a local time taken for UTC"),
+    (DAY_S, 7, "a wrong date"),
+    (1024 * WEEK_S, 2, "a receiver whose count of weeks has rolled over"),
+)
+"""Step, largest multiple and cause of the constants by which clocks are known to differ, likeliest first."""
+_ENOUGH: Final = 0.5
+"""Share of the shorter recording that an offset must bring together to be called a fit."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A recording that has been read through.
+
+    Attributes:
+        inspection: what it is and holds.
+        reader: opened on it.
+    """
+
+    inspection: Inspection
+    reader: Reader
+
+    @classmethod
+    def of(cls, path: Path) -> Examined:
+        """Read the file at `path` through.
+
+        Raises:
+            InputError: if no reader knows the file, or it cannot be read.
+        """
+        reader = Recognised.of(path).open()
+        return cls(reader.inspect(), reader)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.inspection.path
+
+    @property
+    def gives_scans(self) -> bool:
+        """Whether it holds laser scans."""
+        return isinstance(self.reader, GivesScans) and self._holds("scans")
+
+    @property
+    def gives_track(self) -> bool:
+        """Whether it holds a GNSS receiver's positions."""
+        return isinstance(self.reader, GivesTrack) and self._holds("positions")
+
+    @property
+    def gives_poses(self) -> bool:
+        """Whether it is a trajectory from elsewhere."""
+        return isinstance(self.reader, GivesPoses)
+
+    def _holds(self, what: str) -> bool:
+        """A container's reader can give whatever may lie in it; its facts say "none" of what doesn't."""
+        return bool(self.inspection.facts.get(what) != "none")
+
+    @property
+    def scan_clock(self) -> ClockReading | None:
+        """What the clock said by which its scans are stamped."""
+        if not (self.gives_scans and isinstance(self.reader, GivesScans)):
+            return None
+        return next((c for c in reversed(self.inspection.clocks) if c.clock == self.reader.clock), None)
+
+    @property
+    def position_clock(self) -> ClockReading | None:
+        """What the clock said by which its positions or poses are stamped."""
+        if not (self.gives_track or self.gives_poses):
+            return None
+        return next((c for c in self.inspection.clocks if c.clock in (Clock.GNSS, Clock.STATED)), None)
+
+    @property
+    def first_s(self) -> float:
+        """When its content begins; without any clock, nothing is known and it is at the end."""
+        clock = self.scan_clock or self.position_clock
+        return clock.first_s if clock is not None else math.inf
+
+
+@dataclass(frozen=True)
+class TimeMatch:
+    """How a laser scanner's recording and one with positions lie to each other in time.
+
+    Attributes:
+        scans: the scanner's file.
+        positions: the other one.
+        shared_s: how long both were recorded; negative where a gap of that length lies between them.
+        offset_s: the scanner's clock minus the other's that would bring them together, if one is likely.
+        text: all this in words.
+    """
+
+    scans: Path
+    positions: Path
+    shared_s: float
+    offset_s: float | None
+    text: str
+
+
+def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
+    """How each scanner's recording lies to each one with positions; files whose clocks are unknown are left out."""
+    for scans in recordings:
+        for positions in recordings:
+            if scans.scan_clock is not None and positions.position_clock is not None:
+                yield _match(scans.path, scans.scan_clock, positions.path, positions.position_clock)
+
+
+def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str] | None:
+    """The constant by which the first clock is probably ahead of the second, and why, if their times don't meet.
+
+    Returns:
+        The likeliest of the known causes that brings at least half of the shorter recording together, with the multiple
+        that brings most; None where none does.
+    """
+    shorter_s = min(first.last_s - first.first_s, second.last_s - second.first_s)
+    for step_s, largest, cause in _OFFSETS:
+        nearest = round((first.first_s + first.last_s - second.first_s - second.last_s) / 2 / step_s)
+        near = [n * step_s for n in range(nearest - 1, nearest + 2) if n != 0 and abs(n) <= largest]
+        best_s = max(near, key=lambda offset_s: _shared_s(first, second, offset_s), default=None)
+        if best_s is not None and _shared_s(first, second, best_s) >= _ENOUGH * shorter_s:
+            return best_s, cause
+    return None
+
+
+def _shared_s(first: ClockReading, second: ClockReading, offset_s: float = 0.0) -> float:
+    """How long both ran, if the first is ahead by `offset_s`; negative: the length of the gap between them."""
+    return min(first.last_s - offset_s, second.last_s) - max(first.first_s - offset_s, second.first_s)
+
+
+def _match(scans: Path, scanner: ClockReading, positions: Path, other: ClockReading) -> TimeMatch:
+    shared_s = _shared_s(scanner, other)
+    span_s = scanner.last_s - scanner.first_s
+    names = f"{scans.name} and {positions.name}" if scans != positions else f"Scans and positions of {scans.name}"
+    offset_s = None
+    if shared_s >= 0:
+        share = f", {shared_s / span_s:.0%} of the scans" if span_s > 0 else ""
+        text = f"{names} overlap by {shared_s:.1f} s{share}."
+    else:
+        text = (
+            f"{names} do not overlap: {_told(scanner)} for the scans, {_told(other)} for the positions, "
+            f"{_length(-shared_s)} apart."
+        )
+        likely = likely_offset(scanner, other)
+        if likely is None:
+            text += " No usual offset (hours, leap seconds, days) would bring them together."
+        else:
+            offset_s, cause = likely
+            text += (
+                f" They would fit if the scanner's clock were {_length(abs(offset_s))} "
+                f"{'ahead' if offset_s > 0 else 'behind'} ({cause}): lidar_minus_gnss_s = {offset_s:.1f}."
+            )
+    return TimeMatch(scans, positions, shared_s, offset_s, text)
+
+
+def _told(reading: ClockReading) -> str:
+    return f"{iso_utc(reading.first_s)} to {iso_utc(reading.last_s)}"
+
+
+def _length(length_s: float) -> str:
+    """A length of time in a unit that can be pictured."""
+    if length_s < 2 * HOUR_S:
+        return f"{length_s:.1f} s"
+    return f"{length_s / HOUR_S:.2f} h" if length_s < 2 * DAY_S else f"{length_s / DAY_S:,.1f} days"

@@ -1,0 +1,304 @@
+"""A first `session.toml` from what the recordings themselves say."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.crs_choice import CrsChoice, choose_crs
+from furrowmap.core.examination import Examined, time_matches
+from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice, printable
+from furrowmap.core.values.session import SCHEMA
+
+UNKNOWN: Final = "FILL-IN"
+"""What stands where a session cannot do without a word that could not be found out."""
+
+_MOUNTING: Final = """\
+# Vehicle frame: origin on the ground below the middle of the rear axle; x forward, y left, z up, in metres.
+# Where the sensor is, and how it is turned: R = Rz(yaw) Ry(pitch) Rx(roll) takes its coordinates to the vehicle's.
+# xyz_m = [-0.55, 0.0, 2.35]
+# rpy_deg = [0.0, 40.0, 180.0]
+"""
+_ANTENNA: Final = """\
+# Phase centre of the GNSS antenna in the vehicle frame. Remove the two hash signs when it has been measured.
+# [antenna]
+# xyz_m = [1.85, 0.0, 1.62]
+"""
+_OPTIONAL: Final = """\
+# The tool, for what it has worked: width, and the middle of its line in the vehicle frame.
+# [implement]
+# kind = "rotary tiller"
+# width_m = 1.70
+# xy_m = [-1.45, 0.0]
+# working_depth_m = 0.12
+
+# The parcel's boundary, if there is a file of it.
+# [field]
+# boundary = "boundary.geojson"
+"""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A session file for its user to go over.
+
+    Attributes:
+        text: of the file; `load_session` reads it as it stands.
+        found: what could be found out.
+        missing: what a run needs or gains from and the recordings do not tell.
+    """
+
+    text: str
+    found: tuple[Notice, ...]
+    missing: tuple[Notice, ...]
+
+
+def common_folder(paths: Sequence[Path]) -> Path:
+    """The nearest folder that holds all the files: where a session that names them has to stand.
+
+    Raises:
+        InputError: if there is none but the root of a file system.
+    """
+    folders = {path.resolve().parent for path in paths}
+    try:
+        common = Path(os.path.commonpath(folders))
+    except ValueError:  # on different drives
+        common = Path(paths[0].anchor)
+    if len(folders) > 1 and common == Path(common.anchor):
+        raise InputError(
+            f"{paths[0]} and {paths[-1]} lie in folders that have nothing in common.",
+            "A session may only name files beside or below itself, and no such place holds them all.",
+            "Copy the recordings into one folder first.",
+            code="no-common-folder",
+        )
+    return common
+
+
+def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
+    """What a session in `folder` can say about the recordings.
+
+    Args:
+        recordings: in any order.
+        folder: where the file will stand.
+
+    Raises:
+        InputError: if a recording lies outside `folder`, or has a name that no TOML file can hold.
+    """
+    ordered = sorted(recordings, key=lambda r: r.first_s)
+    lidar = [r for r in ordered if r.gives_scans]
+    gnss = [r for r in ordered if r.gives_track]
+    poses = [r for r in ordered if r.gives_poses]
+    matches = list(time_matches(ordered))
+    near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
+    beginnings = [_beginning(r, near_s) for r in gnss + poses]
+    crs = next((b.crs for b in beginnings if b.crs is not None), None)
+    undated = any(r.position_clock is None for r in gnss)
+    date = next((b.date for b in beginnings if b.date), None) if undated else None
+    text = "\n".join(
+        [
+            _head(folder),
+            _recording(lidar, gnss, poses, folder),
+            _times([match.text for match in matches], date, undated=undated),
+            _crs(crs),
+            _trajectory(poses, folder) if poses else _ANTENNA,
+            _lidar(lidar),
+            _OPTIONAL,
+        ]
+    )
+    found = [
+        *(Notice("recording", f"{r.path.name}: {r.inspection.title}") for r in ordered),
+        *(Notice("time-overlap", match.text) for match in matches if match.shared_s > 0),
+        *_crs_found(crs),
+    ]
+    missing = [
+        *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
+        *(Notice("no-place", b.fault) for b in beginnings if b.fault),
+        *_missing(crs, lidar=bool(lidar), gnss=bool(gnss), poses=bool(poses)),
+    ]
+    return Proposal(text, tuple(found), tuple(missing))
+
+
+@dataclass(frozen=True)
+class _Beginning:
+    """Where and when a drive begins, as far as one recording tells.
+
+    Attributes:
+        crs: that suits the place.
+        date: of the first position (UTC).
+        fault: why neither could be told, or "".
+    """
+
+    crs: CrsChoice | None = None
+    date: str | None = None
+    fault: str = ""
+
+
+def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
+    """What a recording with positions tells; `near_s` is a time near which it was made, if one is known."""
+    # A log without dates has its place on any day.
+    reader = type(recording.reader)([recording.path], ReadOptions(near_s=0.0 if near_s is None else near_s))
+    try:
+        if isinstance(reader, GivesTrack):
+            track = reader.track()
+            t_s, lon_deg, lat_deg = track.t_s, track.lon_deg, track.lat_deg
+        elif isinstance(reader, GivesPoses) and not (poses := reader.poses()).projected:
+            t_s, lon_deg, lat_deg = poses.t_s, poses.position[:, 0], poses.position[:, 1]
+        else:
+            return _Beginning()
+    except InputError as error:
+        return _Beginning(fault=f"{recording.path.name} does not tell where it was made. {error.what}")
+    known = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
+    if not len(known):
+        return _Beginning(fault=f"{recording.path.name} does not tell where it was made: no positions.")
+    return _Beginning(
+        crs=choose_crs(float(lon_deg[known[0]]), float(lat_deg[known[0]])),
+        date=iso_utc(float(t_s[0])).partition("T")[0] if near_s is not None else None,
+    )
+
+
+def _crs_found(crs: CrsChoice | None) -> list[Notice]:
+    if crs is None:
+        return []
+    chosen = Notice("crs", f"CRS {crs.code} ({crs.name}): {crs.reason}.")
+    return [chosen, *(Notice("crs-alternative", f"Or {other}.") for other in crs.alternatives)]
+
+
+def _missing(crs: CrsChoice | None, *, lidar: bool, gnss: bool, poses: bool) -> list[Notice]:
+    """What the recordings do not tell."""
+    texts = {
+        "no-lidar": f"A laser scanner's recording: replace {UNKNOWN} in [recording] lidar." if not lidar else "",
+        "no-positions": f"A GNSS log or a trajectory: replace {UNKNOWN} in [recording] gnss."
+        if not (gnss or poses)
+        else "",
+        "no-crs": f"The map's CRS: no recording tells where it was made; replace {UNKNOWN} in [crs] map."
+        if crs is None
+        else "",
+        "no-mounting": "How the scanner is mounted: [lidar] xyz_m and rpy_deg. Until then it counts as upright at the "
+        "vehicle's origin.",
+        "no-antenna": "Where the GNSS antenna is: [antenna] xyz_m. Until then it counts as at the vehicle's origin."
+        if not poses
+        else "",
+        "no-implement": "The tool: [implement]. Without it no worked area can be told.",
+    }
+    return [Notice(code, text) for code, text in texts.items() if text]
+
+
+def _head(folder: Path) -> str:
+    return f"""\
+# A session as `furrowmap init` proposes it. Lines that begin with a hash sign are not read: go over them, measure what
+# they ask for, and remove the sign.
+furrowmap = {SCHEMA}
+name = {_quoted(folder.resolve().name or "session")}
+"""
+
+
+def _recording(lidar: Sequence[Examined], gnss: Sequence[Examined], poses: Sequence[Examined], folder: Path) -> str:
+    lines = ["[recording]", *_described(lidar), f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}"]
+    if gnss or not poses:
+        lines += [*_described(gnss), f"gnss = {_names(gnss, folder) or _listed([UNKNOWN])}"]
+    return "\n".join(lines)
+
+
+def _times(matches: Sequence[str], date: str | None, *, undated: bool) -> str:
+    """The keys of `[recording]` about clocks."""
+    lines = [f"# {printable(text)}" for text in matches]
+    lines += ["# Lidar clock minus GNSS clock in seconds, where they differ by a constant:", "lidar_minus_gnss_s = 0.0"]
+    if undated:
+        lines += ["# UTC date of the first position: the log itself tells none."]
+        lines += [f"date = {_quoted(date)}   # by the scanner's clock" if date else '# date = "2026-06-11"']
+    return "\n".join([*lines, ""])
+
+
+def _crs(crs: CrsChoice | None) -> str:
+    if crs is None:
+        words, code = ["The map's projected CRS: its place could not be found out."], UNKNOWN
+    else:
+        words, code = [f"{crs.name}: {crs.reason}.", *(f"Or {other}." for other in crs.alternatives)], crs.code
+    comments = "\n".join(f"# {printable(line)}" for line in words)
+    return f"""\
+[crs]
+{comments}
+map = {_quoted(code)}
+heights = "ellipsoidal"
+coordinates = "as-recorded"
+"""
+
+
+def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
+    comments = "\n".join(_described(poses))
+    return f"""\
+# A trajectory from elsewhere takes the place of GNSS.
+[trajectory]
+{comments}
+files = {_names(poses, folder)}
+# time = "utc"   # or "gps", where the file does not say
+"""
+
+
+def _lidar(lidar: Sequence[Examined]) -> str:
+    model = next((model for r in lidar if (model := _model(r.inspection.facts))), None)
+    stated = f"model = {_quoted(model)}   # as the recording says\n" if model else ""
+    return f"[lidar]\n{stated}{_MOUNTING}"
+
+
+def _model(facts: Mapping[str, Any]) -> str | None:
+    """The scanner's model in the facts of a recording, or of what a container holds under "scans"."""
+    within = facts.get("scans")
+    model = facts.get("model") or (within.get("model") if isinstance(within, Mapping) else None)
+    return str(model) if model else None
+
+
+def _described(recordings: Sequence[Examined]) -> list[str]:
+    """A comment on each recording."""
+    lines = []
+    for recording in recordings:
+        clock = recording.scan_clock or recording.position_clock
+        span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
+        lines.append(f"# {printable(recording.path.name)}: {printable(recording.inspection.title)}{span}")
+    return lines
+
+
+def _names(recordings: Sequence[Examined], folder: Path) -> str:
+    """The recordings' paths from `folder` as a TOML list; empty text without any."""
+    names = []
+    for recording in recordings:
+        path = recording.path.resolve()
+        if not path.is_relative_to(folder.resolve()):
+            raise InputError(
+                f"{recording.path} lies outside {folder}, where the session file is to stand.",
+                "A session may only name files beside or below itself.",
+                "Put the session file at or above the recordings' folder, or copy the recording beside it.",
+                code="session-path-outside",
+            )
+        names.append(path.relative_to(folder.resolve()).as_posix())
+    return _listed(names) if names else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"[{', '.join(_quoted(name) for name in names)}]"
+
+
+def _quoted(text: str) -> str:
+    """`text` as a TOML basic string; JSON's escapes are among TOML's, and DEL is all that JSON leaves bare.
+
+    Raises:
+        InputError: if it is a file name with bytes that are no text.
+    """
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        raise InputError(
+            f"{printable(text)}: the name is not valid UTF-8.",
+            "A session file is UTF-8 text and cannot name it.",
+            "Rename the file.",
+            code="name-not-text",
+        ) from None
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
