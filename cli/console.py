@@ -1,0 +1,121 @@
+"""What a verb says: answers to standard output, words to standard error, progress where somebody looks."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import click
+
+from furrowmap.cli.kernels import compilation_told
+from furrowmap.core.values.errors import FurrowmapError, Notice, printable
+from furrowmap.core.values.progress import Progress
+
+log = logging.getLogger("furrowmap.cli")
+
+
+@dataclass(frozen=True)
+class Console:
+    """How a verb talks to whoever called it.
+
+    Attributes:
+        as_json: the answer goes out as JSON instead of words.
+        quiet: no bar, no words but warnings and errors.
+        verbose: every step goes through the log to standard error, so there is no bar.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+
+    def answer(self, value: object, words: str) -> None:
+        """Give the verb's answer: `value` as JSON, or `words`."""
+        if self.as_json:
+            put_json(value)
+        else:
+            click.echo(words)
+
+    def say(self, text: str) -> None:
+        """Tell something on the way."""
+        log.info(text)
+        if not (self.quiet or self.verbose):
+            click.echo(text, err=True)
+
+    def warn(self, notice: Notice) -> None:
+        """Tell something that the user should know."""
+        click.secho(f"warning: {printable(notice.text)}", err=True, fg="yellow", color=colour())
+
+    @contextmanager
+    def work(self) -> Iterator[Progress]:
+        """Long work: a bar with stage, share and time left if standard error is a terminal."""
+        with compilation_told(self.say):
+            if self.quiet or self.verbose or not sys.stderr.isatty():
+                yield _stages_to_log()
+            else:
+                with _bar() as progress:
+                    yield progress
+
+
+def _stages_to_log() -> Progress:
+    seen: set[str] = set()
+
+    def show(stage: str, share: float) -> None:  # noqa: ARG001
+        if stage not in seen:
+            seen.add(stage)
+            log.info(stage)
+
+    return show
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    from rich.console import Console as RichConsole
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as RichProgress
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(compact=True, elapsed_when_finished=True),
+    )
+    with RichProgress(*columns, console=RichConsole(stderr=True, no_color=colour() is False)) as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(stage: str, share: float) -> None:
+            if stage not in tasks:
+                log.info(stage)
+                tasks[stage] = bar.add_task(stage, total=1.0)
+            bar.update(tasks[stage], completed=min(share, 1.0))
+
+        yield show
+
+
+def put_json(value: object) -> None:
+    """Write `value` as JSON to standard output, in UTF-8 whatever the terminal's encoding is."""
+    from furrowmap.exporters.json_text import json_text
+
+    click.echo(json_text(value).encode(), nl=False)
+
+
+def put_error(error: FurrowmapError) -> None:
+    """Write the three lines of `error` to standard error."""
+    what, *rest = error.lines
+    click.secho(what, err=True, fg="red", color=colour())
+    for line in rest:
+        click.echo(line, err=True)
+
+
+def error_value(error: FurrowmapError) -> dict[str, str]:
+    """`error` as the JSON answers show it."""
+    return {"code": error.code, "what": error.what, "meaning": error.meaning, "remedy": error.remedy}
+
+
+def colour() -> bool | None:
+    """None to colour where a terminal is, False where the user wants none (https://no-color.org)."""
+    return False if os.environ.get("NO_COLOR") else None

@@ -1,0 +1,90 @@
+"""`furrowmap inspect`: what recordings are and hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from furrowmap.cli.console import Console, error_value, put_error
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.words import figures, table
+from furrowmap.core.values.errors import InputError, printable
+
+if TYPE_CHECKING:
+    from furrowmap.core.readers.reader import Inspection
+
+
+@click.command(
+    short_help="Say what files are and hold.",
+    epilog="\b\nExample:\n  furrowmap inspect recording.pcap.gz gnss.nmea",
+)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE)
+@common_options
+def inspect(console: Console, files: tuple[Path, ...]) -> None:
+    """Say what each FILE is and holds: model, span, clocks, fixes, damage; and how several lie to each other in time.
+
+    A file that cannot be read is told on standard error; the others still come, and the exit status is 3.
+    """
+    from furrowmap.core.examination import Examined, time_matches
+
+    examined: list[Examined] = []
+    answers: list[dict[str, Any]] = []
+    refused = False
+    with console.work() as progress:
+        for done, path in enumerate(files):
+            progress(f"Reading {path.name}", done / len(files))
+            try:
+                recording = Examined.of(path)
+            except InputError as error:
+                refused = True
+                put_error(error)
+                answers.append({"path": path, "error": error_value(error)})
+            else:
+                examined.append(recording)
+                answers.append(_value(recording.inspection))
+    matches = list(time_matches(examined))
+    parts = [_words(recording.inspection) for recording in examined]
+    parts += ["\n".join(printable(match.text) for match in matches)] if matches else []
+    console.answer({"files": answers, "time_matches": matches}, "\n\n".join(parts))
+    if refused:
+        click.get_current_context().exit(InputError.exit_status)
+
+
+def _value(inspection: Inspection) -> dict[str, Any]:
+    from furrowmap.core.values.clock import iso_utc
+
+    return {
+        "path": inspection.path,
+        "format": inspection.format,
+        "title": inspection.title,
+        "facts": inspection.facts,
+        "clocks": [
+            {
+                "clock": reading.clock,
+                "first": iso_utc(reading.first_s),
+                "last": iso_utc(reading.last_s),
+                "first_s": reading.first_s,
+                "last_s": reading.last_s,
+                "note": reading.note,
+            }
+            for reading in inspection.clocks
+        ],
+        "notices": inspection.notices,
+    }
+
+
+def _words(inspection: Inspection) -> str:
+    from furrowmap.core.values.clock import iso_utc
+
+    rows = figures(inspection.facts)
+    rows += [
+        (
+            f"clock {reading.clock}",
+            f"{iso_utc(reading.first_s)} to {iso_utc(reading.last_s)}\n{printable(reading.note)}",
+        )
+        for reading in inspection.clocks
+    ]
+    rows += [("notice", printable(notice.text)) for notice in inspection.notices]
+    return f"{printable(str(inspection.path))}: {printable(inspection.title)}\n{table(rows)}"

@@ -1,0 +1,69 @@
+"""Where compiled kernels are kept between runs, and how a user hears of their being made."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+VARIABLE: Final = "NUMBA_CACHE_DIR"
+COMPILING: Final = "Compiling kernels for this machine, once (about 20 s)."
+
+
+def keep_kernels() -> None:
+    """Give numba a folder of this user and version for its compiled kernels; to be called before numba is imported.
+
+    A folder already set is respected. Where the user may write nowhere, a temporary folder serves this one run, because
+    numba refuses to load kernels that it cannot keep.
+    """
+    if VARIABLE in os.environ:
+        return
+    folder = _caches() / "furrowmap" / f"kernels-{version('furrowmap')}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="furrowmap-kernels-"))
+    os.environ[VARIABLE] = str(folder)
+
+
+@contextmanager
+def compilation_told(say: Callable[[str], None]) -> Iterator[None]:
+    """Within it, `say` is told once if a kernel has to be compiled that was not found among those kept.
+
+    Entering imports numba.
+    """
+    from numba.core import event
+
+    class FirstCompilation(event.Listener):  # type: ignore[misc]  # numba has no types
+        told = False
+
+        def on_start(self, _event: Any) -> None:
+            if not self.told:
+                self.told = True
+                say(COMPILING)
+
+        def on_end(self, _event: Any) -> None:
+            """Only a start is told."""
+
+    listener = FirstCompilation()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)
+
+
+def _caches() -> Path:
+    """The folder for what this user's programs can make again."""
+    if stated := os.environ.get("XDG_CACHE_HOME"):
+        return Path(stated)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    return Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")

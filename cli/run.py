@@ -1,0 +1,47 @@
+"""`furrowmap run`: from a session to its products."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.words import figures, table
+from furrowmap.core.values.errors import Notice, printable
+
+
+@click.command(
+    short_help="Make the cloud and the other products of a session.",
+    epilog="\b\nExample:\n  furrowmap run session.toml -o result",
+)
+@click.argument("session", type=FILE)
+@click.option(
+    "-o", "--output", type=FILE, metavar="DIR", help="Folder for the products [default: SESSION_result beside SESSION]."
+)
+@click.option("--overwrite", is_flag=True, help="Replace the products of another session in that folder.")
+@common_options
+def run(console: Console, session: Path, output: Path | None, *, overwrite: bool) -> None:
+    """Compute the georeferenced cloud of the recording that SESSION describes, and write it with its trajectory.
+
+    The folder then holds cloud.copc.laz, field.gpkg, report.json and session.toml as it was understood.
+    """
+    from furrowmap.exporters.products import write_products
+
+    folder = output or session.resolve().parent / f"{session.stem}_result"
+    with console.work() as progress:
+        report = write_products(session, folder, overwrite=overwrite, progress=progress)
+    for warning in report["warnings"]:
+        console.warn(Notice(warning["code"], warning["text"]))
+    console.answer(report, _words(report, folder))
+
+
+def _words(report: dict[str, Any], folder: Path) -> str:
+    files = [(printable(name), _size(folder / name)) for name in report["products"]]
+    return f"{table(figures(report['figures']))}\n{printable(str(folder))}:\n{table(files)}"
+
+
+def _size(path: Path) -> str:
+    return f"{path.stat().st_size / 1e6:,.1f} MB"

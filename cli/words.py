@@ -1,0 +1,71 @@
+"""Named figures in words: `duration_s: 59.8` is told as "duration  59.8 s"."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from furrowmap.core.values.errors import printable
+
+_UNITS: Final = {
+    "m2": "m²",
+    "m3": "m³",
+    "mps": "m/s",
+    "hz": "Hz",
+    "rpm": "rpm",
+    "deg": "°",
+    "mm": "mm",
+    "m": "m",
+    "s": "s",
+    "percent": "%",
+}
+
+
+def figures(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Names and values as rows of a table; a table within becomes one line."""
+    return [_figure(name, value) for name, value in values.items()]
+
+
+def table(rows: Iterable[tuple[str, str]]) -> str:
+    """Two columns, indented; a value's further lines stand below its first."""
+    rows = list(rows)
+    width = max((len(name) for name, _ in rows), default=0)
+    lines = []
+    for name, value in rows:
+        first, *more = value.splitlines() or [""]
+        lines.append(f"  {name:<{width}}  {first}".rstrip())
+        lines.extend(f"  {'':<{width}}  {line}" for line in more)
+    return "\n".join(lines)
+
+
+def _figure(name: str, value: Any) -> tuple[str, str]:
+    stem, _, suffix = name.rpartition("_")
+    unit = _UNITS.get(suffix, "") if stem and _is_number(value) else ""
+    label = (stem if unit else name).replace("_", " ")
+    gap = "" if unit in ("", "°") else " "
+    return printable(label), f"{_told(value)}{gap}{unit}"
+
+
+def _told(value: Any) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}" if abs(value) >= 10_000 else str(value)
+    if isinstance(value, float):
+        return f"{value:,.10g}"
+    if isinstance(value, Mapping | list | tuple) and not value:
+        return "none"
+    if isinstance(value, Mapping):
+        if all(isinstance(item, Mapping) for item in value.values()):
+            return "\n".join(f"{printable(str(name))}: {_told(item)}" for name, item in value.items())
+        return ", ".join(" ".join(_figure(str(name), item)) for name, item in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_told(item) for item in value)
+    return printable(str(value))
+
+
+def _is_number(value: Any) -> bool:
+    numbers = value if isinstance(value, list | tuple) else [value]
+    return bool(numbers) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
