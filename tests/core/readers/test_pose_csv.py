@@ -1,0 +1,228 @@
+"""Trajectories in CSV: the samples' figures, other people's habits, and every way to refuse one."""
+
+from __future__ import annotations
+
+import gzip
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furrowmap.core.readers.pose_csv import PoseCsv
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.source import look
+from furrowmap.core.values.clock import utc_to_gps_s
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.pose_track import PoseTrack
+from furrowmap.core.values.rotation import wrap_deg
+
+HEADER = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
+T0 = 1781141019.8
+
+
+def rows(count: int = 5, t0: float = T0) -> list[str]:
+    return [f"{t0 + k / 100:.4f},{100 + k},200.5,30.25,1.5,-0.5,{(359 + k) % 360}" for k in range(count)]
+
+
+def write(folder: Path, *lines: str, name: str = "trajectory.csv") -> Path:
+    path = folder / name
+    path.write_bytes(("\n".join(lines) + "\n").encode())
+    return path
+
+
+def poses(*paths: Path, **options: Any) -> PoseTrack:
+    return PoseCsv(list(paths), ReadOptions(**options)).poses()
+
+
+def refusal(path: Path, **options: Any) -> InputError:
+    with pytest.raises(InputError) as error:
+        poses(path, **options)
+    return error.value
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "gaps", "longest_s"),
+    [
+        ("rover_real/reference_poses.csv", 14330, 385, 2.87),
+        ("tractor_loop/truth/trajectory.csv", 6141, 0, 0.0),
+        ("tractor_fishtail/truth/trajectory.csv", 6415, 0, 0.0),
+    ],
+)
+def test_samples__are_read_whole(name: str, count: int, gaps: int, longest_s: float, shared_data: Path) -> None:
+    path = shared_data / name
+    assert PoseCsv.recognise(look(path)) == 1.0
+    told = PoseCsv([path], ReadOptions()).inspect()
+    assert told.facts["poses"] == count
+    assert (told.facts["gaps"]["count"], told.facts["gaps"]["longest_s"]) == (gaps, longest_s)
+    assert told.facts["rate_hz"] == 100.0
+    assert told.notices == ()
+    track = poses(path)
+    expected = np.loadtxt(path, delimiter=",", skiprows=1, usecols=range(7))
+    np.testing.assert_allclose(track.t_s, expected[:, 0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(track.position, expected[:, 1:4], rtol=1e-14)
+    attitude = np.column_stack([track.roll_deg, track.pitch_deg, track.heading_deg])
+    np.testing.assert_allclose(attitude, expected[:, 4:7], rtol=1e-14)
+    assert track.projected
+    assert not track.true_north
+
+
+def test_columns__in_any_order_with_strangers_between(tmp_path: Path) -> None:
+    path = write(
+        tmp_path,
+        '\ufeff"note" ; heading_deg; sigma_h_m;pitch_deg;roll_deg;h_m;lat_deg;lon_deg;time_unix_s',
+        f"hello;10;0.03;2;1;50;36.9;140.0;{T0}",
+        f";11;;2;1;50;36.9;140.1;{T0 + 1}",
+    )
+    reader = PoseCsv([path], ReadOptions())
+    assert PoseCsv.recognise(look(path)) == 1.0
+    assert reader.inspect().facts["unused_columns"] == ["note"]
+    track = reader.poses()
+    assert not track.projected
+    np.testing.assert_array_equal(track.position, [[140.0, 36.9, 50.0], [140.1, 36.9, 50.0]])
+    np.testing.assert_array_equal(track.heading_deg, [10.0, 11.0])
+    np.testing.assert_array_equal(track.sigma[:, 2], [0.03, np.nan])
+    assert np.isnan(track.sigma[:, [0, 1, 3, 4, 5]]).all()
+
+
+def test_columns__easting_and_northing_are_preferred_to_longitude_and_latitude(tmp_path: Path) -> None:
+    path = write(tmp_path, HEADER + ",lon_deg,lat_deg", *(row + ",139,35" for row in rows()))
+    assert poses(path).position[0, 0] == 100.0
+
+
+@pytest.mark.parametrize(
+    ("header", "missing", "nearest"),
+    [
+        (HEADER.replace("heading_deg", "Heading"), "heading_deg", "Heading"),
+        (HEADER.replace("h_m", "altitude"), "h_m", "altitude"),
+        (HEADER.replace("e_m", "Easting"), "e_m", "Easting"),
+        (HEADER.replace("time_unix_s", "unix_time"), "time_unix_s", "unix_time"),
+        (HEADER.replace("pitch_deg", "pich_deg"), "pitch_deg", "pich_deg"),
+    ],
+)
+def test_columns__a_missing_one_is_named_with_the_nearest(
+    header: str, missing: str, nearest: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, header, *rows())
+    assert PoseCsv.recognise(look(path)) > 0
+    error = refusal(path)
+    assert error.code == "missing-column"
+    assert f"`{missing}`" in error.what
+    assert f"`{nearest}`" in error.what
+
+
+def test_columns__one_named_twice_is_refused(tmp_path: Path) -> None:
+    assert refusal(write(tmp_path, HEADER + ",h_m", *(row + ",1" for row in rows()))).code == "column-twice"
+
+
+def test_times__gps_since_1980_or_of_a_week(tmp_path: Path) -> None:
+    header = HEADER.replace("time_unix_s", "time_gps_s")
+    gps = float(utc_to_gps_s(T0))
+    np.testing.assert_allclose(poses(write(tmp_path, header, *rows(t0=gps))).t_s, T0 + np.arange(5) / 100, atol=1e-6)
+    week, second = divmod(gps, 604_800)
+    path = write(tmp_path, header, *rows(t0=second))
+    for options in ({"week": int(week)}, {"near_s": T0 + 200_000}, {"week": int(week), "time": "gps"}):
+        np.testing.assert_allclose(poses(path, **options).t_s, T0 + np.arange(5) / 100, atol=1e-6)
+    error = refusal(path)
+    assert error.code == "no-gps-week"
+    assert "week = N" in error.remedy
+    told = PoseCsv([path], ReadOptions()).inspect()
+    assert told.clocks == ()
+    assert [notice.code for notice in told.notices] == ["no-gps-week"]
+
+
+def test_times__a_stated_scale_that_the_header_contradicts_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, HEADER, *rows())
+    assert refusal(path, time="gps").code == "time-contradicted"
+    assert len(poses(path, time="utc")) == 5
+
+
+def test_times__milliseconds_are_refused(tmp_path: Path) -> None:
+    error = refusal(write(tmp_path, HEADER, *rows(t0=T0 * 1000)))
+    assert error.code == "value-out-of-range"
+    assert "time_unix_s" in error.what
+
+
+def test_rows__that_lack_a_number_or_repeat_a_time_are_left_out_and_told(tmp_path: Path) -> None:
+    given_rows = rows(300)
+    given_rows[3] = given_rows[3].replace("1.5", "")
+    given_rows[5] = given_rows[5].replace("200.5", "inf")
+    given_rows[7] = given_rows[6]
+    given_rows[9], given_rows[10] = given_rows[10], given_rows[9]
+    given_rows.append(given_rows[-1][:20])
+    reader = PoseCsv([write(tmp_path, HEADER, *given_rows)], ReadOptions())
+    assert len(reader.poses()) == 300 - 4
+    texts = {notice.code: notice.text for notice in reader.notices}
+    assert "3 of 301 rows" in texts["rows-incomplete"]
+    assert texts.keys() == {"rows-incomplete", "poses-repeated", "time-runs-back"}
+
+
+def test_rows__shuffled_ones_are_refused(tmp_path: Path) -> None:
+    assert refusal(write(tmp_path, HEADER, *rows(20)[::-1])).code == "time-disorder"
+
+
+def test_rows__words_instead_of_numbers_are_refused_with_their_line(tmp_path: Path) -> None:
+    given_rows = rows()
+    given_rows[2] = given_rows[2].replace("200.5", "200,5 m".replace(",", "."))
+    error = refusal(write(tmp_path, HEADER, *given_rows))
+    assert error.code == "not-a-number"
+    assert "line 4: column `n_m` holds '200.5 m'" in error.what
+
+
+def test_rows__degrees_beyond_reason_are_refused(tmp_path: Path) -> None:
+    error = refusal(write(tmp_path, HEADER, *(row.replace("-0.5", "-95") for row in rows())))
+    assert error.code == "value-out-of-range"
+    assert "pitch_deg" in error.what
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_rows__fewer_than_two_are_no_trajectory(count: int, tmp_path: Path) -> None:
+    assert refusal(write(tmp_path, HEADER, *rows(count))).code == "no-poses"
+
+
+def test_files__of_one_trajectory_follow_each_other(tmp_path: Path) -> None:
+    a = write(tmp_path, HEADER, *rows(5), name="a.csv")
+    b = write(tmp_path, HEADER, *rows(5, T0 + 10), name="b.csv")
+    assert len(poses(a, b)) == 10
+    other = write(tmp_path, HEADER.replace("e_m,n_m", "lon_deg,lat_deg"), *(r.replace("200.5", "20.5") for r in rows()))
+    with pytest.raises(InputError, match="must mean the same"):
+        poses(a, other)
+
+
+def test_files__compressed_and_cut(shared_data: Path, tmp_path: Path) -> None:
+    packed = gzip.compress((shared_data / "tractor_loop/truth/trajectory.csv").read_bytes())
+    path = tmp_path / "trajectory.csv.gz"
+    path.write_bytes(packed)
+    assert len(poses(path)) == 6141
+    path.write_bytes(packed[: len(packed) // 2])
+    reader = PoseCsv([path], ReadOptions())
+    track = reader.poses()
+    assert 1000 < len(track) < 6141
+    assert [notice.code for notice in reader.notices] == ["stream-cut"]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "a,b\n1,2\n", "roll,pitch\n1,2\n", HEADER, "x" * 10_000 + "\n1\n", HEADER + "\n\0\n"]
+)
+def test_recognise__says_no_to_other_text(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text(text or " ")
+    assert PoseCsv.recognise(look(path)) == 0.0
+
+
+@given(st.lists(st.integers(1, 10**6), min_size=2, max_size=30), st.data())
+def test_numbers__come_back_as_written(steps: list[int], data: st.DataObject) -> None:
+    t_s = T0 + np.cumsum(steps) / 1000
+    number = st.floats(-1e7, 1e7).map(lambda x: round(x, 4))
+    values = [[data.draw(number) for _ in range(3)] for _ in steps]
+    angles = [[data.draw(st.floats(-89, 89)) for _ in range(3)] for _ in steps]
+    lines = [",".join(map(repr, [float(t), *v, *a])) for t, v, a in zip(t_s, values, angles, strict=True)]
+    with tempfile.TemporaryDirectory() as folder:
+        track = poses(write(Path(folder), HEADER, *lines))
+    np.testing.assert_allclose(track.t_s, t_s, rtol=1e-15)
+    np.testing.assert_allclose(track.position, values, rtol=1e-15)
+    np.testing.assert_allclose(wrap_deg(track.heading_deg - np.array(angles)[:, 2]), 0.0, atol=1e-12)
+    assert np.all((track.heading_deg >= 0.0) & (track.heading_deg < 360.0))
