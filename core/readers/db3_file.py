@@ -37,6 +37,7 @@ class Db3File:
         """The messages (of some topics) in the order of recording."""
         with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
             database, writable = self._plain(Path(folder))
+            self._note_missing_pages(database)
             flags = "mode=rw" if writable else "mode=ro&immutable=1"
             try:
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
@@ -66,6 +67,22 @@ class Db3File:
             self._note("bag-unclosed", f"its recorder was killed and left {journal.name}, which was taken in as well")
         return copy, True
 
+    def _note_missing_pages(self, database: Path) -> None:
+        """SQLite reads a database that was cut without a word where the missing pages are not asked for.
+
+        Its header says how large it should be: https://www.sqlite.org/fileformat.html, section 1.3.7.
+        """
+        with database.open("rb") as file:
+            header = file.read(100)
+        page_bytes = int.from_bytes(header[16:18], "big")
+        pages = int.from_bytes(header[28:32], "big") if header[24:28] == header[92:96] else 0
+        expected, there = pages * (65536 if page_bytes == 1 else page_bytes), database.stat().st_size
+        if there < expected:
+            self._note(
+                "bag-cut",
+                f"it has {there} bytes where its header tells of {expected}: its last messages are missing or damaged",
+            )
+
     def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
         known = {
             number: (str(name), ros2_type(str(kind)), str(encoding))
@@ -82,7 +99,7 @@ class Db3File:
         )
         damaged = 0
         for row, number, received_ns, data in rows:
-            self.share_read = row / last
+            self.share_read = min(1.0, row / (last or 1))
             if number in known and isinstance(received_ns, int) and isinstance(data, bytes):
                 yield BagMessage(*known[number], received_ns, data)
             else:

@@ -31,6 +31,9 @@ _REVOLUTION_S: Final = (0.005, 1.5)
 """Between these lies the time that any spinning scanner takes for a turn: three units of time differ by a thousand, so
 at most one of them brings a message's span in here."""
 
+_MOST_FIRINGS: Final = 1e6
+"""In one message; more come from damaged times only."""
+
 
 @dataclass(frozen=True)
 class _PointTimes:
@@ -213,13 +216,14 @@ def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.i
     step = step[step > 0]
     if not len(step):
         return np.zeros(len(t_s), np.int64)
-    cycle_s = float(np.quantile(step, 0.2))
+    cycle_s = float(np.quantile(step, 0.2, method="lower"))
     cycle_s = float(step[np.abs(step - cycle_s) < 0.2 * cycle_s].mean())
-    turns = (t_s - t_s[0]) / cycle_s
+    turns = np.minimum((t_s - t_s[0]) / cycle_s, _MOST_FIRINGS)
     within = np.sort(turns % 1.0)
     pause = np.diff(within, append=within[0] + 1.0)
     widest = int(np.argmax(pause))
-    return np.floor(turns - within[widest] - 0.5 * pause[widest]).astype(np.int64)
+    firing: NDArray[np.int64] = np.floor(turns - within[widest] - 0.5 * pause[widest]).astype(np.int64)
+    return firing
 
 
 def _intensity(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
