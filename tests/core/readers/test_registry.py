@@ -1,0 +1,93 @@
+"""Every sample file finds its reader by content, or is refused in three sentences."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording, readers
+from furrowmap.core.values.errors import InputError
+
+# Files of the folder gnss that are NMEA 0183; the others are of kinds that are not read.
+NMEA = (
+    *("nmea/*", "clas/*.nmea", "car_reference/*.nmea"),
+    *("walk_f9p/walk.nmea", "walk_f9p/walk_raw_mixed.log"),
+)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled(shared_data: Path) -> None:
+    """The first call compiles, and is not timed."""
+    Recognised.of(shared_data / "tractor_loop/gnss.nmea").inspect()
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def refused(path: Path) -> InputError:
+    """The error with which a file is refused, within two seconds."""
+    began = time.perf_counter()
+    with pytest.raises(InputError) as error:
+        Recognised.of(path).inspect()
+    assert time.perf_counter() - began < 2.0, path
+    assert all(error.value.lines), path
+    assert path.name in error.value.what
+    return error.value
+
+
+def test_readers__are_all_found_and_named_apart() -> None:
+    formats = [reader.format for reader in readers()]
+    assert {"nmea", "pose-csv", "sbet", "velodyne-pcap", "rosbag1", "rosbag2"} <= set(formats)
+    assert len(formats) == len(set(formats))
+
+
+def test_gnss_samples__are_told_or_refused(shared_data: Path) -> None:
+    folder = shared_data / "gnss"
+    nmea = {path for pattern in NMEA for path in folder.glob(pattern)}
+    assert len(nmea) == 21 + 2 + 1 + 2
+    for path in files(folder):
+        if path in nmea:
+            assert Recognised.of(path).reader.format == "nmea", path
+        else:
+            assert refused(path).code in ("unknown-format", "missing-column"), path
+
+
+@pytest.mark.parametrize("folder", ["las", "isoxml", "geo"])
+def test_samples_of_other_kinds__are_refused(folder: str, shared_data: Path) -> None:
+    for path in files(shared_data / folder):
+        assert refused(path).code in ("unknown-format", "empty-file", "missing-column"), path
+
+
+def test_binary_logs__with_a_stray_sentence_are_no_nmea(shared_data: Path) -> None:
+    for name in ("ubx/mixed_ubx_nmea_rtcm3.ubx", "ubx/mixed_many_messages.ubx", "sbf/mixed.sbf"):
+        assert b"$GN" in (shared_data / "gnss" / name).read_bytes()
+        assert refused(shared_data / "gnss" / name).code == "unknown-format"
+
+
+@pytest.mark.parametrize(
+    ("name", "format_"),
+    [
+        ("tractor_loop/gnss.nmea", "nmea"),
+        ("gnss/nmea/f9p_nmea_in_binary.log", "nmea"),
+        ("tractor_loop/truth/trajectory.csv", "pose-csv"),
+        ("sbet/flight_derived.sbet", "sbet"),
+        ("velodyne/vlp16_single_gps.pcap", "velodyne-pcap"),
+    ],
+)
+def test_content__decides_and_not_the_name(name: str, format_: str, shared_data: Path, tmp_path: Path) -> None:
+    for suffix in ("", ".dat", ".pcap", ".nmea", ".csv"):
+        copy = tmp_path / f"recording{suffix}"
+        shutil.copyfile(shared_data / name, copy)
+        assert Recognised.of(copy).reader.format == format_
+        copy.unlink()
+
+
+def test_recording__of_two_kinds_is_refused(shared_data: Path) -> None:
+    loop = shared_data / "tractor_loop"
+    with pytest.raises(InputError) as error:
+        open_recording([loop / "gnss.nmea", loop / "truth/trajectory.csv"], ReadOptions())
+    assert error.value.code == "mixed-formats"
