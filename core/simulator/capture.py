@@ -1,0 +1,65 @@
+"""A packet capture: UDP datagrams in IPv4 in Ethernet in a classic pcap file.
+
+Formats: draft-ietf-opsawg-pcap (file), RFC 791 (IPv4), RFC 768 (UDP), RFC 1071 (checksums).
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+
+FILE_HEADER: Final = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+_ETHERNET: Final = bytes.fromhex("ffffffffffff 60768820a1c4 0800")
+_ADDRESSES: Final = bytes([192, 168, 1, 201, 255, 255, 255, 255])
+HEADERS: Final = 42
+
+
+def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) -> Bytes:
+    """(n, 16 + 42 + k) capture records of `payload` (n, k), sent from and to `port`.
+
+    Args:
+        time_us: (n,) the capturing computer's clock, microseconds since 1970.
+        payload: (n, k) uint8, k even.
+        port: UDP port.
+        number: of the first datagram, for the IP identification.
+    """
+    n, k = payload.shape
+    frame = np.zeros((n, 16 + HEADERS + k), np.uint8)
+    frame[:, :16] = np.column_stack(
+        [time_us // 1_000_000, time_us % 1_000_000, np.full(n, HEADERS + k), np.full(n, HEADERS + k)]
+    ).astype("<u4").view(np.uint8).reshape(n, 16)  # fmt: skip
+    ip, udp = 16 + 14, 16 + 14 + 20
+    frame[:, 16:ip] = np.frombuffer(_ETHERNET, np.uint8)
+    header = struct.pack(">BBHHHBBH", 0x45, 0, 28 + k, 0, 0x4000, 64, 17, 0) + _ADDRESSES
+    frame[:, ip:udp] = np.frombuffer(header, np.uint8)
+    _put(frame, ip + 4, (number + np.arange(n)) & 0xFFFF)
+    _put(frame, ip + 10, _checksum(frame[:, ip:udp], 0))
+    frame[:, udp : udp + 8] = np.frombuffer(struct.pack(">HHHH", port, port, 8 + k, 0), np.uint8)
+    frame[:, udp + 8 :] = payload
+    # the pseudo header adds addresses, protocol and length; 0 would mean that there is no checksum
+    pseudo = int(_words(np.frombuffer(_ADDRESSES, np.uint8)[None, :]).sum()) + 17 + 8 + k
+    checksum = _checksum(frame[:, udp:], pseudo)
+    _put(frame, udp + 6, np.where(checksum == 0, 0xFFFF, checksum))
+    return frame
+
+
+def _words(data: Bytes) -> NDArray[np.int64]:
+    return np.ascontiguousarray(data).view(">u2").astype(np.int64)
+
+
+def _checksum(data: Bytes, more: int) -> NDArray[np.int64]:
+    total = _words(data).sum(axis=1) + more
+    for _ in range(2):
+        total = (total & 0xFFFF) + (total >> 16)
+    checksum: NDArray[np.int64] = ~total & 0xFFFF
+    return checksum
+
+
+def _put(frame: Bytes, at: int, value: NDArray[np.int64]) -> None:
+    frame[:, at] = value >> 8
+    frame[:, at + 1] = value & 0xFF

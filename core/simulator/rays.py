@@ -1,0 +1,446 @@
+"""What the beams meet: the compiled loop over firings and lasers.
+
+A beam is followed in two frames. The tractor's body and its tool stand still in the vehicle frame, the tool but for its
+height; ground, walls and posts stand still in the local frame. The nearest counts. On the ground, blocks whose highest
+point lies below the beam are skipped; elsewhere it is followed in steps shorter than a cell, and the place where it
+dips into the relief is found by bisection.
+
+Chance is drawn by number of firing and laser (SplitMix64: Steele, Lea and Flood 2014, Fast splittable pseudorandom
+number generators), so that the result does not depend on how the firings are shared out among threads.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.site import CELL_M as CELL
+from furrowmap.core.simulator.soil import BLOCK, Ground, relief_at
+from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, LASERS, RANGE_STEP_M, VERTICAL_OFFSET_M
+
+FloatArray = NDArray[np.float64]
+
+
+class Met(IntEnum):
+    """What a beam met."""
+
+    NOTHING = 0
+    SOIL = 1
+    TILLED = 2
+    STRAW = 3
+    OBJECT = 4
+    IMPLEMENT = 5
+    BODY = 6
+    DUST = 7
+
+
+_SOIL, _TILLED, _STRAW, _OBJECT = int(Met.SOIL), int(Met.TILLED), int(Met.STRAW), int(Met.OBJECT)
+_IMPLEMENT, _BODY, _DUST = int(Met.IMPLEMENT), int(Met.BODY), int(Met.DUST)
+_BRIGHTNESS: Final = np.array([0.0, 31.0, 22.0, 54.0, 52.0, 58.0, 44.0, 12.0])
+"""Reflectivity of each, in the sensor's units (255 a mirror, 100 a white sheet)."""
+_BRIGHTNESS_STEP: Final = 13.0
+"""Reflectivity of a wall of brightness 1."""
+
+_DUST_CENTRE = (-0.7, 0.6)
+"""Of the dust cloud: behind the tool's line, above the ground."""
+_DUST_RADII = (1.9, 2.3, 1.1)
+_SEPARATION_M = 1.0
+"""Two returns of one pulse nearer than this are one (VLP-16 User Manual 63-9243, section on return modes)."""
+_CELL_SHARE = 0.8
+_FAINT = 0.0082
+"""Reflectivity · cos(incidence) / range² at which one pulse in e is lost: soil at 17 m from a sensor 2.4 m high."""
+
+
+class Scene(NamedTuple):
+    """Everything a beam may meet.
+
+    Attributes:
+        ground: the ground.
+        straw: share of the ground, highest, chance to stop a beam.
+        walls: (n, 9) east, north, cosine and sine of the direction, half length, half thickness, bottom, top,
+            reflectivity.
+        posts: (n, 5) east, north, radius, bottom, top.
+        body: (n, 6) boxes in the vehicle frame.
+        tool: (n, 6) boxes in the vehicle frame, the tool in working position.
+        dust: (6,) centre and radii of the dust cloud in the vehicle frame.
+    """
+
+    ground: Ground
+    straw: FloatArray
+    walls: FloatArray
+    posts: FloatArray
+    body: FloatArray
+    tool: FloatArray
+    dust: FloatArray
+
+
+class Optics(NamedTuple):
+    """The sensor and what disturbs it.
+
+    Attributes:
+        mount: (3, 4) rotation from sensor to vehicle, and origin.
+        lasers: (16, 4) cosine and sine of elevation, vertical offset, range error.
+        noise: range noise, its growth at grazing angles, dropout, dust a metre.
+        reach: nearest and farthest range.
+        seed: of the beams' chance.
+    """
+
+    mount: FloatArray
+    lasers: FloatArray
+    noise: FloatArray
+    reach: FloatArray
+    seed: int
+
+
+@dataclass(frozen=True)
+class Firings:
+    """Successive firings and where the sensor was.
+
+    Attributes:
+        number: of the first of them.
+        t_s: (n,) local time.
+        azimuth_rad: (n,) of the first laser.
+        turn_radps: (n,) speed of rotation.
+        xyz_m: (n, 3) vehicle frame's origin, local.
+        rotation: (n, 3, 3) vehicle to local.
+        tool_m: (n,) height of the tool.
+        dusty: (n,) 0 to 1.
+    """
+
+    number: int
+    t_s: FloatArray
+    azimuth_rad: FloatArray
+    turn_radps: FloatArray
+    xyz_m: FloatArray
+    rotation: FloatArray
+    tool_m: FloatArray
+    dusty: FloatArray
+
+
+@dataclass(frozen=True)
+class Returns:
+    """What came back, [strongest, last] of every firing and laser; the same twice where there is only one.
+
+    Attributes:
+        ticks: (2, n, 16) uint16, range in steps of 2 mm, 0 for none.
+        reflectivity: (2, n, 16) uint8.
+        met: (2, n, 16) uint8, :class:`Met`.
+        cell: (2, n, 16) int32, row * cols + col of the ground's cell, -1 elsewhere.
+    """
+
+    ticks: NDArray[np.uint16]
+    reflectivity: NDArray[np.uint8]
+    met: NDArray[np.uint8]
+    cell: NDArray[np.int32]
+
+
+def make_scene(scenario: Scenario, ground: Ground) -> Scene:
+    """The scene of a scenario that is laid out."""
+
+    def plane(e_m: float, n_m: float) -> float:
+        return ground.slope_e * e_m + ground.slope_n * n_m
+
+    walls = [
+        (
+            *(e, n, math.cos(math.radians(a)), math.sin(math.radians(a)), 0.5 * length, 0.5 * thick),
+            *(plane(e, n) - 1.0, plane(e, n) + height, bright * _BRIGHTNESS_STEP),
+        )
+        for e, n, a, length, thick, height, bright in scenario.walls
+    ]
+    posts = [(e, n, radius, plane(e, n) - 1.0, plane(e, n) + height) for e, n, radius, height in scenario.posts]
+    x, y = scenario.implement.xy_m
+    tool = np.array(scenario.implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
+    soil = scenario.soil
+    return Scene(
+        ground,
+        np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit]),
+        np.array(walls, np.float64).reshape(-1, 9),
+        np.array(posts, np.float64).reshape(-1, 5),
+        np.array(scenario.tractor.body_boxes_m, np.float64).reshape(-1, 6),
+        tool,
+        np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
+    )
+
+
+def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
+    """The sensor of a scenario; `mount` (3, 3) is its true rotation to the vehicle."""
+    lidar, noise = scenario.lidar, scenario.noise
+    elevation = np.radians(ELEVATION_DEG)
+    bias = random_for(scenario.seed, "lasers").normal(0.0, lidar.laser_bias_m, LASERS)
+    return Optics(
+        np.column_stack([mount, lidar.true_xyz_m]),
+        np.column_stack([np.cos(elevation), np.sin(elevation), VERTICAL_OFFSET_M, bias]),
+        np.array([noise.range_m, noise.grazing, noise.dropout, noise.dust]),
+        np.array([lidar.min_range_m, lidar.max_range_m]),
+        int(random_for(scenario.seed, "beams").integers(2**62)),
+    )
+
+
+def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
+    """The returns of `firings`."""
+    n = len(firings.t_s)
+    ticks = np.zeros((2, n, LASERS), np.uint16)
+    reflectivity = np.zeros((2, n, LASERS), np.uint8)
+    met = np.zeros((2, n, LASERS), np.uint8)
+    cell = np.full((2, n, LASERS), -1, np.int32)
+    moving = np.column_stack([firings.t_s, firings.azimuth_rad, firings.turn_radps, firings.tool_m, firings.dusty])
+    _cast(
+        scene,
+        optics,
+        firings.number,
+        moving,
+        np.ascontiguousarray(firings.xyz_m),
+        np.ascontiguousarray(firings.rotation),
+        ticks,
+        reflectivity,
+        met,
+        cell,
+    )
+    return Returns(ticks, reflectivity, met, cell)
+
+
+@njit(cache=True, nogil=True)
+def _mixed(x):  # type: ignore[no-untyped-def]
+    """The next value of SplitMix64 from the state `x`."""
+    z = np.uint64(x)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True, nogil=True)
+def _chance(seed, ray, draw):  # type: ignore[no-untyped-def]
+    """A number from (0, 1) for a ray and a purpose."""
+    state = np.uint64(seed) + np.uint64(ray * 16 + draw + 1) * np.uint64(0x9E3779B97F4A7C15)
+    return (np.float64(_mixed(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
+
+
+@njit(cache=True, nogil=True)
+def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-untyped-def]
+    """(range, cosine of the incidence) at which a beam from outside enters a box; inf where it does not."""
+    if (x > x1 and dx >= 0.0) or (x < x0 and dx <= 0.0) or (y > y1 and dy >= 0.0) or (y < y0 and dy <= 0.0):
+        return math.inf, 0.0
+    if (z > z1 and dz >= 0.0) or (z < z0 and dz <= 0.0):
+        return math.inf, 0.0
+    enter, leave, cosine = 0.0, math.inf, 0.0
+    for axis in range(3):
+        if axis == 0:
+            p, d, low, high = x, dx, x0, x1
+        elif axis == 1:
+            p, d, low, high = y, dy, y0, y1
+        else:
+            p, d, low, high = z, dz, z0, z1
+        if abs(d) < 1e-12:
+            if p < low or p > high:
+                return math.inf, 0.0
+            continue
+        a, b = (low - p) / d, (high - p) / d
+        if a > b:
+            a, b = b, a
+        if a > enter:
+            enter, cosine = a, abs(d)
+        leave = min(leave, b)
+        if leave <= enter:
+            return math.inf, 0.0
+    if cosine == 0.0:
+        return math.inf, 0.0
+    return enter, cosine
+
+
+@njit(cache=True, nogil=True)
+def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
+    """(range, cosine of the incidence) at which a beam meets the mantle of an upright post."""
+    ex, ey = x - post[0], y - post[1]
+    a = dx * dx + dy * dy
+    b = ex * dx + ey * dy
+    root = b * b - a * (ex * ex + ey * ey - post[2] * post[2])
+    if root <= 0.0 or a == 0.0:
+        return math.inf, 0.0
+    s = (-b - math.sqrt(root)) / a
+    height = z + s * dz
+    if s <= 0.0 or height < post[3] or height > post[4]:
+        return math.inf, 0.0
+    return s, abs((ex + s * dx) * dx + (ey + s * dy) * dy) / post[2]
+
+
+@njit(cache=True, nogil=True)
+def _wrapped(i, n):  # type: ignore[no-untyped-def]
+    """The row or column of the ground that stands for `i`, the ground repeating itself beyond its edges."""
+    return i if 0 <= i < n else i % n
+
+
+@njit(cache=True, nogil=True)
+def _meet_ground(ground, straw, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
+    """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil or straw."""
+    rows, cols = ground.before.shape
+    block_rows, block_cols = ground.ceiling.shape
+    block = BLOCK * CELL
+    step = _CELL_SHARE * CELL / max(math.hypot(dx, dy), 0.2)
+    s = 0.0
+    while s < far:
+        i, j = math.floor((y + s * dy) / block), math.floor((x + s * dx) / block)
+        leave = s + 2.0 * block / max(abs(dx), abs(dy), 0.01)
+        if dx != 0.0:
+            leave = min(leave, ((j + 1 if dx > 0.0 else j) * block - x) / dx)
+        if dy != 0.0:
+            leave = min(leave, ((i + 1 if dy > 0.0 else i) * block - y) / dy)
+        leave = max(leave, s) + 1e-6
+        ceiling = ground.ceiling[_wrapped(i, block_rows), _wrapped(j, block_cols)]
+        if z + leave * dz > ceiling + straw[1]:
+            s = leave
+            continue
+        s = max(s, (ceiling + straw[1] - z) / dz)
+        while s < leave and s < far:
+            ahead = s + step
+            e, n, height = x + ahead * dx, y + ahead * dy, z + ahead * dz
+            if height < ceiling and height < relief_at(ground, e, n, t):
+                low, high = s, ahead
+                for _ in range(5):
+                    middle = 0.5 * (low + high)
+                    if z + middle * dz > relief_at(ground, x + middle * dx, y + middle * dy, t):
+                        low = middle
+                    else:
+                        high = middle
+                return 0.5 * (low + high), _SOIL
+            row, col = math.floor(n / CELL), math.floor(e / CELL)
+            place = _wrapped(row, rows) * cols + _wrapped(col, cols)
+            if _chance(seed, place, 14) < straw[0] and _chance(seed + row * 7 + col, ray, 13) < straw[2]:
+                inside = 0 <= row < rows and 0 <= col < cols
+                tall = straw[1] * _chance(seed, place, 15) ** 3  # most of it is short
+                if (not inside or t < ground.first_s[row, col]) and height < tall + relief_at(ground, e, n, t):
+                    return ahead, _STRAW
+            s = ahead
+    return math.inf, 0
+
+
+@njit(cache=True, nogil=True)
+def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
+    """(from, to) of a beam's way through the dust, inf where it passes by."""
+    px, py, pz = (x - cloud[0]) / cloud[3], (y - cloud[1]) / cloud[4], (z - cloud[2]) / cloud[5]
+    qx, qy, qz = dx / cloud[3], dy / cloud[4], dz / cloud[5]
+    a = qx * qx + qy * qy + qz * qz
+    b = px * qx + py * qy + pz * qz
+    root = b * b - a * (px * px + py * py + pz * pz - 1.0)
+    if root <= 0.0:
+        return math.inf, math.inf
+    root = math.sqrt(root)
+    return max(0.0, (-b - root) / a), (-b + root) / a
+
+
+@njit(cache=True, nogil=True)
+def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflectivity, met):  # type: ignore[no-untyped-def]
+    """Measure one return with its errors; whether it was measured at all."""
+    loss = optics.noise[2] + (1.0 - optics.noise[2]) * math.exp(-bright * cosine / (r * r * _FAINT))
+    if _chance(optics.seed, ray, 4 * slot) < loss:
+        return False
+    growth = min(5.0, max(cosine, 1e-3) ** -optics.noise[1])
+    u, v = _chance(optics.seed, ray, 4 * slot + 1), _chance(optics.seed, ray, 4 * slot + 2)
+    normal = math.sqrt(-2.0 * math.log(u))
+    r += optics.lasers[laser, 3] + normal * math.cos(2.0 * math.pi * v) * optics.noise[0] * growth
+    if r < optics.reach[0] or r > optics.reach[1]:
+        return False
+    for k in range(slot, 2):
+        ticks[k, i, laser] = np.uint16(math.floor(r / RANGE_STEP_M + 0.5))
+        reflectivity[k, i, laser] = np.uint8(
+            min(255.0, max(1.0, bright + 1.0 * normal * math.sin(2.0 * math.pi * v) + 0.5))
+        )
+        met[k, i, laser] = what
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _cast(scene, optics, number, moving, xyz, rotation, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
+    ground, mount = scene.ground, optics.mount
+    rows, cols = ground.before.shape
+    for i in range(len(moving)):
+        t, lift = moving[i, 0], moving[i, 3]
+        turn = rotation[i]
+        for laser in range(LASERS):
+            ray = (number + i) * LASERS + laser
+            azimuth = moving[i, 1] + moving[i, 2] * LASER_S * laser
+            cosine, sine, offset = optics.lasers[laser, 0], optics.lasers[laser, 1], optics.lasers[laser, 2]
+            a, b, c = cosine * math.cos(azimuth), -cosine * math.sin(azimuth), sine
+            # the beam in the vehicle frame, and in the local one
+            vx = mount[0, 0] * a + mount[0, 1] * b + mount[0, 2] * c
+            vy = mount[1, 0] * a + mount[1, 1] * b + mount[1, 2] * c
+            vz = mount[2, 0] * a + mount[2, 1] * b + mount[2, 2] * c
+            px, py, pz = (
+                mount[0, 3] + mount[0, 2] * offset,
+                mount[1, 3] + mount[1, 2] * offset,
+                mount[2, 3] + mount[2, 2] * offset,
+            )
+            dx = turn[0, 0] * vx + turn[0, 1] * vy + turn[0, 2] * vz
+            dy = turn[1, 0] * vx + turn[1, 1] * vy + turn[1, 2] * vz
+            dz = turn[2, 0] * vx + turn[2, 1] * vy + turn[2, 2] * vz
+            x = xyz[i, 0] + turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz
+            y = xyz[i, 1] + turn[1, 0] * px + turn[1, 1] * py + turn[1, 2] * pz
+            z = xyz[i, 2] + turn[2, 0] * px + turn[2, 1] * py + turn[2, 2] * pz
+            best, incidence, what, bright, hit = optics.reach[1] + 1.0, 0.0, 0, 0.0, -1
+            for k in range(len(scene.body)):
+                box = scene.body[k]
+                r, q = _meet_box(px, py, pz, vx, vy, vz, box[0], box[1], box[2], box[3], box[4], box[5])
+                if r < best:
+                    best, incidence, what, bright = r, q, _BODY, _BRIGHTNESS[_BODY]
+            for k in range(len(scene.tool)):
+                box = scene.tool[k]
+                r, q = _meet_box(px, py, pz - lift, vx, vy, vz, box[0], box[1], box[2], box[3], box[4], box[5])
+                if r < best:
+                    best, incidence, what, bright = r, q, _IMPLEMENT, _BRIGHTNESS[_IMPLEMENT]
+            for k in range(len(scene.walls)):
+                w = scene.walls[k]
+                ex, ey = x - w[0], y - w[1]
+                r, q = _meet_box(
+                    w[2] * ex + w[3] * ey, w[2] * ey - w[3] * ex, z, w[2] * dx + w[3] * dy, w[2] * dy - w[3] * dx, dz,
+                    -w[4], w[4], -w[5], w[5], w[6], w[7],
+                )  # fmt: skip
+                if r < best:
+                    best, incidence, what, bright = r, q, _OBJECT, w[8]
+            for k in range(len(scene.posts)):
+                r, q = _meet_post(x, y, z, dx, dy, dz, scene.posts[k])
+                if r < best:
+                    best, incidence, what, bright = r, q, _OBJECT, _BRIGHTNESS[_OBJECT]
+            sinking = dz - ground.slope_e * dx - ground.slope_n * dy
+            if sinking < -1e-4:
+                height = z - ground.slope_e * x - ground.slope_n * y
+                r, kind = _meet_ground(ground, scene.straw, optics.seed, ray, x, y, height, dx, dy, sinking, t, best)
+                if r < best:
+                    best, what = r, kind
+                    incidence = -sinking / math.sqrt(1.0 + ground.slope_e**2 + ground.slope_n**2)
+                    row, col = math.floor((y + r * dy) / CELL), math.floor((x + r * dx) / CELL)
+                    if kind == _SOIL and 0 <= row < rows and 0 <= col < cols:
+                        hit = row * cols + col
+                        if t >= ground.first_s[row, col]:
+                            what = _TILLED
+                    if kind == _STRAW:
+                        incidence = 1.0
+                    bright = _BRIGHTNESS[what]
+            slot = 0
+            if moving[i, 4] > 0.0 and optics.noise[3] > 0.0:
+                enter, leave = _in_dust(px, py, pz, vx, vy, vz, scene.dust)
+                leave = min(leave, best)
+                if enter < leave and -math.log(_chance(optics.seed, ray, 8)) < optics.noise[3] * moving[i, 4] * (
+                    leave - enter
+                ):
+                    r = enter + (leave - enter) * _chance(optics.seed, ray, 9)
+                    # the cloud thins out towards its rim
+                    rim = 0.0
+                    for k in range(3):
+                        p, d = (px, vx) if k == 0 else (py, vy) if k == 1 else (pz, vz)
+                        rim += ((p + r * d - scene.dust[k]) / scene.dust[3 + k]) ** 2
+                    if _chance(optics.seed, ray, 10) > rim and _record(
+                        optics, ray, 0, r, 1.0, _DUST, _BRIGHTNESS[_DUST], laser, i, ticks, reflectivity, met
+                    ):
+                        slot = 1
+                        if best - r < _SEPARATION_M:
+                            continue
+            if what and _record(optics, ray, slot, best, incidence, what, bright, laser, i, ticks, reflectivity, met):
+                for k in range(slot, 2):
+                    cell[k, i, laser] = hit

@@ -1,0 +1,181 @@
+"""The recording of the lidar: beams cast in batches by threads, packets written as they come."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.simulator.capture import FILE_HEADER, records
+from furrowmap.core.simulator.gnss import gprmc
+from furrowmap.core.simulator.motion import Motion, mount_rotation
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.sensor import POSITION_EVERY_S, Spin, data_packets, position_packet
+from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.soil import Ground
+from furrowmap.core.simulator.truth import SeenAfter
+from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, POSITION_PORT
+from furrowmap.core.values.progress import Progress
+
+_BATCH: Final = 400
+"""Data packets cast together, half a second of recording."""
+_POSITION_PHASE_S: Final = 0.393
+"""First position packet after the first firing."""
+
+
+class SupportsWrite(Protocol):
+    """Something that takes bytes."""
+
+    def write(self, data: bytes, /) -> int:
+        """Take `data`."""
+        ...
+
+
+class _Tally:
+    """What came back, counted."""
+
+    def __init__(self) -> None:
+        self.met = np.zeros(len(Met), np.int64)
+        self.second = 0
+
+    def add(self, returns: Returns, mode: str) -> None:
+        told = 1 if mode == "last" else 0
+        self.met += np.bincount(returns.met[told].ravel(), minlength=len(Met))
+        if mode == "dual":
+            two = returns.ticks[0] != returns.ticks[1]
+            self.second += int(two.sum())
+            self.met += np.bincount(returns.met[1][two], minlength=len(Met))
+
+
+def record(
+    file: Path, scenario: Scenario, site: Site, spin: Spin, ground: Ground, motion: Motion, progress: Progress
+) -> tuple[dict[str, Any], NDArray[np.uint8]]:
+    """Write the capture; the lidar's figures, and how often each worked cell was seen after its last working."""
+    optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
+    scene = make_scene(scenario, ground)
+    rng = random_for(scenario.seed, "computer")
+    tally, seen, clock_us, position_packets = _Tally(), SeenAfter(scenario, ground), 0, 0
+    with _written(file, compress=scenario.lidar.gzip) as out:
+        out.write(FILE_HEADER)
+        for first, firings, returns in _cast_in_order(scene, optics, spin, motion):
+            tally.add(returns, scenario.lidar.return_mode)
+            told = 1 if scenario.lidar.return_mode == "last" else 0
+            seen.add(returns.cell[told].ravel(), np.repeat(firings.t_s, returns.cell.shape[2]))
+            payload = data_packets(scenario, site, spin, first, returns)
+            sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
+            stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us + 1)
+            clock_us = int(stamp_us[-1])
+            data = records(stamp_us, payload, DATA_PORT, 1000 + first)
+            begin = 0
+            for t_s in _position_times(scenario, spin, first, len(payload)):
+                text = gprmc(motion, scenario.antenna.xyz_m, site, t_s, scenario.clock.true_lidar_minus_gnss_s)
+                at = int(np.searchsorted(sent_s, t_s, side="right"))
+                out.write(data[begin:at].tobytes())
+                between = stamp_us[max(at - 1, 0) : max(at - 1, 0) + 1] + 1
+                out.write(
+                    records(
+                        between, position_packet(scenario, site, t_s, text), POSITION_PORT, 50_000 + position_packets
+                    ).tobytes()
+                )
+                begin, position_packets = at, position_packets + 1
+            out.write(data[begin:].tobytes())
+            progress("lidar", (first + len(payload)) / spin.packets)
+    return _figures(site, spin, tally, optics, position_packets), seen.image
+
+
+def _cast_in_order(scene: Scene, optics: Optics, spin: Spin, motion: Motion) -> Iterator[tuple[int, Firings, Returns]]:
+    """(first packet, firings, returns) batch by batch; a few batches are cast ahead by other threads."""
+    workers = os.cpu_count() or 1
+    ahead: deque[tuple[int, Firings, Future[Returns]]] = deque()
+    with ThreadPoolExecutor(workers) as threads:
+        try:
+            for first in range(0, spin.packets, _BATCH):
+                firings = _firings(spin, first, min(_BATCH, spin.packets - first), motion)
+                ahead.append((first, firings, threads.submit(cast, scene, optics, firings)))
+                if len(ahead) > workers + 1:
+                    number, done, future = ahead.popleft()
+                    yield number, done, future.result()
+            while ahead:
+                number, done, future = ahead.popleft()
+                yield number, done, future.result()
+        finally:
+            threads.shutdown(wait=True, cancel_futures=True)
+
+
+def _firings(spin: Spin, first: int, packets: int, motion: Motion) -> Firings:
+    number = first * spin.firings_a_packet
+    t_s = spin.time_s(number + np.arange(packets * spin.firings_a_packet))
+    xyz, rotation = motion.at(t_s)
+    return Firings(
+        number,
+        t_s,
+        2.0 * np.pi * (spin.turns(t_s) % 1.0),
+        spin.turn_radps(t_s),
+        xyz,
+        rotation,
+        np.interp(t_s, motion.t_s, motion.tool_m),
+        np.interp(t_s, motion.t_s, motion.dusty),
+    )
+
+
+def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) -> list[float]:
+    """When position packets are sent while the data packets from `first` on are."""
+    if not scenario.lidar.position_packets:
+        return []
+    begin, end = (p * spin.firings_a_packet * FIRING_S for p in (first, first + packets))
+    k = np.arange(int(end / POSITION_EVERY_S) + 2)
+    since = _POSITION_PHASE_S + k * POSITION_EVERY_S
+    return [spin.start_s + float(s) for s in since[(since >= begin) & (since < end)]]
+
+
+def _computer_us(
+    scenario: Scenario, site: Site, sent_s: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.int64]:
+    late = np.abs(rng.standard_normal(len(sent_s))) * scenario.clock.jitter_s
+    return site.t0_us + np.round((sent_s + late + scenario.clock.computer_minus_utc_s) * 1e6).astype(np.int64)
+
+
+@contextmanager
+def _written(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
+    with file.open("wb") as raw:
+        if compress:  # without name and time of writing: the same scenario gives the same bytes
+            with gzip.GzipFile("", "wb", 6, raw, mtime=0) as packed:
+                yield packed
+        else:
+            yield raw
+
+
+def _figures(site: Site, spin: Spin, tally: _Tally, optics: Optics, position_packets: int) -> dict[str, Any]:
+    firings = spin.packets * spin.firings_a_packet
+    last_packet_s = spin.time_s(np.array([max(0, spin.packets - 1) * spin.firings_a_packet]))
+    begin, end = (float(t) for t in spin.turns(spin.time_s(np.array([0, max(0, firings - 1)]))))
+    crossings = int(np.floor(end)) - int(np.floor(begin))
+    counts = {met.name.lower(): int(tally.met[met]) for met in Met if met is not Met.NOTHING}
+    return {
+        "lidar": {
+            "points": sum(counts.values()),
+            **counts,
+            "second_returns": tally.second,
+            "data_packets": spin.packets,
+            "position_packets": position_packets,
+            "turns": end - begin,
+            "scans_complete": max(0, crossings - 1),
+            "azimuth_zero_crossings": crossings,
+            "firings": firings,
+            "first_firing_unix_s": round(site.t0_s + spin.start_s, 6),
+            "last_packet_unix_s": round(site.t0_s + float(last_packet_s[0]), 6),
+        },
+        "laser_bias_m": {
+            f"{ELEVATION_DEG[i]:+.0f}": round(float(optics.lasers[i, 3]), 4) for i in np.argsort(ELEVATION_DEG)
+        },
+    }

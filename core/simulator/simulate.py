@@ -1,0 +1,182 @@
+"""From a scenario to a folder with a recording and its truth."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furrowmap.core.simulator.drive import drive_path
+from furrowmap.core.simulator.gnss import receivers, report, sentences
+from furrowmap.core.simulator.motion import stand_on
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.path import plan_path
+from furrowmap.core.simulator.recording import record
+from furrowmap.core.simulator.scenario import Scenario, as_toml
+from furrowmap.core.simulator.sensor import make_spin
+from furrowmap.core.simulator.site import Site, find_site, laid_out
+from furrowmap.core.simulator.soil import find_sweeps, make_ground
+from furrowmap.core.simulator.truth import (
+    coarse_surface,
+    drive_figures,
+    ground_figures,
+    write_implement,
+    write_surface,
+    write_trajectory,
+    write_worked,
+)
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What a simulation wrote.
+
+    Attributes:
+        folder: with recording, session and ``truth/``.
+        session: its session.toml, for ``furrowmap run``.
+        recording: its capture.
+        scenario: laid out, as in its scenario.toml.
+        figures: as in truth/figures.json.
+    """
+
+    folder: Path
+    session: Path
+    recording: Path
+    scenario: Scenario
+    figures: dict[str, Any]
+
+
+def simulate(scenario: Scenario, out_dir: Path, progress: Progress = silent) -> Simulated:
+    """Write into `out_dir` what a recorder would have written on the drive of `scenario`, and the truth.
+
+    The files appear together when all of them are whole; files of the same names are replaced.
+
+    Raises:
+        InputError: the scenario describes no possible drive or place, or `out_dir` is no folder that can be written.
+        Cancelled: `progress` asked to stop; nothing is left behind.
+    """
+    progress("ground", 0.0)
+    path = plan_path(scenario.drive, random_for(scenario.seed, "driver"))
+    scenario = laid_out(scenario, path)
+    site = find_site(scenario)
+    track = drive_path(path, scenario.drive, scenario.implement, random_for(scenario.seed, "tool"))
+    sweeps = find_sweeps(track, scenario.implement.xy_m)
+    ground = make_ground(scenario, sweeps)
+    motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
+    spin = make_spin(scenario, track.duration_s)
+    capture = "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
+    with _appearing(out_dir) as folder:
+        truth = folder / "truth"
+        truth.mkdir()
+        (folder / "scenario.toml").write_text(as_toml(scenario), encoding="utf-8")
+        (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
+        (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")
+        gnss = receivers(scenario, site, motion, track.duration_s + scenario.lidar.stop_s)
+        for name, (fixes, station) in gnss.items():
+            (folder / name).write_text(sentences(fixes, site, station), encoding="ascii", newline="")
+        lidar, seen_after = record(folder / capture, scenario, site, spin, ground, motion, progress)
+        progress("truth", 0.0)
+        surface = coarse_surface(scenario, ground)
+        write_trajectory(truth / "trajectory.csv", motion, site)
+        write_implement(truth / "implement.csv", track, site)
+        write_surface(truth / "surface.npz", surface, seen_after, site)
+        worked = write_worked(truth / "worked.gpkg", sweeps, scenario.implement.width_m, site)
+        u0, u1, v0, v1 = scenario.field.boundary_uv_m
+        figures = {
+            "name": scenario.name,
+            "seed": scenario.seed,
+            "t0_unix_s": site.t0_s,
+            "duration_s": round(track.duration_s, 3),
+            **worked,
+            "field_area_m2": round((u1 - u0) * (v1 - v0), 2),
+            **ground_figures(surface, seen_after),
+            **drive_figures(track, motion),
+            **lidar,
+            "gnss": {name: report(fixes) for name, (fixes, _) in gnss.items()},
+        }
+        (truth / "figures.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        progress("truth", 1.0)
+    return Simulated(out_dir, out_dir / "session.toml", out_dir / capture, scenario, figures)
+
+
+def _session(scenario: Scenario, capture: str) -> str:
+    lidar, implement = scenario.lidar, scenario.implement
+    return f"""\
+furrowmap = 1
+name = {json.dumps(scenario.title, ensure_ascii=False)}
+
+[recording]
+lidar = ["{capture}"]
+gnss = ["gnss.nmea"]
+lidar_minus_gnss_s = {scenario.clock.lidar_minus_gnss_s!r}
+
+[crs]
+map = {json.dumps(scenario.place.crs)}
+heights = "ellipsoidal"
+coordinates = "as-recorded"
+
+[antenna]
+xyz_m = {list(scenario.antenna.xyz_m)}
+
+[lidar]
+model = "VLP-16"
+xyz_m = {list(lidar.xyz_m)}
+rpy_deg = {list(lidar.rpy_deg)}
+
+[implement]
+kind = {json.dumps(implement.kind, ensure_ascii=False)}
+width_m = {implement.width_m!r}
+xy_m = {list(implement.xy_m)}
+working_depth_m = {implement.working_depth_m!r}
+
+[field]
+boundary = "boundary.geojson"
+"""
+
+
+def _boundary(scenario: Scenario, site: Site) -> str:
+    """The parcel in GeoJSON (RFC 7946: longitude first, the ring counter-clockwise and closed)."""
+    u0, u1, v0, v1 = scenario.field.boundary_uv_m
+    lane = np.radians(90.0 - scenario.drive.lane_heading_deg)
+    u, v = np.array([u0, u1, u1, u0, u0]), np.array([v0, v0, v1, v1, v0])
+    x0, y0 = scenario.drive.start_xy_m
+    lon, lat = site.geographic(x0 + u * np.cos(lane) - v * np.sin(lane), y0 + u * np.sin(lane) + v * np.cos(lane))
+    ring = [[round(float(a), 9), round(float(b), 9)] for a, b in zip(lon, lat, strict=True)]
+    feature = {
+        "type": "Feature",
+        "properties": {"name": scenario.title},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
+    return json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False) + "\n"
+
+
+@contextmanager
+def _appearing(out_dir: Path) -> Iterator[Path]:
+    """A folder beside `out_dir` whose files move there when all went well, and vanish otherwise."""
+    part = out_dir.with_name(f".{out_dir.name}.part")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        try:
+            yield part
+            for file in sorted(f for f in part.rglob("*") if f.is_file()):
+                there = out_dir / file.relative_to(part)
+                there.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(there)
+        finally:
+            shutil.rmtree(part, ignore_errors=True)
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or out_dir}: {error.strerror or error}.",
+            "The simulated recording could not be written; nothing was left behind.",
+            "Choose a folder in which you may write, on a disk with room (about 60 MB a minute of recording).",
+            code="simulate-not-written",
+        ) from error

@@ -1,0 +1,128 @@
+"""Where the simulated field lies on the earth, and how large its ground is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.simulator.path import DrivenPath
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.values.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+CELL_M = 0.025
+"""Cell of the simulated ground; the truth is told in cells of two by two."""
+MOST_CELLS = 80_000_000
+"""Five hectares; the ground takes some 40 bytes a cell while it is made."""
+
+
+def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
+    """`scenario` with the ground, the start and the boundary laid round the drive where they are not stated.
+
+    Raises:
+        InputError: the ground would be too large to hold.
+    """
+    lane = math.radians(90.0 - scenario.drive.lane_heading_deg)
+    east = path.u_m * math.cos(lane) - path.v_m * math.sin(lane)
+    north = path.u_m * math.sin(lane) + path.v_m * math.cos(lane)
+    margin = scenario.field.margin_m
+    size = tuple(
+        math.ceil(np.ptp(values) + 2.0 * margin) if math.isnan(stated) else stated
+        for values, stated in ((east, scenario.field.size_e_m), (north, scenario.field.size_n_m))
+    )
+    start = tuple(
+        round(0.5 * whole - 0.5 * float(values.min() + values.max()), 3) if math.isnan(stated) else stated
+        for values, whole, stated in zip((east, north), size, scenario.drive.start_xy_m, strict=True)
+    )
+    half = 0.5 * scenario.implement.width_m + 0.8
+    round_the_drive = (path.u_m.min() - half, path.u_m.max() + half, path.v_m.min() - half, path.v_m.max() + half)
+    boundary = tuple(
+        round(float(value), 1) if math.isnan(stated) else stated
+        for value, stated in zip(round_the_drive, scenario.field.boundary_uv_m, strict=True)
+    )
+    if size[0] * size[1] / CELL_M**2 > MOST_CELLS:
+        raise InputError(
+            f"scenario: the ground of {size[0]:.0f} m by {size[1]:.0f} m is too large.",
+            f"It is held in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
+            "Choose shorter or fewer passes, or a smaller field.size_e_m and field.size_n_m.",
+            code="scenario-too-large",
+        )
+    replace = msgspec.structs.replace
+    field = replace(scenario.field, size_e_m=size[0], size_n_m=size[1], boundary_uv_m=boundary)
+    return replace(scenario, field=field, drive=replace(scenario.drive, start_xy_m=start))
+
+
+@dataclass(frozen=True)
+class Site:
+    """The local frame's place in the world.
+
+    Attributes:
+        crs: the map frame, as pyproj reads it.
+        e0_m, n0_m: map coordinates of the local origin, whole metres.
+        h0_m: ellipsoidal height of the local origin.
+        geoid_m: geoid above the ellipsoid.
+        t0_us: microseconds of UTC since 1970 of the local time's origin.
+    """
+
+    crs: str
+    e0_m: float
+    n0_m: float
+    h0_m: float
+    geoid_m: float
+    t0_us: int
+
+    @property
+    def t0_s(self) -> float:
+        """Local time's origin in seconds of UTC since 1970."""
+        return self.t0_us / 1e6
+
+    def geographic(self, e_m: FloatArray, n_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(longitude, latitude) in degrees of local positions, in the map CRS's own datum."""
+        from pyproj import CRS, Transformer
+
+        crs = CRS(self.crs)
+        to_degrees = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+        lon, lat = to_degrees.transform(np.asarray(e_m) + self.e0_m, np.asarray(n_m) + self.n0_m)
+        return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
+
+    def convergence_deg(self, e_m: FloatArray, n_m: FloatArray) -> FloatArray:
+        """Direction of grid north seen from true north, clockwise positive, at local positions."""
+        lon0, lat0 = self.geographic(e_m, n_m)
+        lon1, lat1 = self.geographic(e_m, np.asarray(n_m) + 10.0)
+        return np.degrees(np.arctan2((lon1 - lon0) * np.cos(np.radians(lat0)), lat1 - lat0))
+
+
+def find_site(scenario: Scenario) -> Site:
+    """The site of a scenario that is laid out.
+
+    Raises:
+        InputError: the CRS is unknown, not projected, or not good at the place.
+    """
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import CRSError, ProjError
+
+    place = scenario.place
+    try:
+        crs = CRS(place.crs)
+        to_map = Transformer.from_crs(crs.geodetic_crs, crs, always_xy=True)
+        e, n = to_map.transform(*place.lon_lat_deg, errcheck=True)
+    except (CRSError, ProjError) as error:
+        raise InputError(
+            f"scenario: place.crs {place.crs!r} does not serve at {list(place.lon_lat_deg)} ({error}).",
+            "The simulated positions could not be told as longitude and latitude.",
+            "State a projected CRS in metres that covers the place, such as its UTM zone.",
+            code="scenario-crs",
+        ) from error
+    if not crs.is_projected:
+        raise InputError(
+            f"scenario: place.crs {place.crs!r} is not a projected CRS.",
+            "The simulated ground lies in a map in metres.",
+            "State a projected CRS in metres that covers the place, such as its UTM zone.",
+            code="scenario-crs",
+        )
+    return Site(place.crs, float(round(e)), float(round(n)), place.height_m, place.geoid_m, scenario.t0_us)

@@ -1,0 +1,248 @@
+"""The ground of every moment: as it was found, as a first pass left it, and as the last one did.
+
+Heights are kept on cells of 2.5 cm as relief above the field's mean plane, and are bilinear between the cells' middles.
+What lies beyond the grid repeats the found ground, so that the field has no edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy.fft
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.simulator.drive import RATE_HZ, Track
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.site import CELL_M
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+BLOCK = 16
+"""Cells along the edge of the blocks whose highest point is known."""
+FOOTPRINT_M = 0.014
+"""Standard deviation of the blur of a beam's footprint, below which relief cannot be measured."""
+
+
+class Ground(NamedTuple):
+    """The ground; a tuple because compiled loops read it.
+
+    Attributes:
+        before, middle, after: (rows, cols) relief before the first, between the first and the last, and after the
+            last working of a cell. Row and column 0 lie at the local origin; rows go north.
+        first_s, last_s: (rows, cols) when a cell was first and last worked; inf: never.
+        ceiling: (rows / BLOCK, cols / BLOCK) highest relief ever of a block and its rim.
+        slope_e, slope_n: rise of the mean plane.
+    """
+
+    before: Float32Array
+    middle: Float32Array
+    after: Float32Array
+    first_s: Float32Array
+    last_s: Float32Array
+    ceiling: Float32Array
+    slope_e: float
+    slope_n: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One pass of the tool, from when it enters the ground to when it leaves it.
+
+    Attributes:
+        t_s: (n,) while the machine moves forward, about a centimetre of way apart.
+        e_m, n_m: (n,) middle of the tool's line, local.
+        yaw_rad: (n,) of the vehicle, across which the line lies.
+        begin_s, end_s: when the tool went down and up.
+    """
+
+    t_s: FloatArray
+    e_m: FloatArray
+    n_m: FloatArray
+    yaw_rad: FloatArray
+    begin_s: float
+    end_s: float
+
+
+def find_sweeps(track: Track, xy_m: tuple[float, float]) -> list[Sweep]:
+    """The passes of a tool whose line lies at `xy_m` in the vehicle frame."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], track.down.astype(np.int8), [0]])))
+    sweeps = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        moving = begin + np.flatnonzero(track.speed_mps[begin:end] > 0.0)
+        if len(moving) < 2:
+            continue
+        way = np.cumsum(track.speed_mps[moving])
+        _, kept = np.unique(np.floor(way / (0.010 * RATE_HZ)), return_index=True)
+        i = moving[kept]
+        c, s = np.cos(track.yaw_rad[i]), np.sin(track.yaw_rad[i])
+        sweeps.append(
+            Sweep(
+                track.t_s[i],
+                track.e_m[i] + c * xy_m[0] - s * xy_m[1],
+                track.n_m[i] + s * xy_m[0] + c * xy_m[1],
+                track.yaw_rad[i],
+                float(track.t_s[begin]),
+                float(track.t_s[end - 1]),
+            )
+        )
+    return sweeps
+
+
+def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
+    """The ground of a scenario that is laid out, worked by `sweeps` in their order."""
+    soil, drive = scenario.soil, scenario.drive
+    rows = BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * BLOCK))
+    cols = BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * BLOCK))
+    waves = _field(random_for(scenario.seed, "undulation"), rows, cols, _waves)
+    waves *= soil.undulation_m / math.sqrt(2.0)
+    before = _field(random_for(scenario.seed, "clods"), rows, cols, lambda k: _clods(k, soil.clod_corr_m))
+    before *= soil.clod_sigma_m
+    before += waves
+    if soil.row_amplitude_m:
+        lane = math.radians(90.0 - drive.lane_heading_deg)
+        turns = -math.sin(lane) * ((np.arange(cols) + 0.5) * CELL_M - drive.start_xy_m[0]) / soil.row_spacing_m
+        turns = turns[None, :] + (
+            math.cos(lane) * ((np.arange(rows) + 0.5) * CELL_M - drive.start_xy_m[1]) / soil.row_spacing_m
+        )[:, None].astype(np.float32)
+        before += np.float32(soil.row_amplitude_m) * np.cos(turns * (2.0 * np.pi), dtype=np.float32)
+    tilth = _field(random_for(scenario.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
+    tilth *= soil.tilled_sigma_m
+    middle, after = before.copy(), before.copy()
+    first = np.full((rows, cols), np.inf, np.float32)
+    last = first.copy()
+    half = 0.5 * scenario.implement.width_m
+    for number, sweep in enumerate(sweeps):
+        row, col, t_s, across_m = worked_cells(sweep, half, rows, cols)
+        if soil.worked == "same":
+            height = before[row, col]
+        else:
+            # every pass throws up relief of its own: the same random field, from another place of it
+            fresh = tilth[(row + 379 * number) % rows, (col + 611 * number) % cols]
+            height = waves[row, col] + fresh + _profile(scenario, across_m, half).astype(np.float32)
+        again = np.isfinite(last[row, col])
+        second = again & (first[row, col] == last[row, col])
+        middle[row[second], col[second]] = after[row[second], col[second]]
+        after[row, col] = height
+        first[row[~again], col[~again]] = t_s[~again]
+        last[row, col] = t_s
+    slope = 0.01 * soil.slope_percent
+    towards = math.radians(soil.slope_towards_deg)
+    ceiling = _ceiling(np.maximum(np.maximum(before, middle), after))
+    return Ground(before, middle, after, first, last, ceiling, slope * math.sin(towards), slope * math.cos(towards))
+
+
+def worked_cells(
+    sweep: Sweep, half_m: float, rows: int, cols: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Float32Array, FloatArray]:
+    """(row, col, t_s, across_m) of the cells whose middle the tool's line passes over; across it, left positive."""
+    lateral = np.linspace(-half_m, half_m, math.ceil(2.0 * half_m / (0.5 * CELL_M)) + 1)
+    found: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
+    speed = np.gradient(np.hypot(sweep.e_m - sweep.e_m[0], sweep.n_m - sweep.n_m[0]), sweep.t_s).clip(0.01)
+    for part in np.array_split(np.arange(len(sweep.t_s)), max(1, len(sweep.t_s) // 2000)):
+        e, n = sweep.e_m[part, None], sweep.n_m[part, None]
+        c, s = np.cos(sweep.yaw_rad[part, None]), np.sin(sweep.yaw_rad[part, None])
+        col = np.floor((e - s * lateral) / CELL_M).astype(np.int64)
+        row = np.floor((n + c * lateral) / CELL_M).astype(np.int64)
+        de, dn = (col + 0.5) * CELL_M - e, (row + 0.5) * CELL_M - n
+        along, across = de * c + dn * s, dn * c - de * s
+        inside = (np.abs(across) <= half_m) & (np.abs(along) <= 0.009)
+        inside &= (row >= 0) & (col >= 0) & (row < rows) & (col < cols)
+        t_s = sweep.t_s[part, None] + along / speed[part, None]
+        found.append(((row * cols + col)[inside], t_s[inside], across[inside]))
+    flat, t_s, across = (np.concatenate(values) for values in zip(*found, strict=True))
+    cell, at = np.unique(flat, return_index=True)
+    return cell // cols, cell % cols, t_s[at].astype(np.float32), across[at]
+
+
+def ground_height(ground: Ground, e_m: FloatArray, n_m: FloatArray, t_s: FloatArray) -> FloatArray:
+    """Heights (n,) of the ground at local positions (n,) and their times (n,)."""
+    out = np.empty(len(e_m), np.float64)
+    _heights(ground, *(np.ascontiguousarray(a, np.float64) for a in (e_m, n_m, t_s)), out)
+    return out
+
+
+def _profile(scenario: Scenario, across_m: FloatArray, half_m: float) -> FloatArray:
+    """Height of the worked ground above the field's waves, across a pass: swell, ridges at its borders, furrows."""
+    soil = scenario.soil
+
+    def ridge(x: FloatArray) -> FloatArray:
+        return np.exp(-(((half_m - np.abs(x)) / 0.10) ** 2))
+
+    mean = float(ridge(np.linspace(-half_m, half_m, 401)).mean())
+    furrows = soil.furrow_m * np.cos(2.0 * np.pi * across_m / soil.furrow_spacing_m)
+    return soil.swell_m + soil.ridge_m * (ridge(across_m) - mean) + furrows
+
+
+def _waves(k: Float32Array) -> Float32Array:
+    """Amplitude of waves 5 to 40 m long, the long ones higher."""
+    band = (k >= 1.0 / 40.0) & (k <= 1.0 / 5.0)
+    return np.where(band, np.maximum(k, np.float32(1e-3)) ** np.float32(-1.5), np.float32(0.0))
+
+
+def _clods(k: Float32Array, corr_m: float) -> Float32Array:
+    """Amplitude spectrum of an isotropic field with the autocorrelation exp(-distance / corr_m), as a beam sees it."""
+    w = k * np.float32(2.0 * np.pi)
+    exponential = (1.0 + (w * np.float32(corr_m)) ** 2) ** np.float32(-0.75)
+    amplitude: Float32Array = exponential * np.exp(np.float32(-0.5) * (w * np.float32(FOOTPRINT_M)) ** 2)
+    return amplitude
+
+
+def _field(
+    rng: np.random.Generator, rows: int, cols: int, amplitude: Callable[[Float32Array], Float32Array]
+) -> Float32Array:
+    """(rows, cols) Gaussian field of unit variance, periodic, of the amplitude spectrum given for waves a metre."""
+    spectrum = scipy.fft.rfft2(rng.standard_normal((rows, cols), np.float32), workers=2)
+    ky = np.fft.fftfreq(rows, CELL_M).astype(np.float32)
+    kx = np.fft.rfftfreq(cols, CELL_M).astype(np.float32)
+    for i in range(rows):
+        spectrum[i] *= amplitude(np.hypot(ky[i], kx))
+    spectrum[0, 0] = 0.0
+    field = np.asarray(scipy.fft.irfft2(spectrum, (rows, cols), workers=2, overwrite_x=True), np.float32)
+    spread = float(field.std())
+    return field * np.float32(1.0 / spread) if spread > 0.0 else field
+
+
+def _ceiling(highest: Float32Array) -> Float32Array:
+    """Highest value of every block of BLOCK by BLOCK cells and of the cells round it."""
+    rows, cols = highest.shape
+    wide = highest.copy()
+    for axis in (0, 1):
+        np.maximum(wide, np.maximum(np.roll(wide, 1, axis), np.roll(wide, -1, axis)), out=wide)
+    return np.ascontiguousarray(wide.reshape(rows // BLOCK, BLOCK, cols // BLOCK, BLOCK).max(axis=(1, 3)))
+
+
+@njit(cache=True, nogil=True)
+def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
+    """Relief above the mean plane at one local position and time, bilinear between the cells' middles."""
+    rows, cols = ground.before.shape
+    x, y = e / CELL_M - 0.5, n / CELL_M - 0.5
+    col, row = math.floor(x), math.floor(y)
+    fx, fy = x - col, y - row
+    out = 0.0
+    for k in range(4):
+        i, j = row + (k >> 1), col + (k & 1)
+        weight = (fy if k >> 1 else 1.0 - fy) * (fx if k & 1 else 1.0 - fx)
+        if 0 <= i < rows and 0 <= j < cols:
+            if t < ground.first_s[i, j]:
+                out += weight * ground.before[i, j]
+            elif t < ground.last_s[i, j]:
+                out += weight * ground.middle[i, j]
+            else:
+                out += weight * ground.after[i, j]
+        else:
+            out += weight * ground.before[i % rows, j % cols]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _heights(ground, e_m, n_m, t_s, out):  # type: ignore[no-untyped-def]
+    for i in range(len(e_m)):
+        plane = ground.slope_e * e_m[i] + ground.slope_n * n_m[i]
+        out[i] = plane + relief_at(ground, e_m[i], n_m[i], t_s[i])
