@@ -438,7 +438,7 @@ class PacketDecoder:
         step_s = np.diff(t_s, prepend=before_s)
         if np.isnan(self._usual_s) and len(step_s) >= 20:
             self._usual_s = float(np.median(step_s[1:]))
-        packet_s = self._model.packet_s(mode)
+        packet_s = self._usual_s if self._contradicts(self._model, mode) else self._model.packet_s(mode)
         half_turn_s = 0.5 * counts.turning_s / counts.turned if counts.turned else 0.05
         counts.late += int((step_s < 0.0).sum())
         missing = step_s[(step_s > 1.5 * packet_s) & (step_s <= half_turn_s)]
@@ -460,6 +460,10 @@ class PacketDecoder:
             median if np.isnan(first) else first,
             median,
         )
+
+    def _contradicts(self, model: Model, mode: int) -> bool:
+        """Whether packets follow each other at another rate than this model's."""
+        return abs(self._usual_s - model.packet_s(mode)) > 0.02 * model.packet_s(mode)
 
     def _cut(self, batch: _Batch) -> list[Scan]:
         """Scans that end in this batch; the rest stays open."""
@@ -549,7 +553,7 @@ class PacketDecoder:
                 Notice("model-differs", f"Decoded as {model.name}, as {why}; the product byte says {words}.")
             )
         mode = counts.modes.most_common(1)[0][0]
-        if abs(self._usual_s - model.packet_s(mode)) > 0.02 * model.packet_s(mode):
+        if self._contradicts(model, mode):
             fits = [
                 f"{m.name} ({word})"
                 for m in MODELS

@@ -287,11 +287,8 @@ def test_capture__of_random_bytes_is_read_or_refused(
     )
     path.write_bytes(start + data)
     try:
-        found, capture = read(path)
+        found, refused = read(path)[0], ""
     except InputError as error:
-        code = error.code
-    else:
-        code = "damaged-capture"
-        assert sum(len(payload) for _, payload in found) <= len(data)
-        assert capture.records >= len(found)
-    assert code == "damaged-capture"
+        found, refused = [], error.code
+    assert refused in ("", "damaged-capture")
+    assert sum(len(payload) for _, payload in found) <= len(data)
