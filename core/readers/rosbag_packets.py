@@ -15,6 +15,8 @@ from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 _BATCH: Final = 1000
+_BLOCK_FLAG: Final = (0xFF, 0xEE)
+"""How every block of a data packet begins (VLP-16 User Manual 63-9243 Rev. E, section 9.3)."""
 
 
 class PacketScans:
@@ -26,14 +28,18 @@ class PacketScans:
     """
 
     def __init__(self, source: str, options: ReadOptions) -> None:
+        self._source = source
         self._decoder = PacketDecoder(options.model, where=source, near_s=options.near_s)
         self._payloads: list[NDArray[np.uint8]] = []
         self._host_s: list[NDArray[np.float64]] = []
-        self._held = 0
+        self._held = self._foreign = 0
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
         """Take in one message; the scans that are complete with it."""
         payloads, host_s = packets(content, message)
+        sound = (payloads[:, :2] == _BLOCK_FLAG).all(axis=1)
+        payloads, host_s = payloads[sound], host_s[sound]
+        self._foreign += len(sound) - len(payloads)
         self._payloads.append(payloads)
         self._host_s.append(host_s)
         self._held += len(payloads)
@@ -68,4 +74,8 @@ class PacketScans:
 
     def notices(self) -> list[Notice]:
         """What was odd; complete after `finish`."""
-        return self._decoder.notices()
+        notices = self._decoder.notices()
+        if self._foreign:
+            text = f"{self._source}: {self._foreign} packets that do not begin as data packets do were left out."
+            notices.append(Notice("packets-damaged", text))
+        return notices

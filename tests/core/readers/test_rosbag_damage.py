@@ -199,9 +199,9 @@ def test_every_cut_gives_the_beginning_or_a_refusal(tmp_path: Path, kind: str) -
         cut.write_bytes(data[: int(share * len(data))])
         files = BagFiles([cut])
         left = list(files.messages())
-        # SQLite fills pages that are missing with zeros: the data of a database's last message cannot be vouched for.
-        shown = max(0, len(left) - (kind == "plain.db3"))
-        assert left[:shown] == whole[:shown]
+        if kind == "plain.db3":  # SQLite fills pages that are missing with zeros: data may end in them
+            left, whole = ([message._replace(data=b"") for message in messages] for messages in (left, whole))
+        assert left == whole[: len(left)]
         assert files.notices, share
 
 
