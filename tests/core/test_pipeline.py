@@ -1,0 +1,100 @@
+"""What a run does where the recording and the positions do not make a cloud."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.pipeline import run
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.errors import Cancelled, InputError
+
+SESSION = """furrowmap = 1
+[recording]
+lidar = ["capture.pcap"]
+gnss = ["gnss.nmea"]
+[crs]
+map = "EPSG:6677"
+"""
+
+
+class Counting:
+    points = 0
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        pass
+
+    def add(self, placed: PlacedScan) -> None:
+        self.points += len(placed.t_s)
+
+
+@pytest.fixture
+def session(shared_data: Path, tmp_path: Path) -> Path:
+    """Two seconds of a tractor's scans with its whole GNSS log."""
+    with gzip.open(shared_data / "tractor_loop" / "recording.pcap.gz") as stream:
+        (tmp_path / "capture.pcap").write_bytes(stream.read(24 + 1264 * 1500))
+    shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", tmp_path)
+    (tmp_path / "session.toml").write_text(SESSION)
+    return tmp_path / "session.toml"
+
+
+def test_a_session_places_all_points(session: Path) -> None:
+    sink = Counting()
+    found = run(session, sink)
+    assert found.tally.points == found.tally.points_read == sink.points > 200_000
+    assert {notice.code for notice in found.notices} >= {"antenna-unknown", "mounting-identity", "level-assumed"}
+
+
+def test_clocks_without_overlap_are_an_error_with_both_spans_and_the_offset(session: Path) -> None:
+    session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 32400.0\n[crs]"))
+    with pytest.raises(InputError, match="no time in common") as caught:
+        run(session, Counting())
+    assert "lidar_minus_gnss_s" in caught.value.remedy
+
+
+def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:
+    as_recorded, shifted = run(session, Counting()), None
+    session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -20.0\n[crs]"))
+    shifted = run(session, Counting())
+    assert shifted.tally.poses.t_s[0] - as_recorded.tally.poses.t_s[0] == pytest.approx(20.0, abs=1e-6)
+    moved = shifted.tally.poses.xyz_m[0] - as_recorded.tally.poses.xyz_m[0]
+    assert abs(moved[:2]).max() > 5
+
+
+def test_standing_scans_are_left_out_on_request(session: Path) -> None:
+    session.write_text(SESSION + "[run]\nstanding = false\n")
+    sink = Counting()
+    found = run(session, sink)
+    assert found.tally.scans_standing > 0
+    assert found.tally.points_standing + sink.points == found.tally.points_read
+    assert "standing-left-out" in {notice.code for notice in found.notices}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('"gnss.nmea"', '"capture.pcap"', "wrong-kind-of-file"),
+        ('"capture.pcap"', '"gnss.nmea"', "wrong-kind-of-file"),
+        ('"gnss.nmea"', '"missing.nmea"', "session-file-missing"),
+        ('"gnss.nmea"', '"../../gnss.nmea"', "session-path-outside"),
+    ],
+)
+def test_a_wrong_file_is_named_before_any_work(session: Path, old: str, new: str, code: str) -> None:
+    session.write_text(SESSION.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        run(session, Counting())
+    assert caught.value.code == code
+    assert all(caught.value.lines)
+
+
+def test_a_listener_can_end_the_work(session: Path) -> None:
+    def impatient(stage: str, share: float) -> None:
+        if share > 0.2:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        run(session, Counting(), impatient)
