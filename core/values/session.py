@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import difflib
+import math
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -118,8 +121,8 @@ class Run(_Part, frozen=True):
 
     Attributes:
         standing: whether scans taken at a stand are kept in the cloud.
-        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...); without it fixed and
-            float where there is any fixed position, else all.
+        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...); without it fixed
+            and float where there is any fixed position, else all.
     """
 
     standing: bool = True
@@ -199,6 +202,9 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
             code="session-schema",
         )
     _check_keys(data, name)
+    recording = data.get("recording")
+    if isinstance(recording, dict) and isinstance(recording.get("date"), dt.date):
+        recording["date"] = str(recording["date"])  # TOML has dates of its own, without quotes
     try:
         session = msgspec.convert(data, Session)
     except msgspec.ValidationError as error:
@@ -256,23 +262,56 @@ def _told(message: str) -> str:
 
 def _check_values(session: Session, name: str) -> None:
     """Refuse what no session can mean."""
-    tool = session.implement
-    faults = {
-        "implement.width_m must be above 0": tool is not None and not tool.width_m > 0,
-        'trajectory.time must be "utc" or "gps"': session.trajectory is not None
-        and session.trajectory.time not in (None, "utc", "gps"),
-        "recording.lidar names no file": not session.recording.lidar,
-        "recording.gnss names no file, and there is no [trajectory] either": not session.recording.gnss
-        and session.trajectory is None,
-    }
-    for text, wrong in faults.items():
-        if wrong:
-            raise InputError(
-                f"{name}: {text}.",
-                "Nothing sensible can be computed with that.",
-                "Correct the session file; the reference page 'session.toml' shows each key with an example.",
-                code="session-value",
-            )
+    fault = next(_faults(session), None)
+    if fault is not None:
+        raise InputError(
+            f"{name}: {fault}.",
+            "Nothing sensible can be computed with that.",
+            "Correct the session file; the reference page 'session.toml' shows each key with an example.",
+            code="session-value",
+        )
+
+
+def _faults(session: Session) -> Iterator[str]:
+    """What of the values cannot be meant."""
+    for key, number in _numbers(msgspec.to_builtins(session)):
+        if not math.isfinite(number):
+            yield f"{key} must be finite, not {number}"
+    if not session.recording.lidar:
+        yield "recording.lidar names no file"
+    if not session.recording.gnss and session.trajectory is None:
+        yield "recording.gnss names no file, and there is no [trajectory] either"
+    if session.recording.date is not None and not _is_date(session.recording.date):
+        yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'
+    if session.implement is not None and not session.implement.width_m > 0:
+        yield "implement.width_m must be above 0"
+    if session.trajectory is not None:
+        if not session.trajectory.files:
+            yield "trajectory.files names no file"
+        if session.trajectory.time not in (None, "utc", "gps"):
+            yield 'trajectory.time must be "utc" or "gps"'
+        if session.trajectory.week is not None and session.trajectory.week < 0:
+            yield "trajectory.week must count from 1980-01-06 on"
+
+
+def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
+    """All floats in nested dicts and lists, each with the key of the dict that holds it."""
+    if isinstance(value, float):
+        yield key, value
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from _numbers(item, f"{key}.{name}" if key else name)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _numbers(item, key)
+
+
+def _is_date(text: str) -> bool:
+    try:
+        dt.date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def resolve(session_file: Path, named: str) -> Path:
@@ -282,7 +321,16 @@ def resolve(session_file: Path, named: str) -> Path:
         InputError: if the name leads out of the session's folder or the file is not there.
     """
     folder = session_file.resolve().parent
-    path = (folder / named).resolve()
+    try:
+        path = (folder / named).resolve()
+        is_file, is_folder = path.is_file(), path.is_dir()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{session_file}: {named!r} cannot be the name of a file ({error}).",
+            "A file that the session names cannot be there, so the work did not start.",
+            "Correct the name in the session file; paths are relative to that file.",
+            code="session-file-missing",
+        ) from None
     if not path.is_relative_to(folder):
         raise InputError(
             f"{session_file}: {named!r} leads out of the session's folder.",
@@ -290,9 +338,9 @@ def resolve(session_file: Path, named: str) -> Path:
             "Put the session file at or above the recordings' folder, or copy the recording beside it.",
             code="session-path-outside",
         )
-    if not path.is_file():
+    if not is_file:
         raise InputError(
-            f"{session_file}: {named!r} is {'a folder' if path.is_dir() else 'not there'}.",
+            f"{session_file}: {named!r} is {'a folder' if is_folder else 'not there'}.",
             "A file that the session names is missing, so the work did not start.",
             "Correct the name in the session file; paths are relative to that file.",
             code="session-file-missing",

@@ -1,0 +1,173 @@
+"""The session file: what is accepted, and how everything else is refused."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from furrowmap.core.values import session as module
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.session import Session, load_session, parse_session, resolve
+
+LEAST = """
+furrowmap = 1
+[recording]
+lidar = ["a.pcap"]
+gnss = ["a.nmea"]
+[crs]
+map = "EPSG:6677"
+"""
+
+
+def refusal(text: str) -> InputError:
+    with pytest.raises(InputError) as error:
+        parse_session(text, "field.toml")
+    assert "field.toml" in error.value.what
+    assert all(error.value.lines)
+    return error.value
+
+
+def keys() -> list[tuple[str, str]]:
+    """Every table ("" for the top) and key of the schema."""
+    tables = {"": Session} | {
+        name: part
+        for name in Session.__struct_fields__
+        for part in vars(module).values()
+        if isinstance(part, type) and issubclass(part, msgspec.Struct) and f"`[{name}]`" in (part.__doc__ or "")
+    }
+    return [(name, key) for name, part in tables.items() for key in part.__struct_fields__]
+
+
+def test_least__the_rest_has_its_defaults() -> None:
+    session = parse_session(LEAST)
+    assert session.crs.heights == "ellipsoidal"
+    assert session.lidar.mounting.xyz_m == (0.0, 0.0, 0.0)
+    assert session.antenna is None
+    assert session.trajectory is None
+    assert session.run.standing
+
+
+@pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])
+def test_samples__are_understood(name: str, shared_data: Path) -> None:
+    session = load_session(shared_data / name / "session.toml")
+    assert session.antenna is not None
+    assert session.implement is not None
+    assert session.implement.width_m == 1.7
+    assert session.lidar.rpy_deg[2] == pytest.approx(180.0, abs=2.0)
+
+
+def test_keys__the_schema_has_all_tables() -> None:
+    tables = {table for table, _ in keys()}
+    assert tables == {"", "recording", "crs", "antenna", "lidar", "implement", "field", "trajectory", "run"}
+
+
+@pytest.mark.parametrize(("table", "key"), keys())
+def test_keys__a_misspelt_one_is_refused_with_the_nearest_known_one(table: str, key: str) -> None:
+    wrong = key[:2] + key[3:] if len(key) > 3 else key + "s"
+    text = LEAST if table else LEAST.replace("furrowmap = 1", f"furrowmap = 1\n{wrong} = 1")
+    if table:
+        head = f"[{table}]\n"
+        text = text.replace(head, head + f"{wrong} = 1\n") if head in text else text + head + f"{wrong} = 1\n"
+    error = refusal(text)
+    path = f"{table}." if table else ""
+    assert error.code == "session-unknown-key"
+    assert f"`{path}{wrong}`" in error.what
+    assert error.remedy == f"Did you mean `{path}{key}`?"
+
+
+def test_keys__one_like_no_other_is_refused_with_all_that_are_known() -> None:
+    error = refusal(LEAST + "[run]\nqwrtz = 1\n")
+    assert "standing, fixes" in error.remedy
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        (("furrowmap = 1", "furrowmap = 2"), "session-schema", "reads 1"),
+        (("furrowmap = 1", ""), "session-schema", "missing"),
+        (('map = "EPSG:6677"', 'map = "EPSG:6677'), "session-syntax", "line"),
+        (('map = "EPSG:6677"', ""), "session-value", "map"),
+        (('map = "EPSG:6677"', "map = 6677"), "session-value", "crs.map"),
+        (('lidar = ["a.pcap"]', "lidar = []"), "session-value", "names no file"),
+        (('gnss = ["a.nmea"]', ""), "session-value", "names no file"),
+        (('lidar = ["a.pcap"]', 'lidar = "a.pcap"'), "session-value", "recording.lidar"),
+        (("[crs]", '[trajectory]\nfiles = ["a"]\ntime = "tai"\n[crs]'), "session-value", "trajectory.time"),
+        (("[crs]", "[trajectory]\nfiles = []\n[crs]"), "session-value", "trajectory.files"),
+        (("[crs]", '[trajectory]\nfiles = ["a"]\nweek = -1\n[crs]'), "session-value", "trajectory.week"),
+        (("[crs]", "[implement]\nwidth_m = 0\nxy_m = [0, 0]\n[crs]"), "session-value", "implement.width_m"),
+        (("[crs]", "[antenna]\nxyz_m = [0, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
+        (("[crs]", "[antenna]\nxyz_m = [0, nan, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
+        (("[crs]", "[lidar]\nrpy_deg = [0, inf, 0]\n[crs]"), "session-value", "lidar.rpy_deg"),
+        (("[crs]", "lidar_minus_gnss_s = nan\n[crs]"), "session-value", "recording.lidar_minus_gnss_s"),
+        (("[crs]", 'date = "11.6.2026"\n[crs]'), "session-value", "recording.date"),
+        (("[crs]", "date = 2026-06-11T01:23:40Z\n[crs]"), "session-value", "recording.date"),
+    ],
+)
+def test_values__that_mean_nothing_are_refused(change: tuple[str, str], code: str, words: str) -> None:
+    text = LEAST.replace(*change)
+    assert text != LEAST
+    error = refusal(text)
+    assert error.code == code
+    assert words in error.what
+
+
+@pytest.mark.parametrize("written", ['"2026-06-11"', "2026-06-11"])
+def test_date__with_quotes_or_as_toml_has_it(written: str) -> None:
+    session = parse_session(LEAST.replace("[crs]", f"date = {written}\n[crs]"))
+    assert session.recording.date == "2026-06-11"
+
+
+def test_trajectory__replaces_gnss() -> None:
+    text = LEAST.replace('gnss = ["a.nmea"]', "") + '[trajectory]\nfiles = ["t.csv"]\n'
+    session = parse_session(text)
+    assert session.trajectory is not None
+    assert session.trajectory.files == ("t.csv",)
+
+
+def test_changed__replaces_tables_and_leaves_the_session_as_it_was() -> None:
+    session = parse_session(LEAST)
+    other = session.changed(run=msgspec.structs.replace(session.run, standing=False))
+    assert (session.run.standing, other.run.standing) == (True, False)
+    with pytest.raises(AttributeError):
+        session.name = "other"  # type: ignore[misc]
+
+
+def test_session__comes_back_from_what_it_is_written_as() -> None:
+    """What a run writes down as understood is itself a session, and the same."""
+    session = parse_session(LEAST)
+    data: dict[str, Any] = msgspec.to_builtins(session)
+    written = {k: v for k, v in data.items() if v is not None}
+    assert msgspec.convert(written, Session) == session
+    assert tomllib.loads(LEAST)["crs"]["map"] == written["crs"]["map"]
+
+
+def test_load__refuses_what_is_no_readable_file(tmp_path: Path) -> None:
+    (tmp_path / "latin.toml").write_bytes(b'name = "\xe4"')
+    for path in (tmp_path, tmp_path / "none.toml", tmp_path / "latin.toml"):
+        with pytest.raises(InputError) as error:
+            load_session(path)
+        assert error.value.code == "session-unreadable"
+        assert str(path) in error.value.what
+
+
+def test_resolve__stays_inside_the_sessions_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "field"
+    (folder / "day 1").mkdir(parents=True)
+    inside, outside = folder / "day 1" / "圃場.nmea", tmp_path / "secret.nmea"
+    inside.write_text("x")
+    outside.write_text("x")
+    (folder / "link.nmea").symlink_to(outside)
+    session = folder / "session.toml"
+    assert resolve(session, "day 1/圃場.nmea") == inside.resolve()
+    for name in ("../secret.nmea", str(outside), "link.nmea", "day 1/../../secret.nmea"):
+        with pytest.raises(InputError) as error:
+            resolve(session, name)
+        assert error.value.code == "session-path-outside", name
+    for name in ("none.nmea", "day 1", ".", "nul\0.nmea", "long" * 100):
+        with pytest.raises(InputError) as error:
+            resolve(session, name)
+        assert error.value.code == "session-file-missing", name
