@@ -107,7 +107,7 @@ class _RosBag:
             except InputError as error:
                 facts[name] = "none"
                 if error.code != "bag-nothing-usable":
-                    self.notices.append(Notice(error.code, error.what))
+                    self._tell(Notice(error.code, error.what))
             else:
                 facts[name] = told
                 clocks.append(clock)
@@ -128,7 +128,7 @@ class _RosBag:
                 )
                 topic.messages += 1
                 topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
-            self.notices += files.notices
+            self._tell(*files.notices)
             if not found:
                 why = "; ".join(notice.text.rstrip(".") for notice in files.notices)
                 raise InputError(
@@ -172,7 +172,7 @@ class _RosBag:
             yield from scans
         yield from decoder.finish()
         self.clock = decoder.clock
-        self.notices += decoder.notices()
+        self._tell(*decoder.notices())
 
     def _positions(self, chosen: _Topic) -> tuple[GnssTrack, FixLog]:
         from furrowmap.core.readers.facts import jump_notices
@@ -181,7 +181,7 @@ class _RosBag:
         for _ in self._read(chosen, log.add):
             pass
         track, notices = log.track(self._source(chosen))
-        self.notices += notices + jump_notices(track)
+        self._tell(*notices, *jump_notices(track))
         return track, log
 
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
@@ -236,7 +236,11 @@ class _RosBag:
         return f"{self.paths[0]}, {topic.name}"
 
     def _note(self, code: str, topic: _Topic, text: str) -> None:
-        self.notices.append(Notice(code, f"{self._source(topic)}: {text}"))
+        self._tell(Notice(code, f"{self._source(topic)}: {text}"))
+
+    def _tell(self, *notices: Notice) -> None:
+        """Take down what has not been told yet: a bag may be inspected, and read for positions and for scans."""
+        self.notices += [notice for notice in notices if notice not in self.notices]
 
 
 class RosBag1(_RosBag):

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.bag_storage import BagMessage
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag_messages import packets
-from furrowmap.core.readers.velodyne import RETURN_WORDS, PacketDecoder
+from furrowmap.core.readers.velodyne import BLOCK_MARK, RETURN_WORDS, PacketDecoder
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 _BATCH: Final = 1000
-_BLOCK_FLAG: Final = (0xFF, 0xEE)
-"""How every block of a data packet begins (VLP-16 User Manual 63-9243 Rev. E, section 9.3)."""
 
 
 class PacketScans:
@@ -37,7 +35,7 @@ class PacketScans:
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
         """Take in one message; the scans that are complete with it."""
         payloads, host_s = packets(content, message)
-        sound = (payloads[:, :2] == _BLOCK_FLAG).all(axis=1)
+        sound = (payloads[:, :2] == np.frombuffer(BLOCK_MARK, np.uint8)).all(axis=1)
         payloads, host_s = payloads[sound], host_s[sound]
         self._foreign += len(sound) - len(payloads)
         self._payloads.append(payloads)
@@ -66,7 +64,7 @@ class PacketScans:
         """What `inspect` tells."""
         counts, model = self._decoder.counts, self._decoder.model
         return {
-            "model": model.name if model else "unknown",
+            "model": model.name if model else None,
             "return_modes": {RETURN_WORDS.get(mode, f"0x{mode:02x}"): n for mode, n in counts.modes.items()},
             "packets": counts.packets,
             "rpm": round(counts.rpm, 1),

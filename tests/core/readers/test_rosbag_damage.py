@@ -307,6 +307,15 @@ def test_positions_out_of_order_are_put_in_order_and_told(tmp_path: Path) -> Non
     assert "gnss-time-back" in codes(reader)
 
 
+def test_nothing_is_told_twice(tmp_path: Path) -> None:
+    reader = open_recording([write_bag2(tmp_path / "bag", mixed())], ReadOptions())
+    reader.inspect()
+    told = list(reader.notices)
+    reader.track()
+    list(reader.scans())
+    assert reader.notices == told
+
+
 def test_a_position_nowhere_on_earth_is_left_out(tmp_path: Path) -> None:
     recorded = [("/fix", T0_NS + k, nav_sat_fix(T0_NS + k * 10**8, lat_deg=lat)) for k, lat in enumerate((43.0, 1e9))]
     reader = open_recording([write_bag2(tmp_path / "bag", recorded)], ReadOptions())
