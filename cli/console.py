@@ -25,7 +25,7 @@ class Console:
 
     Attributes:
         as_json: the answer goes out as JSON instead of words.
-        quiet: no bar, no words but warnings and errors.
+        quiet: no bar, and only warnings and errors go to standard error.
         verbose: every step goes through the log to standard error, so there is no bar.
     """
 
@@ -90,10 +90,16 @@ def _bar() -> Iterator[Progress]:
         def show(stage: str, share: float) -> None:
             if stage not in tasks:
                 log.info(stage)
+                end_stages()
                 tasks[stage] = bar.add_task(stage, total=1.0)
             bar.update(tasks[stage], completed=min(share, 1.0))
 
+        def end_stages() -> None:
+            for task in tasks.values():
+                bar.update(task, completed=1.0)
+
         yield show
+        end_stages()
 
 
 def put_json(value: object) -> None:

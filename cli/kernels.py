@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 VARIABLE: Final = "NUMBA_CACHE_DIR"
-COMPILING: Final = "Compiling kernels for this machine, once (about 20 s)."
+COMPILING: Final = "Compiling kernels for this machine, once (about 15 s)."
 
 
 def keep_kernels() -> None:

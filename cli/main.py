@@ -50,6 +50,13 @@ class Verbs(click.Group):
             code="no-such-verb",
         )
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Do what the verb does; click would put an empty line before the words on an interruption."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Cancelled from None
+
 
 @click.group(
     cls=Verbs,
@@ -98,19 +105,36 @@ def _put_versions(*, as_json: bool) -> None:
         )
 
 
+class Interruption:
+    """Turns Ctrl-C, and a polite request to end, into an exception that lets everybody clean up behind them.
+
+    Attributes:
+        asked: whether it came, whatever became of the exception: compiled code and libraries turn it into others.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __call__(self, *_: object) -> NoReturn:
+        """Handle the signal."""
+        self.asked = True
+        raise KeyboardInterrupt
+
+
 def main() -> NoReturn:
     """The console command."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    sys.exit(command_line(sys.argv[1:]))
+    interruption = Interruption()
+    signal.signal(signal.SIGINT, interruption)
+    signal.signal(signal.SIGTERM, interruption)
+    sys.exit(command_line(sys.argv[1:], interruption))
 
 
-def _interrupt(*_: Any) -> NoReturn:
-    """A polite request to end is answered as Ctrl-C is: what is half-written goes away first."""
-    raise KeyboardInterrupt
-
-
-def command_line(arguments: Sequence[str]) -> int:
+def command_line(arguments: Sequence[str], interruption: Interruption | None = None) -> int:
     """Do what the arguments say.
+
+    Args:
+        arguments: without the program's name.
+        interruption: what handles the signals, if anything does.
 
     Returns:
         The exit status: 0 done, 1 failed, 2 wrongly called, 3 the input is at fault, 4 refused, 130 interrupted.
@@ -127,30 +151,30 @@ def command_line(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except BaseException as raised:  # noqa: BLE001 (the one place where errors end, the panics of libraries included)
-        return _end(raised, [word for word in arguments if word in ("--json", "--debug")])
+        asked = interruption is not None and interruption.asked
+        return _end(raised, Cancelled() if asked else _in_three_lines(raised, arguments), arguments)
     return int(status or 0)
 
 
-def _end(raised: BaseException, options: Sequence[str]) -> int:
+def _end(raised: BaseException, error: FurrowmapError, arguments: Sequence[str]) -> int:
     """Tell how it ended, and give the exit status."""
-    error = _in_three_lines(raised)
-    if "--debug" in options:
+    if "--debug" in arguments:
         traceback.print_exception(raised)
     log.debug("ended by %s", error.code, exc_info=raised)
     put_error(error)
-    if "--json" in options:
+    if "--json" in arguments:
         put_json({"error": error_value(error)})
     return error.exit_status
 
 
-def _in_three_lines(raised: BaseException) -> FurrowmapError:
+def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:
     """Whatever was raised as an error that a user can act on."""
     if isinstance(raised, FurrowmapError):
         return raised
     if isinstance(raised, KeyboardInterrupt | click.Abort):
         return Cancelled()
     if isinstance(raised, click.UsageError):
-        return _usage(raised)
+        return _usage(raised, arguments)
     if isinstance(raised, MemoryError):
         return FurrowmapError(
             "The computer's memory did not suffice.",
@@ -173,8 +197,8 @@ def _in_three_lines(raised: BaseException) -> FurrowmapError:
     )
 
 
-def _usage(raised: click.UsageError) -> UsageError:
-    path = raised.ctx.command_path if raised.ctx is not None else "furrowmap"
+def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
+    path = " ".join(["furrowmap", *(verb for verb in arguments[:1] if verb in VERBS)])
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(

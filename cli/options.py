@@ -21,7 +21,7 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
     """Give a verb these options, and as its first argument the console that they describe."""
 
     @click.option("--json", "as_json", is_flag=True, help="Answer as JSON on standard output.")
-    @click.option("-q", "--quiet", is_flag=True, help="No bar and no words but warnings and errors.")
+    @click.option("-q", "--quiet", is_flag=True, help="No bar, and on standard error only warnings and errors.")
     @click.option("-v", "--verbose", count=True, help="Tell every step; -vv also what libraries tell.")
     @click.option("--log-file", type=FILE, metavar="FILE", help="Add every step, with its time, to this file.")
     @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
@@ -29,31 +29,31 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
     def called(
         *, as_json: bool, quiet: bool, verbose: int, log_file: Path | None, debug: bool, **arguments: Any
     ) -> None:
-        _start_log(verbose, log_file, debug=debug)
+        del debug  # is looked at where errors end
+        _start_log(verbose, log_file)
         keep_kernels()
         verb(Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
 
 
-def _start_log(verbose: int, log_file: Path | None, *, debug: bool) -> None:
-    """Send furrowmap's steps, and warnings of libraries, where the user asked for them; by default nowhere.
+def _start_log(verbose: int, log_file: Path | None) -> None:
+    """Send furrowmap's steps, and with -vv those of libraries, where the user asked for them; by default nowhere.
 
     Raises:
         OSError: if the file cannot be opened.
     """
     handlers: list[logging.Handler] = []
-    if verbose or debug:
+    if verbose:
         screen = logging.StreamHandler()
         screen.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
-        screen.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
+        screen.setLevel(logging.INFO)
         handlers.append(screen)
     if log_file is not None:
         file = logging.FileHandler(log_file, encoding="utf-8", errors="backslashreplace")
         file.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
         handlers.append(file)
-    logging.basicConfig(force=True, handlers=handlers or [logging.NullHandler()], level=logging.WARNING)
-    logging.getLogger("furrowmap").setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
-    if verbose > 1:
-        logging.getLogger().setLevel(logging.INFO)
+    level = logging.INFO if verbose > 1 else logging.WARNING
+    logging.basicConfig(force=True, handlers=handlers or [logging.NullHandler()], level=level)
+    logging.getLogger("furrowmap").setLevel(logging.DEBUG)
     logging.captureWarnings(capture=True)

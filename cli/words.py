@@ -62,7 +62,8 @@ def _told(value: Any) -> str:
             return "\n".join(f"{printable(str(name))}: {_told(item)}" for name, item in value.items())
         return ", ".join(" ".join(_figure(str(name), item)) for name, item in value.items())
     if isinstance(value, list | tuple):
-        return ", ".join(_told(item) for item in value)
+        nested = any(isinstance(item, list | tuple) for item in value)
+        return ("; " if nested else ", ").join(_told(item) for item in value)
     return printable(str(value))
 
 

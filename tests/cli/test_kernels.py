@@ -1,0 +1,67 @@
+"""Compiled kernels are kept per user and version, and the user hears when they are made."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_kernels
+
+CODE = """
+import os, sys
+sys.path.insert(0, sys.argv[1])
+from furrowmap.cli.kernels import compilation_told, keep_kernels
+keep_kernels()
+with compilation_told(print):
+    import kernels_to_compile
+    kernels_to_compile.double(1.0)
+    kernels_to_compile.double(1)
+"""
+KERNEL = "from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 2 * x\n"
+
+
+def test_folder__is_the_users_and_the_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "")
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    keep_kernels()
+    assert os.environ[VARIABLE] == str(tmp_path / "furrowmap" / f"kernels-{version('furrowmap')}")
+
+
+def test_folder_already_set__is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "mine")
+    keep_kernels()
+    assert os.environ[VARIABLE] == "mine"
+
+
+def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cache").write_text("a file where a folder should be")
+    monkeypatch.setenv(VARIABLE, "")
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    keep_kernels()
+    assert Path(os.environ[VARIABLE]).parent == tmp_path
+    assert Path(os.environ[VARIABLE]).is_dir()
+
+
+def test_compilation__is_told_once_and_only_when_it_happens(tmp_path: Path) -> None:
+    (tmp_path / "kernels_to_compile.py").write_text(KERNEL)
+    environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
+
+    def run() -> str:
+        return subprocess.run(
+            [sys.executable, "-c", CODE, tmp_path],
+            env=environment | {"XDG_CACHE_HOME": str(tmp_path / "cache")},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+
+    assert run() == f"{COMPILING}\n"
+    assert run() == ""

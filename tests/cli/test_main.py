@@ -1,0 +1,160 @@
+"""Whatever happens, the command answers in one way: an exit status, data on one stream, three lines on the other."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+from pyproj import proj_version_str
+
+from furrowmap.cli.main import VERBS, command_line
+from furrowmap.core.examination import Examined
+
+FURROWMAP = Path(sys.executable).with_name("furrowmap")
+
+
+def test_help__names_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["--help"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [verb for verb in VERBS if any(line.split()[:1] == [verb] for line in lines)] == list(VERBS)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help__of_each_verb_shows_an_example(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line([verb, "--help"]) == 0
+    assert f"Example:\n    furrowmap {verb} " in capsys.readouterr().out
+
+
+def test_help__imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from furrowmap.cli.main import command_line; command_line(['--help']);"
+        "sys.exit(' '.join({'numpy', 'numba', 'rich', 'pyproj', 'pyogrio', 'rasterio'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what", "remedy"),
+    [
+        ([], "a verb is missing", "inspect"),
+        (["inspct", "x"], "'inspct'", "furrowmap inspect"),
+        (["frobnicate"], "'frobnicate'", "init, inspect, run, simulate"),
+        (["inspect", "--jsn", "x"], "--jsn", "--json"),
+        (["inspect"], "FILE", "furrowmap inspect --help"),
+        (["run", "a", "b"], "unexpected extra argument", "furrowmap run --help"),
+        (["run", "a", "-o"], "-o", "furrowmap run --help"),
+    ],
+)
+def test_wrong_call__is_told_in_three_lines(
+    arguments: list[str], what: str, remedy: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command_line(arguments) == 2
+    told = capsys.readouterr()
+    lines = told.err.splitlines()
+    assert len(lines) == 3
+    assert what in lines[0]
+    assert remedy in lines[2]
+    assert told.out == ""
+
+
+def test_wrong_call__is_told_as_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["run", "--json", "--overwrit", "x"]) == 2
+    told = capsys.readouterr()
+    error = json.loads(told.out)["error"]
+    assert list(error) == ["code", "what", "meaning", "remedy"]
+    assert error["code"] == "usage"
+    assert "--overwrite" in error["remedy"]
+    assert len(told.err.splitlines()) == 3
+
+
+def test_names__cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["run", str(tmp_path / "\x1b[31m\nred\udcff.toml")]) == 3
+    told = capsys.readouterr().err
+    assert len(told.splitlines()) == 3
+    assert "\x1b" not in told
+    assert "red\\udcff.toml" in told
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "code", "words"),
+    [
+        (RuntimeError("the gauge broke"), 1, "fault", "RuntimeError: the gauge broke"),
+        (AssertionError(), 1, "fault", "fault in furrowmap"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "cloud.laz"), 1, "system", "cloud.laz: No space left"),
+        (MemoryError(), 1, "out-of-memory", "memory"),
+        (KeyboardInterrupt(), 130, "cancelled", "Stopped"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_anything_raised__becomes_three_lines(
+    raised: BaseException,
+    status: int,
+    code: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr(Examined, "of", fail)
+    assert command_line(["inspect", "x", "--json"]) == status
+    told = capsys.readouterr()
+    assert json.loads(told.out)["error"]["code"] == code
+    assert words in told.err
+    assert len(told.err.splitlines()) == 3
+
+
+def test_debug__shows_the_traceback_before_the_three_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError
+
+    monkeypatch.setattr(Examined, "of", fail)
+    assert command_line(["inspect", "x", "--debug"]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "Traceback (most recent call last):"
+    assert "--debug" in lines[-1]
+
+
+def test_log_file__keeps_the_steps_and_the_traceback(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "furrowmap.log"
+    assert command_line(["inspect", str(tmp_path / "none"), "--log-file", str(log)]) == 3
+    assert command_line(["run", str(tmp_path / "none.toml"), "--log-file", str(log)]) == 3
+    text = log.read_text(encoding="utf-8")
+    assert "Reading none" in text
+    assert "InputError" in text
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_version__tells_what_stands_behind(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["--version", "--json"]) == 0
+    versions = json.loads(capsys.readouterr().out)
+    assert (versions["furrowmap"], versions["proj"]) == (version("furrowmap"), proj_version_str)
+    assert command_line(["--version"]) == 0
+    assert capsys.readouterr().out.splitlines()[0] == f"furrowmap {version('furrowmap')}"
+
+
+def test_command__ends_with_the_status_and_colours_nothing_in_a_pipe(tmp_path: Path) -> None:
+    done = subprocess.run([FURROWMAP, "inspect", tmp_path / "none"], capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert len(done.stderr.splitlines()) == 3
+    assert "\x1b" not in done.stderr
+
+
+def test_reader_that_leaves_early__is_no_error_to_tell(tmp_path: Path) -> None:
+    process = subprocess.Popen([FURROWMAP, "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    told = process.stderr.read()
+    process.stderr.close()
+    assert (process.wait(), told) == (1, "")
