@@ -52,6 +52,7 @@ def write_products(
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
     """
+    _refuse_original(folder, session_file)
     _refuse_foreign(folder, load_session(session_file), overwrite=overwrite)
     start = perf_counter()
     with staged_folder(folder) as staging:
@@ -125,6 +126,21 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
     return value
+
+
+def _refuse_original(folder: Path, session_file: Path) -> None:
+    """Keep the user's own session file, with its comments, from becoming a product.
+
+    Raises:
+        RefusedError: if it has a product's place.
+    """
+    if session_file.resolve() in {(folder / name).resolve() for name in PRODUCTS}:
+        raise RefusedError(
+            f"{folder} is where {session_file.name} itself lies.",
+            "The run writes the session as it was understood under that name, so yours would be lost.",
+            "Choose another folder with -o.",
+            code="output-is-input",
+        )
 
 
 def _refuse_foreign(folder: Path, session: Session, *, overwrite: bool) -> None:
