@@ -21,7 +21,7 @@ from furrowmap.core.values.scan import Clock, Scan
 FloatArray = NDArray[np.float64]
 
 _DATATYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_NAMES: Final = {
+FIELD_NAMES: Final = {
     "intensity": ("intensity", "i", "reflectivity", "reflectance"),
     "ring": ("ring", "channel", "line", "laser_id"),
     "time": ("time", "t", "timestamp", "time_stamp", "offset_time", "time_offset"),
@@ -161,7 +161,7 @@ def _points(content: Any) -> NDArray[Any]:
     height, width, step, row = (int(n) for n in (content.height, content.width, content.point_step, content.row_step))
     byte_order = ">" if content.is_bigendian else "<"
     there = {str(field.name): field for field in content.fields}
-    wanted = {axis: (axis,) for axis in "xyz"} | _NAMES
+    wanted = {axis: (axis,) for axis in "xyz"} | FIELD_NAMES
     names, formats, offsets = [], [], []
     for name, spellings in wanted.items():
         field = next((there[spelling] for spelling in spellings if spelling in there), None)
