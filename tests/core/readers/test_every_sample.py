@@ -1,0 +1,52 @@
+"""Every sample recording is inspected or refused in three sentences, soon, and without any other exception."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.readers.reader import Inspection, Recognised
+from furrowmap.core.values.errors import InputError
+
+SLOW_S = 10.0
+"""An inspection takes well under two seconds; a machine that is busy with other things may take longer."""
+
+SHARED_DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
+
+
+def samples(folder: str) -> list[Path]:
+    """Files of a folder of samples, and folders that are a bag."""
+    paths = (SHARED_DATA / folder).rglob("*")
+    return sorted(path for path in paths if path.is_file() or (path / "metadata.yaml").is_file())
+
+
+def inspected(path: Path) -> Inspection | InputError:
+    try:
+        return Recognised.of(path).inspect()
+    except InputError as error:
+        return error
+
+
+@pytest.mark.parametrize("folder", ["velodyne", "rosbag", "gnss"])
+def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str) -> None:
+    paths = samples(folder)
+    assert len(paths) >= {"velodyne": 16, "rosbag": 15, "gnss": 60}[folder]
+    inspected(paths[0])  # the first call may compile
+    read = 0
+    for path in paths:
+        began = time.perf_counter()
+        answer = inspected(path)
+        assert time.perf_counter() - began < SLOW_S, path
+        if isinstance(answer, InputError):
+            assert all(line.strip() and "\n" not in line for line in answer.lines), path
+            continue
+        read += 1
+        assert answer.facts, path
+        for clock in answer.clocks:
+            assert math.isfinite(clock.first_s), path
+            assert clock.first_s <= clock.last_s, path
+        assert all(notice.code and notice.text.strip() for notice in answer.notices), path
+    assert read >= {"velodyne": 11, "rosbag": 15, "gnss": 24}[folder]
