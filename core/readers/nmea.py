@@ -124,9 +124,9 @@ class NmeaLog:
             return f"{paths[file]}, byte {at - (ends[file - 1] if file else 0)}"
 
         name = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
-        epochs = assemble(
-            Sentences.joined(parts), name, date=self.options.date, near_s=self.options.near_s, place=place
-        )
+        sentences = Sentences.joined(parts)
+        parts.clear()  # else a long log is held twice
+        epochs = assemble(sentences, name, date=self.options.date, near_s=self.options.near_s, place=place)
         self.notices += _tally_notices(tally, name) + list(epochs.notices) + jump_notices(epochs.track)
         return tally, epochs
 

@@ -84,7 +84,8 @@ def assemble(
     of_talker = {t: int(np.sum(all_gga.talker[_states_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
     mine = _one_receiver(all_gga[_states_position(all_gga)], notices, name)
     gga = all_gga[np.isin(all_gga.talker, mine)] if len(mine) else all_gga
-    log = sentences[_belongs(sentences, mine, [t for t, count in of_talker.items() if count])]
+    belongs = _belongs(sentences, mine, [t for t, count in of_talker.items() if count])
+    log = sentences if belongs.all() else sentences[belongs]
     positions = gga[_states_position(gga)]
 
     t_s, dated = _times(positions, log, notices, name, date=date, near_s=near_s)
@@ -284,9 +285,10 @@ def _timed(
     log: Sentences, position_at: NDArray[np.int64], position_t_s: FloatArray
 ) -> tuple[FloatArray, NDArray[np.int64]]:
     """Times of all sentences that carry one, on the day of the position nearest before them, and where they stand."""
-    timed = log[(log.kind != Kind.VTG) & (log.kind != Kind.HDT)]
-    near = np.clip(np.searchsorted(position_at, timed.at, side="right") - 1, 0, len(position_at) - 1)
-    return nearest_in_cycle(timed.values[:, 0], position_t_s[near], DAY_S), timed.at
+    timed = (log.kind != Kind.VTG) & (log.kind != Kind.HDT)
+    at = log.at[timed]
+    near = np.clip(np.searchsorted(position_at, at, side="right") - 1, 0, len(position_at) - 1)
+    return nearest_in_cycle(log.values[timed, 0], position_t_s[near], DAY_S), at
 
 
 def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
