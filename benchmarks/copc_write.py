@@ -1,0 +1,180 @@
+"""How fast a cloud is written as COPC, beside what others need for the same points in the same run.
+
+    python benchmarks/copc_write.py [SESSION] [--rounds N] [--memory]
+
+SESSION is a session.toml; the points are those its run places. Each way of writing takes its turn in each round, and the
+best round counts, because others may use the machine. `--memory` tells the peak memory for the recording once and four
+times over instead, each in a process of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import resource
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter, process_time
+
+import copclib
+import lazrs
+import numpy as np
+
+from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.pipeline import run
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.exporters.copc.file import las_header
+from furrowmap.exporters.copc.octree import Key, Limits, Octree
+from furrowmap.exporters.copc.points import PointBatch, Records, to_records
+from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
+
+LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
+SCAN = (("scan", "uint32", "number of the scan"),)
+LENGTHS = (1, 4)
+
+
+class Collected:
+    """The sink of a run that keeps its points."""
+
+    def __init__(self) -> None:
+        self.batches: list[PointBatch] = []
+        self.origin_m = (0.0, 0.0, 0.0)
+        self.wkt = ""
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        self.origin_m, self.wkt = origin_m, frame.crs.to_wkt("WKT1_GDAL")
+
+    def add(self, placed: PlacedScan) -> None:
+        scan = placed.scan
+        self.batches.append(
+            PointBatch(
+                placed.xyz_m,
+                placed.t_s,
+                intensity=scan.intensity,
+                return_number=scan.return_number,
+                returns=scan.returns,
+                extra={"scan": scan.number},
+            )
+        )
+
+    @property
+    def points(self) -> int:
+        return sum(len(batch) for batch in self.batches)
+
+
+def write_ours(path: Path, cloud: Collected, memory_points: int = MEMORY_POINTS, times: int = 1) -> None:
+    with CopcWriter(
+        path, crs_wkt=cloud.wkt, origin_m=cloud.origin_m, extra=SCAN, memory_points=memory_points
+    ) as writer:
+        for i in range(times):
+            for batch in cloud.batches:
+                writer.append(replace(batch, xyz_m=batch.xyz_m + [0.0, 20.0 * i, 0.0]) if i else batch)
+
+
+def write_lazrs(path: Path, records: Records, *, parallel: bool) -> None:
+    """The records as they come, in chunks of 50,000: no packing, no octree, no header."""
+    compressor = lazrs.ParLasZipCompressor if parallel else lazrs.LasZipCompressor
+    with path.open("wb") as file:
+        writer = compressor(file, lazrs.LazVlr.new_for_compression(6, 4))
+        writer.compress_many(records.view(np.uint8))
+        writer.done()
+
+
+def write_copclib(path: Path, cloud: Collected, nodes: Sequence[tuple[Key, Records]]) -> None:
+    """Nodes that are ready-made: copclib leaves the octree to its caller."""
+    scale, offset = copclib.Vector3(0.001, 0.001, 0.001), copclib.Vector3(*cloud.origin_m)
+    config = copclib.CopcConfigWriter(6, scale, offset, cloud.wkt, copclib.EbVlr(4))
+    writer = copclib.FileWriter(str(path), config)
+    for key, records in nodes:
+        writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
+    writer.Close()
+
+
+class Nodes:
+    """The nodes of an octree, kept."""
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[Key, Records]] = []
+
+    def add(self, key: Key, parts: Sequence[Records]) -> None:
+        self.kept.append((key, np.concatenate(parts)))
+
+
+def packed(cloud: Collected) -> tuple[Records, Nodes]:
+    """The points as records, as they come and sorted into nodes."""
+    layout = las_header(cloud.wkt, 0.001, cloud.origin_m, SCAN, colour=False).point_format.dtype()
+    parts = [to_records(batch, layout, 0.001) for batch in cloud.batches]
+    octree = Octree(layout, Limits(MEMORY_POINTS, NODE_POINTS, Path()), np.random.default_rng(0))
+    for records, extent in parts:
+        octree.append(records, extent.low, extent.high)
+    nodes = Nodes()
+    octree.finish(nodes)
+    return np.concatenate([records for records, _ in parts]), nodes
+
+
+def collect(session: Path) -> Collected:
+    cloud = Collected()
+    run(session, cloud)
+    return cloud
+
+
+def compare(session: Path, rounds: int, folder: Path) -> None:
+    cloud = collect(session)
+    records, nodes = packed(cloud)
+    n = len(records)
+    path = folder / "cloud.copc.laz"
+    ways: dict[str, Callable[[], None]] = {
+        "furrowmap": lambda: write_ours(path, cloud),
+        "furrowmap, a quarter in memory": lambda: write_ours(path, cloud, memory_points=n // 4),
+        "lazrs, all cores, records as they come": lambda: write_lazrs(path, records, parallel=True),
+        "lazrs, one core, records as they come": lambda: write_lazrs(path, records, parallel=False),
+        "copclib, nodes ready-made": lambda: write_copclib(path, cloud, nodes.kept),
+    }
+    write_ours(path, cloud)  # compiles, and warms the disk
+    best = {name: (float("inf"), float("inf")) for name in ways}
+    size = dict.fromkeys(ways, 0)
+    for _ in range(rounds):
+        for name, write in ways.items():
+            wall, cpu = perf_counter(), process_time()
+            write()
+            taken = perf_counter() - wall, process_time() - cpu
+            best[name] = min(best[name][0], taken[0]), min(best[name][1], taken[1])
+            size[name] = path.stat().st_size
+    print(f"{n:,} points, best of {rounds}\n")
+    print(f"{'':40} {'M points/s':>10} {'processor s':>12} {'bytes a point':>14}")
+    for name, (wall, cpu) in best.items():
+        print(f"{name:40} {n / wall / 1e6:10.2f} {cpu:12.2f} {size[name] / n:14.2f}")
+
+
+def peak_mb(session: Path, times: int, folder: Path, answer: multiprocessing.SimpleQueue[tuple[int, float]]) -> None:
+    """What writing takes beyond what the recording's points do themselves."""
+    cloud = collect(session)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    write_ours(folder / "cloud.copc.laz", cloud, times=times)
+    answer.put((times * cloud.points, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("session", type=Path, nargs="?", default=LOOP)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--memory", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if not options.memory:
+            compare(options.session, options.rounds, Path(folder))
+            return
+        spawn = multiprocessing.get_context("spawn")
+        for times in LENGTHS:
+            answer = spawn.SimpleQueue()
+            process = spawn.Process(target=peak_mb, args=(options.session, times, Path(folder), answer))
+            process.start()
+            process.join()
+            points, mb = answer.get()
+            print(f"{points:12,} points: {mb:6.0f} MB beyond the points handed over")
+
+
+if __name__ == "__main__":
+    main()

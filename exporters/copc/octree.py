@@ -1,0 +1,213 @@
+"""Records sorted into the nodes of an octree, with memory that does not grow with their number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.exporters.copc.cube import DEPTH, Cube, codes_of, places, sorted_order
+from furrowmap.exporters.copc.levels import Plan, draw_nodes, plan_levels
+from furrowmap.exporters.copc.points import Records, copy_records
+from furrowmap.exporters.copc.spool import Spool
+
+
+class Key(NamedTuple):
+    """A node of a COPC file: its level, and its place among the cells of that level."""
+
+    level: int
+    x: int
+    y: int
+    z: int
+
+    def below(self, depth: int, code: int) -> Key:
+        """The node of a cell of this node's cube."""
+        x, y, z = places(depth, code)
+        return Key(self.level + depth, (self.x << depth) + x, (self.y << depth) + y, (self.z << depth) + z)
+
+
+ROOT: Final = Key(0, 0, 0, 0)
+
+
+class NodeSink(Protocol):
+    """Takes nodes as they become complete."""
+
+    def add(self, key: Key, parts: Sequence[Records]) -> None:
+        """The records of a node, each node once; the arrays stay the caller's."""
+        ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large things get.
+
+    Attributes:
+        memory_points: records held in memory; more are kept in a file in `folder`.
+        node_points: records of a node that has children; one without may have twice as many.
+        folder: for temporary files.
+    """
+
+    memory_points: int
+    node_points: int
+    folder: Path
+
+
+class Octree:
+    """Takes records in any order and gives out nodes.
+
+    All is done in one cube divided into at most 128³ cells (:mod:`~furrowmap.exporters.copc.cube`). Records beyond
+    `memory_points` go to a file, sorted by cell block by block. In the end, stretches of neighbouring cells that fit
+    into memory are taken back one after another, in the order of the cells' codes. A node is given out once its last
+    cell has been read, so that of each level only one node is ever waiting. A cell with too many records for a node
+    becomes the root of an octree of its own.
+
+    Args:
+        layout: of a record.
+        limits: on memory and nodes.
+        random: draws the levels.
+        cube: in which all records lie; found from the records where none is given.
+        key: the node that is the root of what is given out.
+    """
+
+    def __init__(
+        self,
+        layout: np.dtype[np.void],
+        limits: Limits,
+        random: np.random.Generator,
+        cube: Cube | None = None,
+        key: Key = ROOT,
+    ) -> None:
+        self._limits, self._random = limits, random
+        self._cube, self._key = cube, key
+        self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
+        self._buffer: Records = np.empty(limits.memory_points, layout)
+        self._held = 0
+        self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
+        self._spool: Spool | None = None
+        self._counts = np.zeros(8**self._depth, np.int64)
+        self._waiting: dict[int, list[Records]] = {}
+        self._within: dict[int, Octree] = {}
+
+    def append(self, records: Records, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Take records whose X, Y and Z lie between `low` and `high`; the array stays the caller's."""
+        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        while len(records):
+            if self._held == len(self._buffer):
+                self._spill()
+            taken = records[: len(self._buffer) - self._held]
+            copy_records(taken, self._buffer[self._held : self._held + len(taken)])
+            self._held += len(taken)
+            records = records[len(taken) :]
+
+    def finish(self, sink: NodeSink) -> Cube:
+        """Give all nodes to `sink`; at least one record has been appended.
+
+        Returns:
+            The root's cube.
+        """
+        if self._spool is None:
+            cube = self._enclose()
+            nodes = self._held / (2 * self._limits.node_points)
+            self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
+            records = self._buffer[: self._held]
+            codes, counts = codes_of(records, cube, self._depth)
+            self._place(sink, records, codes, self._plan(counts), end=len(counts))
+        else:
+            self._spill()
+            cube = self._enclose()
+            self._gather(sink, self._spool, cube)
+        return cube
+
+    def close(self) -> None:
+        """Remove temporary files."""
+        if self._spool is not None:
+            self._spool.close()
+        for inner in self._within.values():
+            inner.close()
+
+    def _spill(self) -> None:
+        """Put what memory holds into the file."""
+        cube = self._enclose()
+        records = self._buffer[: self._held]
+        codes, counts = codes_of(records, cube, self._depth)
+        if self._spool is None:
+            self._spool = Spool(self._limits.folder)
+        self._spool.add(records, codes, counts)
+        self._counts += counts
+        self._held = 0
+
+    def _enclose(self) -> Cube:
+        """The cube of all records so far: one that they outgrow becomes one of the eight of a larger."""
+        if self._cube is None:
+            self._cube = Cube.around(self._low, self._high)
+        while not self._cube.holds(self._low, self._high):
+            self._cube, octant = self._cube.doubled(self._low)
+            eighth = self._counts.reshape(-1, 8).sum(axis=1)
+            self._counts = np.zeros_like(self._counts)
+            self._counts.reshape(8, -1)[octant] = eighth
+            if self._spool is not None:
+                self._spool.put_into_octant(octant, self._depth)
+        return self._cube
+
+    def _plan(self, counts: NDArray[np.int64]) -> Plan:
+        return plan_levels(counts, self._depth, self._limits.node_points)
+
+    def _gather(self, sink: NodeSink, spool: Spool, cube: Cube) -> None:
+        """Take back what the file holds, stretch of cells by stretch of cells."""
+        plan = self._plan(self._counts)
+        up_to = np.concatenate([[0], np.cumsum(self._counts)])
+        first = 0
+        while first < len(self._counts):
+            most = up_to[first] + len(self._buffer)
+            end = max(int(np.searchsorted(up_to, most, side="right")) - 1, first + 1)
+            end = int(np.searchsorted(up_to, up_to[end], side="right")) - 1  # and the empty cells that follow
+            left = int(up_to[end] - up_to[first])
+            for part in spool.parts(first, end, self._buffer):
+                left -= len(part)
+                codes, _ = codes_of(part, cube, self._depth)
+                self._place(sink, part, codes, plan, end if left == 0 else first)
+            first = end
+
+    def _place(self, sink: NodeSink, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
+        """Sort records into nodes and give out those to whose cells, all before `end`, nothing will be added."""
+        nodes, counts = draw_nodes(codes, plan, self._random)
+        order = sorted_order(nodes, counts)
+        ends = np.cumsum(counts)
+        # One array for each node in its turn: fresh memory would cost more than the sorting itself.
+        room: Records = np.empty(int(counts.max()), records.dtype)
+        for node in sorted({*np.flatnonzero(counts).tolist(), *self._waiting, *self._within}):
+            taken = room[: counts[node]]
+            records.take(order[ends[node] - counts[node] : ends[node]], out=taken, mode="clip")
+            complete = plan.codes_below(node)[1] <= end
+            if plan.is_full(node) and self._depth < self._enclose().bits:
+                self._divide(sink, node, plan, taken, complete=complete)
+                continue
+            parts = [*self._waiting.pop(node, []), taken]
+            if complete:
+                sink.add(self._key_of(node, plan), parts)
+            else:
+                self._waiting[node] = [*parts[:-1], taken.copy()]
+
+    def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
+        """Pass records of a deepest node that is too full on to an octree within its cell."""
+        inner = self._within.get(node)
+        if inner is None:
+            limits = replace(self._limits, memory_points=max(self._limits.memory_points // 4, 1))
+            cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
+            key = self._key_of(node, plan)
+            inner = Octree(self._buffer.dtype, limits, self._random, cube, key)
+            self._within[node] = inner
+        inner.append(records, *inner._enclose().corners)
+        if complete:
+            inner.finish(sink)
+            inner.close()
+            del self._within[node]
+
+    def _key_of(self, node: int, plan: Plan) -> Key:
+        level = plan.level_of(node)
+        return self._key.below(level, node - int(plan.first[level]))

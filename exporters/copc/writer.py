@@ -1,0 +1,177 @@
+"""Writing a cloud as COPC."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import laspy
+import numpy as np
+
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.copc.file import CopcFile, las_header
+from furrowmap.exporters.copc.octree import Limits, Octree
+from furrowmap.exporters.copc.points import Extent, PointBatch, to_records
+
+MEMORY_POINTS: Final = 12_000_000
+NODE_POINTS: Final = 50_000
+LEAST_NODE_POINTS: Final = 64
+"""Below it, chance might leave a node with children empty: with 64 expected points once in 10^28 nodes."""
+
+
+@dataclass(frozen=True)
+class CopcSummary:
+    """What was written.
+
+    Attributes:
+        points: number of points.
+        low_m: least easting, northing and height.
+        high_m: greatest ones.
+        nodes: nodes of the octree.
+        points_by_level: of each level, the root's first.
+    """
+
+    points: int
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+    nodes: int
+    points_by_level: tuple[int, ...]
+
+
+class CopcWriter:
+    """Writes a COPC file from batches of points: a context manager at whose end the file is there whole, or not at all.
+
+    Coordinates are kept as whole steps of `scale_m` from `origin_m`. Points beyond `memory_points` wait in a temporary
+    file beside `path`; writing takes about 60 bytes of memory for each of `memory_points`, however many come.
+
+    Args:
+        path: of the file; an older one is replaced at the end.
+        crs_wkt: of the coordinates. LAS 1.4 asks for WKT 1 (OGC 01-009); readers built on PROJ take WKT 2 as well.
+        origin_m: easting, northing, height that the batches' coordinates are without.
+        scale_m: resolution of the coordinates.
+        extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
+        colour: whether points have colour (point format 7 instead of 6).
+        memory_points: points held in memory.
+        node_points: points of an octree node that has children.
+        seed: of the draw of levels; the same batches and seed give the same nodes.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        crs_wkt: str,
+        origin_m: tuple[float, float, float],
+        scale_m: float = 0.001,
+        extra: Sequence[tuple[str, str, str]] = (),
+        colour: bool = False,
+        memory_points: int = MEMORY_POINTS,
+        node_points: int = NODE_POINTS,
+        seed: int = 0,
+    ) -> None:
+        if node_points < LEAST_NODE_POINTS or memory_points < 1:
+            raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
+        self._path, self._scale_m, self._node_points = path, scale_m, node_points
+        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour)
+        self._layout = self._header.point_format.dtype()
+        limits = Limits(memory_points, node_points, path.parent)
+        self._octree = Octree(self._layout, limits, np.random.default_rng(seed))
+        self._extent = Extent.of_nothing()
+        self._stack = ExitStack()
+        self._summary: CopcSummary | None = None
+
+    def __enter__(self) -> Self:
+        self._unfinished = self._stack.enter_context(atomic_output(self._path))
+        self._stack.enter_context(closing(self._octree))
+        return self
+
+    def append(self, batch: PointBatch) -> None:
+        """Take a batch of points.
+
+        Raises:
+            FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a LAS file.
+            OSError: if the temporary file cannot be written.
+            ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
+        """
+        if len(batch):
+            records, extent = to_records(batch, self._layout, self._scale_m)
+            self._extent = self._extent.joined(extent)
+            self._octree.append(records, extent.low, extent.high)
+
+    def close(self, progress: Progress = silent) -> CopcSummary:
+        """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
+
+        Args:
+            progress: is told of the stage "writing cloud".
+
+        Raises:
+            FurrowmapError: if there is not a single point.
+            OSError: if the file cannot be written, or is not read back as it was written.
+        """
+        if self._summary is None:
+            with self._stack:
+                self._summary = self._write(progress)
+        return self._summary
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._stack.__exit__(kind, error, trace)
+
+    def _write(self, progress: Progress) -> CopcSummary:
+        points = self._extent.points
+        if not points:
+            raise FurrowmapError(
+                f"{self._path.name} would hold no points.",
+                "Programs refuse a cloud without points, so none was written.",
+                "See what the report or `furrowmap inspect` says about scans and times that were left out.",
+                code="cloud-empty",
+            )
+        with closing(
+            CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points))
+        ) as file:
+            cube = self._octree.finish(file)
+            # A node keeps node_points of its cell, in the main a surface across it: so far apart are they.
+            spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points))
+            file.finish(self._extent, cube, spacing_m)
+            levels = file.points_by_level
+        summary = CopcSummary(
+            points,
+            low_m=tuple(self._header.mins.tolist()),
+            high_m=tuple(self._header.maxs.tolist()),
+            nodes=file.nodes,
+            points_by_level=tuple(levels.tolist()),
+        )
+        _check(self._unfinished, summary)
+        return summary
+
+
+def _check(path: Path, written: CopcSummary) -> None:
+    """Read back what tells most for little: the header, the hierarchy and the root's points.
+
+    Raises:
+        OSError: if the disk kept something else than what was written.
+    """
+    with laspy.CopcReader.open(path) as reader:
+        header = reader.header
+        found = sum(entry.point_count for entry in reader.root_page.entries.values())
+        root = reader.query(level=0)
+        inside = all(
+            (low <= axis.min()) and (axis.max() <= high)
+            for low, high, axis in zip(written.low_m, written.high_m, (root.x, root.y, root.z), strict=True)
+        )
+        same = tuple(header.mins) == written.low_m and tuple(header.maxs) == written.high_m
+        if (header.point_count, found, len(root)) != (written.points, written.points, written.points_by_level[0]):
+            raise OSError(f"{path} holds {found} points where {written.points} were written")
+        if not (inside and same):
+            raise OSError(f"{path} has other bounds than what was written")
