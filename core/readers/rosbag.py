@@ -201,6 +201,7 @@ class _RosBag:
             else:
                 taken += 1
                 yield result
+        self.share_read = files.share_read
         if not taken:
             raise InputError(
                 f"{self._source(chosen)}: none of its {damaged} messages could be decoded ({first}).",

@@ -41,7 +41,6 @@ class BagFiles:
 
     Attributes:
         notices: files that are missing or damaged; complete when the messages have ended.
-        share_read: how much has been read, 0 to 1.
 
     Raises:
         InputError: if a folder holds no file of a bag.
@@ -49,9 +48,17 @@ class BagFiles:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self.notices: list[Notice] = []
-        self.share_read = 0.0
         self._declared = 0
         self._files = [file for path in paths for file in self._files_of(path)]
+        self._sizes = [file.stat().st_size for file in self._files]
+        self._behind = 0
+        self._open: Storage | None = None
+
+    @property
+    def share_read(self) -> float:
+        """How much has been read, 0 to 1."""
+        now = self._sizes[self._behind] * self._open.share_read if self._open else 0.0
+        return (sum(self._sizes[: self._behind]) + now) / max(sum(self._sizes), 1)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages (of some topics) of all files, each file's in the order of recording.
@@ -59,15 +66,14 @@ class BagFiles:
         Raises:
             InputError: if the only file cannot be read.
         """
-        sizes = [file.stat().st_size for file in self._files]
         total = 0
-        for k, file in enumerate(self._files):
+        for behind, file in enumerate(self._files):
+            self._behind = behind
             try:
-                storage = open_storage(file)
+                storage = self._open = open_storage(file)
                 count = 0
                 for message in storage.messages(topics):
                     count += 1
-                    self.share_read = (sum(sizes[:k]) + sizes[k] * storage.share_read) / sum(sizes)
                     yield message
             except InputError as error:
                 if len(self._files) == 1:
@@ -82,7 +88,6 @@ class BagFiles:
                 )
         if topics is None and self._declared and total != self._declared:
             self._note("bag-count", f"{total} messages were found where {METADATA} counts {self._declared}.")
-        self.share_read = 1.0
 
     def _files_of(self, path: Path) -> list[Path]:
         """The file itself; or those in a folder that its metadata name, else those that look like a bag's."""
