@@ -10,6 +10,7 @@ import sqlite3
 import struct
 import time
 import tracemalloc
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -177,6 +178,27 @@ def test_one_damaged_chunk_costs_only_its_own_messages(tmp_path: Path) -> None:
     assert 0.5 * len(every) < len(left) < len(every)
     assert set(left) <= set(every)
     assert codes(files) == {"bag-chunk-damaged", "bag-count"}
+
+
+@pytest.mark.parametrize(("compression", "left"), [(None, WHOLE), ("LZ4", {})])
+def test_the_chunk_that_a_killed_recorder_left_open(
+    tmp_path: Path, compression: str | None, left: dict[str, int]
+) -> None:
+    """Its sizes are still 0, as the recorder fills them in when it closes the chunk; its content ends the file."""
+    path = write_bag1(tmp_path / "a.bag.active", mixed(ROS1), compression)
+    data = path.read_bytes()
+    fields_at = data.index(b"compression=") - 4
+    length_at = data.index(b"size=", fields_at) + len("size=") + 4
+    (length,) = struct.unpack_from("<I", data, length_at)
+    index_pos = data.index(b"index_pos=") + len("index_pos=")
+    opened = bytearray(data[: length_at + 4 + length])
+    opened[length_at - 4 : length_at + 4] = bytes(8)
+    opened[index_pos : index_pos + 8] = bytes(8)
+    path.write_bytes(opened)
+    files = BagFiles([path])
+    found = Counter(message.topic for message in files.messages())
+    assert found == left
+    assert codes(files) == ({"bag-unindexed"} if left else {"bag-cut"})
 
 
 def test_a_chunk_with_a_wrong_checksum_is_not_used(tmp_path: Path) -> None:
