@@ -51,13 +51,17 @@ class Console:
         click.secho(f"warning: {printable(notice.text)}", err=True, fg="yellow", color=colour())
 
     @contextmanager
-    def work(self) -> Iterator[Progress]:
-        """Long work: a bar with stage, share and time left if standard error is a terminal."""
+    def work(self, *, passing: bool = False) -> Iterator[Progress]:
+        """Work that may take long: bars with stage, share and time left if standard error is a terminal.
+
+        Args:
+            passing: whether the bars go away in the end.
+        """
         with compilation_told(self.say):
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()
             else:
-                with _bar() as progress:
+                with _bars(transient=passing) as progress:
                     yield progress
 
 
@@ -73,7 +77,7 @@ def _stages_to_log() -> Progress:
 
 
 @contextmanager
-def _bar() -> Iterator[Progress]:
+def _bars(*, transient: bool) -> Iterator[Progress]:
     from rich.console import Console as RichConsole
     from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as RichProgress
@@ -84,7 +88,8 @@ def _bar() -> Iterator[Progress]:
         TaskProgressColumn(),
         TimeRemainingColumn(compact=True, elapsed_when_finished=True),
     )
-    with RichProgress(*columns, console=RichConsole(stderr=True, no_color=colour() is False)) as bar:
+    console = RichConsole(stderr=True, no_color=colour() is False)
+    with RichProgress(*columns, console=console, transient=transient) as bar:
         tasks: dict[str, Any] = {}
 
         def show(stage: str, share: float) -> None:

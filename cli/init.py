@@ -39,9 +39,9 @@ def init(console: Console, recordings: tuple[Path, ...], output: Path | None, *,
             code="exists",
         )
     examined = []
-    with console.work() as progress:
-        for done, path in enumerate(recordings):
-            progress(f"Reading {path.name}", done / len(recordings))
+    with console.work(passing=True) as progress:
+        for path in recordings:
+            progress(f"Reading {printable(path.name)}", 0.0)
             examined.append(Examined.of(path))
         proposal = propose_session(examined, session_file.parent)
     with atomic_output(session_file) as unfinished:

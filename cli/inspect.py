@@ -32,9 +32,9 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
     examined: list[Examined] = []
     answers: list[dict[str, Any]] = []
     refused = False
-    with console.work() as progress:
-        for done, path in enumerate(files):
-            progress(f"Reading {path.name}", done / len(files))
+    with console.work(passing=True) as progress:
+        for path in files:
+            progress(f"Reading {printable(path.name)}", 0.0)
             try:
                 recording = Examined.of(path)
             except InputError as error:

@@ -39,5 +39,6 @@ def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool)
     with console.work() as progress:
         simulated = write_recording(described, output, progress)
     session = printable(str(simulated.session))
-    words = f"{table(figures(simulated.figures))}\nWrote {session} and what it names; next: furrowmap run {session}"
+    told = {name: value for name, value in simulated.figures.items() if not isinstance(value, dict)}
+    words = f"{table(figures(told))}\nWrote {session} and what it names; next: furrowmap run {session}"
     console.answer({"folder": simulated.folder, "session": simulated.session, "figures": simulated.figures}, words)

@@ -22,7 +22,7 @@ _UNITS: Final = {
 
 
 def figures(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Names and values as rows of a table; a table within becomes one line."""
+    """Names and values as rows of a table; a table within becomes one line, or one for each table within that."""
     return [_figure(name, value) for name, value in values.items()]
 
 
@@ -39,6 +39,10 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def _figure(name: str, value: Any) -> tuple[str, str]:
+    if name.endswith("unix_s") and isinstance(value, float):
+        from furrowmap.core.values.clock import iso_utc  # brings numpy, which --help does without
+
+        return printable(name.removesuffix("_unix_s").replace("_", " ")), iso_utc(value)
     stem, _, suffix = name.rpartition("_")
     unit = _UNITS.get(suffix, "") if stem and _is_number(value) else ""
     label = (stem if unit else name).replace("_", " ")

@@ -144,6 +144,37 @@ def test_run__leaves_the_users_own_session_file_alone(session: Path, capsys: pyt
     assert "-o" in err
 
 
+def test_simulate__writes_a_recording_that_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(
+        'name = "short"\nseed = 5\n[field]\nsize_e_m = 20.0\nsize_n_m = 16.0\n'
+        "[drive]\npasses = 1\npass_m = [3.2]\nstand_start_s = 0.4\nstand_end_s = 0.3\nlead_in_m = 0.4\n"
+        "[lidar]\nstart_s = 0.3\n"
+    )
+    drive = tmp_path / "drive"
+    status, out, _ = told(capsys, "simulate", scenario, "-o", drive, "--json")
+    answer = json.loads(out)
+    assert (status, answer["session"]) == (0, str(drive / "session.toml"))
+    status, out, _ = told(capsys, "run", drive / "session.toml", "--json")
+    assert status == 0
+    assert json.loads(out)["figures"]["points_read"] == answer["figures"]["lidar"]["points"]
+
+
+def test_simulate__keeps_what_is_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "recording.pcap").write_text("a real one")
+    status, _, err = told(capsys, "simulate", "demo", "-o", tmp_path)
+    assert (status, (tmp_path / "recording.pcap").read_text()) == (4, "a real one")
+    assert "--overwrite" in err
+
+
+def test_simulate__tells_a_fault_in_the_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.toml").write_text("[drive]\npases = 2\n")
+    status, _, err = told(capsys, "simulate", tmp_path / "bad.toml", "-o", tmp_path / "out")
+    assert status == 3
+    assert "passes" in err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 @pytest.mark.parametrize("request_to_end", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
 def test_run__interrupted_leaves_nothing(request_to_end: signal.Signals, shared_data: Path, tmp_path: Path) -> None:
