@@ -28,6 +28,7 @@ MOST_SPLICES: Final = 4
 """Steps back up to which a log in disorder is taken for pieces put together wrongly."""
 CLOCK_SET_S: Final = 60.0
 """A step of the clock before the first fix from which on it has been set, and not only waited."""
+MOST_SATELLITES: Final = 999
 MOST_SWITCHES: Final = 0.2
 """A receiver may change its talker with the constellations it uses, but not from sentence to sentence."""
 
@@ -119,7 +120,7 @@ def assemble(
 
 def _states_position(gga: Sentences) -> NDArray[np.bool_]:
     quality = gga.column(Kind.GGA, "quality")
-    return (quality > 0) & np.isfinite(gga.values[:, :3]).all(axis=1)
+    return (quality >= 1) & np.isfinite(gga.values[:, :3]).all(axis=1)
 
 
 def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDArray[np.bytes_]:
@@ -222,9 +223,10 @@ def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]
 
 def _midnights(date_ymd: FloatArray) -> FloatArray:
     """UTC of the beginning of days (n,) written yyyymmdd; nan where there is no such day."""
-    whole = np.where(np.isfinite(date_ymd), date_ymd, 0.0).astype(np.int64)
+    usable = (date_ymd >= 1980_00_00) & (date_ymd <= 2100_00_00)
+    whole = np.where(usable, date_ymd, 0.0).astype(np.int64)
     year, month, day = whole // 10000, whole // 100 % 100, whole % 100
-    usable = (year >= 1980) & (month >= 1) & (month <= 12) & (day >= 1)
+    usable &= (month >= 1) & (month <= 12) & (day >= 1)
     months = ((year - 1970) * 12 + month - 1).astype("datetime64[M]")
     days = months.astype("datetime64[D]") + (day - 1)
     usable &= days.astype("datetime64[M]") == months
@@ -267,7 +269,7 @@ def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> 
     columns["heading_deg"] = joined.get("HDT.heading_deg", nothing)
     quality = gga["quality"]
     fix = np.select([quality == 9, quality > 9], [Fix.DGPS, Fix.SINGLE], quality)
-    satellites = np.where(np.isfinite(gga["satellites"]), gga["satellites"], -1.0)
+    satellites = np.where(gga["satellites"] <= MOST_SATELLITES, gga["satellites"], -1.0)
     return GnssTrack.build(
         t_s,
         source=name,

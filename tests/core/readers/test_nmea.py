@@ -591,3 +591,11 @@ def test_read__an_hour_at_10_hz_is_a_matter_of_a_second(tmp_path: Path) -> None:
     assert time.perf_counter() - began < 2.0
     assert len(track) == 36_000
     np.testing.assert_allclose(np.diff(track.t_s), 0.1, rtol=0, atol=1e-6)
+
+
+def test_track__heading_of_ths_counts_where_it_is_valid(tmp_path: Path) -> None:
+    path = write(
+        tmp_path,
+        gga("120000.00"), sentence("GNTHS,123.4,A"), gga("120001.00", 30.001), sentence("GNTHS,99.9,V"),
+    )  # fmt: skip
+    np.testing.assert_array_equal(track_of(path, date="2026-06-11").heading_deg, [123.4, np.nan])

@@ -1,0 +1,96 @@
+"""Damaged logs and trajectories: whatever bytes they hold, they are read or refused, never a traceback."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from furrowmap.core.readers.nmea import NmeaLog
+from furrowmap.core.readers.pose_csv import PoseCsv
+from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.sbet import Sbet
+from furrowmap.core.readers.source import look
+from furrowmap.core.values.errors import InputError
+
+DAMAGE = st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=40), st.integers(0, 200)), max_size=8)
+OPTIONS = ReadOptions(date="2026-06-11", week=2422)
+
+
+def damaged(data: bytes, damage: list[tuple[float, bytes, int]]) -> bytes:
+    """`data` with pieces of it replaced by other bytes."""
+    for share, put, taken in damage:
+        at = int(share * len(data))
+        data = data[:at] + put + data[at + taken :]
+    return data or b"\0"
+
+
+def outcome(reader: type[NmeaLog | PoseCsv | Sbet], data: bytes) -> Inspection | InputError:
+    """What comes of a file of these bytes; reading all of it must end as inspecting it did."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "recording")
+        path.write_bytes(data)
+        opened = reader([path], OPTIONS)
+        try:
+            assert 0.0 <= reader.recognise(look(path)) <= 1.0
+            told = opened.inspect()
+        except InputError as error:
+            return error
+        try:
+            whole = opened.track() if isinstance(opened, NmeaLog) else opened.poses()
+        except InputError as error:
+            assert error.code in {notice.code for notice in told.notices}  # noqa: PT017 (not all are refused)
+        else:
+            assert len(whole) == told.facts["epochs" if isinstance(opened, NmeaLog) else "poses"]
+        return told
+
+
+@pytest.fixture(scope="module")
+def pieces(shared_data: Path) -> dict[str, bytes]:
+    return {
+        "nmea": (shared_data / "tractor_loop/gnss.nmea").read_bytes()[:6000],
+        "csv": (shared_data / "tractor_loop/truth/trajectory.csv").read_bytes()[:6000],
+        "sbet": (shared_data / "sbet/flight_derived.sbet").read_bytes()[: 136 * 40],
+    }
+
+
+@settings(deadline=None)  # the first example may compile
+@given(damage=DAMAGE)
+def test_nmea(damage: list[tuple[float, bytes, int]], pieces: dict[str, bytes]) -> None:
+    assert isinstance(outcome(NmeaLog, damaged(pieces["nmea"], damage)), Inspection)
+
+
+@settings(deadline=None)  # the first example may compile
+@given(damage=DAMAGE)
+def test_csv(damage: list[tuple[float, bytes, int]], pieces: dict[str, bytes]) -> None:
+    assert outcome(PoseCsv, damaged(pieces["csv"], damage))
+
+
+@settings(deadline=None)  # the first example may compile
+@given(damage=DAMAGE)
+def test_sbet(damage: list[tuple[float, bytes, int]], pieces: dict[str, bytes]) -> None:
+    assert outcome(Sbet, damaged(pieces["sbet"], damage))
+
+
+@settings(deadline=None)  # the first example may compile
+@given(data=st.binary(min_size=1, max_size=600))
+def test_bytes_of_any_kind(data: bytes) -> None:
+    for reader in (NmeaLog, PoseCsv, Sbet):
+        assert outcome(reader, data)
+
+
+@settings(deadline=None)  # the first example may compile
+@given(values=st.lists(st.floats(), min_size=34, max_size=17 * 6))
+def test_doubles_of_any_kind(values: list[float]) -> None:
+    assert outcome(Sbet, np.array(values, "<f8").tobytes())
+
+
+@settings(deadline=None)  # the first example may compile
+@given(text=st.text(alphabet='0123456789.,;-+eE \t\r\n"naif_', max_size=300))
+def test_text_of_any_kind_below_the_header(text: str) -> None:
+    header = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n"
+    assert outcome(PoseCsv, (header + text).encode())
