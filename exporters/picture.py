@@ -106,7 +106,7 @@ def ground_around(path: Path, track: Track) -> HeightGrid:
     A cell's height is the mean of what was seen in the last seconds of its view, close above its lowest point.
 
     Args:
-        path: a LAS or LAZ file in metres; it is read twice, in pieces.
+        path: a LAS or LAZ file in metres; it is read three times, in pieces.
         track: in the same coordinates.
 
     Raises:
@@ -120,9 +120,11 @@ def ground_around(path: Path, track: Track) -> HeightGrid:
     cols, rows = (int(n) for n in np.ceil(size / cell_m))
 
     lowest, last_s = np.full(rows * cols, np.inf), np.full(rows * cols, -np.inf)
-    for cell, z, t_s in _cells(path, low, cell_m, rows, cols):
+    for cell, z, _ in _cells(path, low, cell_m, rows, cols):
         np.minimum.at(lowest, cell, z)
-        np.maximum.at(last_s, cell, t_s)
+    for cell, z, t_s in _cells(path, low, cell_m, rows, cols):
+        near = z < lowest[cell] + CLUTTER_M
+        np.maximum.at(last_s, cell[near], t_s[near])
     total, count = np.zeros(rows * cols), np.zeros(rows * cols, np.int64)
     for cell, z, t_s in _cells(path, low, cell_m, rows, cols):
         near = (z < lowest[cell] + CLUTTER_M) & (t_s > last_s[cell] - LAST_VIEW_S)

@@ -41,9 +41,8 @@ def page() -> str:
 
 def section(name: str, command: click.Command) -> str:
     """One command's help under its name."""
-    context = click.Context(
-        command, info_name=name, terminal_width=100, max_content_width=100, **furrowmap.context_settings
-    )
+    width = {"terminal_width": 100, "max_content_width": 100}
+    context = click.Context(command, info_name=name, help_option_names=["-h", "--help"], **width)
     return f"## {name}\n\n```text\n{command.get_help(context)}\n```\n"
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -61,8 +62,8 @@ def within(module: str, packages: list[str]) -> bool:
     return any(module == package or module.startswith(f"{package}.") for package in packages)
 
 
-def furrowmap_imports(path: Path) -> set[str]:
-    """Modules of furrowmap that a file imports, wherever in it; relative imports are told as such, with their dots."""
+def imports(path: Path) -> set[str]:
+    """Modules that a file imports, wherever in it; relative imports are told as such, with their dots."""
     imported = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -71,14 +72,30 @@ def furrowmap_imports(path: Path) -> set[str]:
             module = "." * node.level + (node.module or "")
             deeper = {f"{module}.{alias.name}" for alias in node.names} & module_files().keys()
             imported.update(deeper or {module})
-    return {name for name in imported if name.startswith((".", "furrowmap"))}
+    return imported
 
 
 @pytest.mark.parametrize("module", module_files())
 def test_imports__go_one_way(module: str) -> None:
     part = max((name for name in MAY_IMPORT if within(module, [name])), key=len)
-    against = {name for name in furrowmap_imports(module_files()[module]) if not within(name, MAY_IMPORT[part])}
+    ours = {name for name in imports(module_files()[module]) if name.startswith((".", "furrowmap"))}
+    against = {name for name in ours if not within(name, MAY_IMPORT[part])}
     assert against == set(), f"{module} may import only {MAY_IMPORT[part]}"
+
+
+def test_imports__are_of_declared_packages() -> None:
+    project = PROJECT["project"]
+    extras = [text for extra in project["optional-dependencies"].values() for text in extra]
+    declared = {canonicalize_name(Requirement(text).name) for text in [*project["dependencies"], *extras]}
+    providers = packages_distributions()
+    standard = sys.stdlib_module_names | {"compression", "_typeshed"}  # new in Python 3.14; the type checkers' own
+    undeclared = {
+        f"{module}: {top}"
+        for module, path in module_files().items()
+        for top in {name.split(".")[0] for name in imports(path)} - standard - {"furrowmap", ""}
+        if not declared & {canonicalize_name(name) for name in providers.get(top, [])}
+    }
+    assert undeclared == set()
 
 
 def test_licences__only_the_plugin_says_gpl() -> None:

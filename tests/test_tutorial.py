@@ -1,0 +1,58 @@
+"""The tutorial works as it is typed."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import laspy
+import pytest
+import tomli_w
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial" / "first-map.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def typed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """The folder in which the tutorial was followed, and what each verb answered."""
+    folder = tmp_path_factory.mktemp("tutorial")
+    (edit,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    answers = {}
+    for line in re.findall(r"^furrowmap .+$", PAGE, re.MULTILINE):
+        _, verb, *arguments = shlex.split(line)
+        program = Path(sys.executable).with_name("furrowmap")
+        done = subprocess.run([program, verb, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        answers[verb] = done.stdout
+        if verb == "init":
+            session = tomllib.loads((folder / "first/mine.toml").read_text(encoding="utf-8"))
+            (folder / "first/mine.toml").write_text(tomli_w.dumps(session | tomllib.loads(edit)), encoding="utf-8")
+    return folder, answers
+
+
+def test_tutorial__inspect_says_what_the_page_says(typed: tuple[Path, dict[str, str]]) -> None:
+    inspected = typed[1]["inspect"]
+    assert "sensor-gps" in inspected
+    assert "overlap" in inspected.splitlines()[-1]
+    assert re.search(r"fix +fixed \d+$", inspected, re.MULTILINE)
+
+
+def test_tutorial__mounting_is_the_simulated_one(typed: tuple[Path, dict[str, str]]) -> None:
+    mine, simulated = (tomllib.loads((typed[0] / "first" / name).read_text()) for name in ("mine.toml", "session.toml"))
+    assert (mine["antenna"], mine["lidar"]) == (simulated["antenna"], simulated["lidar"])
+
+
+def test_tutorial__ends_with_files_that_open_in_qgis(typed: tuple[Path, dict[str, str]], qgis) -> None:
+    result = typed[0] / "first" / "result"
+    layers = qgis.open_layers(result / "cloud.copc.laz", result / "field.gpkg")
+    assert [(layer["provider"], layer["crs"], layer["valid"]) for layer in layers] == [
+        ("copc", "EPSG:6677", True),
+        ("ogr", "EPSG:6677", True),
+    ]
+    with laspy.open(result / "cloud.copc.laz") as cloud:
+        assert layers[0]["count"] == cloud.header.point_count > 1_000_000
+    assert layers[1]["count"] > 100
