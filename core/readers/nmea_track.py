@@ -40,10 +40,9 @@ class Epochs:
     Attributes:
         track: the positions; empty if they cannot be told apart.
         dated: whether the times are UTC; else they count from midnight before the first position.
-        gga: number of GGA sentences of the receiver, with or without a position.
-        without_position: how many of them state none.
-        repeated: how many repeat the position before them.
-        backward: how many were dropped because their time does not run forward.
+        without_position: number of the receiver's GGA sentences that state none.
+        repeated: number of positions that repeat the one before them.
+        backward: number of positions that were dropped because their time does not run forward.
         positions_by_talker: number of positions of every talker in the log.
         notices: what is odd.
         fault: why the positions cannot be used, if they cannot.
@@ -51,7 +50,6 @@ class Epochs:
 
     track: GnssTrack
     dated: bool
-    gga: int
     without_position: int
     repeated: int
     backward: int
@@ -108,7 +106,6 @@ def assemble(
     return Epochs(
         track=track,
         dated=dated,
-        gga=len(gga),
         without_position=int(np.sum(~_states_position(gga))),
         repeated=int(repeated.sum()),
         backward=int(backward.sum()),
@@ -235,52 +232,64 @@ def _midnights(date_ymd: FloatArray) -> FloatArray:
 
 def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> GnssTrack:
     """The positions with what RMC, GST, VTG and HDT add to their epochs."""
-    columns: dict[str, FloatArray] = {}
     gga = {column: positions.column(Kind.GGA, column) for column in FIELDS[Kind.GGA]}
-    joined: dict[str, FloatArray] = {}
-    if len(t_s):
-        timed_t_s, timed_at = _timed(log, positions.at, t_s)
-        for kind in (Kind.RMC, Kind.GST, Kind.VTG, Kind.HDT):
-            found = log.of(kind)
-            if kind is Kind.RMC:
-                found = found[found.column(kind, "valid") == 1.0]
-            if not len(found):
-                continue
-            leads = kind in (Kind.VTG, Kind.HDT) and bool(found.at[0] < timed_at[0])
-            if kind in (Kind.RMC, Kind.GST):
-                stamps = timed_t_s[np.searchsorted(timed_at, found.at)]
-            else:
-                index = np.searchsorted(timed_at, found.at) - (0 if leads else 1)
-                inside = (index >= 0) & (index < len(timed_at))
-                stamps = np.where(inside, timed_t_s[np.clip(index, 0, len(timed_at) - 1)], np.nan)
-            # Of several in one epoch the one nearest to its timed sentence counts: assigned last.
-            order = slice(None) if leads else slice(None, None, -1)
-            row, of = _equal(t_s, stamps[order])
-            for column in FIELDS[kind][1:]:
-                values = np.full(len(t_s), np.nan)
-                values[row] = found.column(kind, column)[order][of]
-                joined[f"{kind.name}.{column}"] = values
+    added = _added(positions.at, t_s, log)
     nothing = np.full(len(t_s), np.nan)
-    for column in ("speed_mps", "course_deg"):
-        rmc, vtg = (joined.get(f"{kind}.{column}", nothing) for kind in ("RMC", "VTG"))
-        columns[column] = np.where(np.isfinite(rmc), rmc, vtg)
-    for column in ("sigma_e_m", "sigma_n_m", "sigma_h_m"):
-        columns[column] = joined.get(f"GST.{column}", nothing)
-    columns["heading_deg"] = joined.get("HDT.heading_deg", nothing)
+    speed_mps, course_deg = (
+        np.where(np.isfinite(rmc), rmc, vtg)
+        for rmc, vtg in (
+            [added.get((kind, column), nothing) for kind in (Kind.RMC, Kind.VTG)]
+            for column in ("speed_mps", "course_deg")
+        )
+    )
     quality = gga["quality"]
     fix = np.select([quality == 9, quality > 9], [Fix.DGPS, Fix.SINGLE], quality)
     satellites = np.where(gga["satellites"] <= MOST_SATELLITES, gga["satellites"], -1.0)
-    return GnssTrack.build(
-        t_s,
-        source=name,
+    return GnssTrack(
+        t_s=t_s,
         lon_deg=gga["lon_deg"],
         lat_deg=gga["lat_deg"],
         height_m=gga["altitude_m"] + gga["separation_m"],
         fix=fix.astype(np.int8),
+        sigma_e_m=added.get((Kind.GST, "sigma_e_m"), nothing),
+        sigma_n_m=added.get((Kind.GST, "sigma_n_m"), nothing),
+        sigma_h_m=added.get((Kind.GST, "sigma_h_m"), nothing),
+        speed_mps=speed_mps,
+        course_deg=course_deg,
+        heading_deg=added.get((Kind.HDT, "heading_deg"), nothing),
         satellites=satellites.astype(np.int16),
         hdop=gga["hdop"],
-        **columns,
+        source=name,
     )
+
+
+def _added(position_at: NDArray[np.int64], t_s: FloatArray, log: Sentences) -> dict[tuple[Kind, str], FloatArray]:
+    """Columns (n,) of RMC, GST, VTG and HDT at the positions' times; nan where an epoch has none."""
+    out: dict[tuple[Kind, str], FloatArray] = {}
+    if not len(t_s):
+        return out
+    timed_s, timed_at = _timed(log, position_at, t_s)
+    for kind in (Kind.RMC, Kind.GST, Kind.VTG, Kind.HDT):
+        found = log.of(kind)
+        if kind is Kind.RMC:
+            found = found[found.column(kind, "valid") == 1.0]
+        if not len(found):
+            continue
+        index = np.searchsorted(timed_at, found.at)
+        leads = False
+        if kind in (Kind.VTG, Kind.HDT):
+            leads = bool(found.at[0] < timed_at[0])
+            index -= 0 if leads else 1
+        inside = (index >= 0) & (index < len(timed_at))
+        stamps = np.where(inside, timed_s[np.clip(index, 0, len(timed_at) - 1)], np.nan)
+        # Of several in one epoch the one nearest to its timed sentence counts: it is assigned last.
+        order = slice(None) if leads else slice(None, None, -1)
+        row, of = _equal(t_s, stamps[order])
+        for column in FIELDS[kind][1:]:
+            values = np.full(len(t_s), np.nan)
+            values[row] = found.column(kind, column)[order][of]
+            out[kind, column] = values
+    return out
 
 
 def _timed(
