@@ -34,7 +34,7 @@ SKIPPED: Final = (
     "cut short by the capture",
     "damaged headers",
     "of a link type that is not read",
-    "without a time",
+    "without a credible time",
 )
 """Why a frame gave no datagram, by the kernels' reason code."""
 _NOT_IP, _NOT_UDP, _FRAGMENT, _SHORT, _DAMAGED, _LINK, _NO_TIME = range(1, 8)
@@ -51,6 +51,8 @@ _MAX_FRAME: Final = 65_535 + 64
 _MAX_BLOCK: Final = 1 << 24
 _MAX_FRAMES: Final = 1 << 14
 """Frames that one call of a kernel walks over at most."""
+_LAST_TIME_S: Final = 2.0**34
+"""The year 2514: no capture is later."""
 _MAX_INTERFACES: Final = 1 << 10
 _END_OF_OPTIONS, _TIME_RESOLUTION, _TIME_OFFSET = 0, 9, 14
 
@@ -153,7 +155,8 @@ class Capture:
             if count:
                 yield walked.datagrams(data, count)
             if why == _CONTROL:
-                self._control_block()
+                if not self._control_block():
+                    break
             elif why == _DAMAGE:
                 if not self.records:
                     raise self._unreadable()
@@ -211,8 +214,11 @@ class Capture:
     def _number(self, raw: bytes | bytearray, *, signed: bool = False) -> int:
         return int.from_bytes(raw, "big" if self._big else "little", signed=signed)
 
-    def _control_block(self) -> None:
-        """A pcapng block that changes how the following ones are read: section header or interface description."""
+    def _control_block(self) -> bool:
+        """Take in a pcapng block that changes how the following ones are read; False if it is cut.
+
+        Such blocks are section headers and interface descriptions.
+        """
         if self._data[self._pos : self._pos + 4] == _SECTION:
             self._big = self._data[self._pos + 8 : self._pos + 12] == b"\x1a\x2b\x3c\x4d"
             self._interfaces = 0
@@ -226,12 +232,13 @@ class Capture:
                 )
             while self._pos + size > len(self._data):
                 if not self._refill():
-                    return
+                    return False
         else:
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
             if self._interfaces < _MAX_INTERFACES:
                 self._add_interface(self._data[self._pos : self._pos + size])
         self._pos += size
+        return True
 
     def _add_interface(self, block: bytearray) -> None:
         i = self._interfaces
@@ -466,6 +473,8 @@ def _walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, offset, leng
             stamp = (_u32(data, pos + 12, big) << 32) | _u32(data, pos + 16, big)
             per_s = ticks[interface]
             time_s[n] = shift_s[interface] + stamp // per_s + (stamp % per_s) / per_s
+            if why == 0 and not 0.0 <= time_s[n] < _LAST_TIME_S:
+                why = _NO_TIME
             counts[why] += 1
             if why == 0:
                 n += 1

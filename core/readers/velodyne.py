@@ -386,7 +386,7 @@ class PacketDecoder:
         self.counts.modes.update(_tally(tail[:, 4]))
         self.counts.products.update(_tally(tail[:, 5]))
         if self._model is None:
-            self._model = self._by_product(int(tail[0, 5]))
+            self._model = self._by_product(int(np.bincount(tail[:, 5]).argmax()))
         if self._tables is None:
             self._tables = _Tables.of(self._model)
         assert self._clock is not None
@@ -548,7 +548,7 @@ class PacketDecoder:
         if said:
             names = {m.product: m.name for m in MODELS} | {p: w.split(" ", 1)[1] for p, w in _OTHER_PRODUCTS.items()}
             words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in said.items())
-            why = "stated" if self._stated else "said by the first packet"
+            why = "stated" if self._stated else "said by the first packets"
             notices.append(
                 Notice("model-differs", f"Decoded as {model.name}, as {why}; the product byte says {words}.")
             )
@@ -683,7 +683,7 @@ def _decode(  # type: ignore[no-untyped-def]
         blocks = 6 if dual else 12
         size = 200 if dual else 100
 
-        turned = 0
+        turned = np.int64(0)
         steps = 0
         before = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
         for b in range(1, blocks):

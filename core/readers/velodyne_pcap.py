@@ -38,7 +38,8 @@ _POSITION_PORT: Final = 8308
 _SURVEY_PACKETS: Final = 4000
 """Data packets (3 to 5 s) that are looked at before the first scan is given out."""
 _STRAY: Final = 0.01
-"""A second sensor with less than this share of the packets is a stray."""
+_STRAY_PACKETS: Final = 10
+"""A second sensor with less than this share of the packets, or fewer than so many, is a stray."""
 
 
 class VelodynePcap:
@@ -335,7 +336,8 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     """
     found, counts = np.unique(senders, return_counts=True)
     order = np.argsort(-counts)
-    several = [(int(found[i]), int(counts[i])) for i in order if counts[i] > _STRAY * counts[order[0]]]
+    least = max(_STRAY * counts[order[0]], _STRAY_PACKETS)
+    several = [(int(found[i]), int(counts[i])) for i in order if i == order[0] or counts[i] >= least]
     if len(several) > 1:
         words = "; ".join(f"{_address(sender)} ({n:,} packets)" for sender, n in several)
         raise InputError(

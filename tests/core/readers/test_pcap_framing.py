@@ -211,6 +211,25 @@ def test_pcapng__of_each_byte_order_and_resolution(tmp_path: Path, order: str) -
     assert capture.notices == []
 
 
+def test_pcapng__cut_in_a_section_header_ends_there(tmp_path: Path) -> None:
+    ng = PcapNg()
+    path = tmp_path / "a.pcapng"
+    long_header = ng.block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1) + bytes(400))
+    path.write_bytes(ng.section() + ng.interface() + ng.packet(1, frame(b"before")) + long_header[:100])
+    found, capture = read(path)
+    assert [data for _, data in found] == [b"before"]
+    assert [n.code for n in capture.notices] == ["cut-capture"]
+
+
+def test_pcapng__of_times_beyond_all_dates_gives_nothing(tmp_path: Path) -> None:
+    ng = PcapNg()
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(ng.section() + ng.interface(shift_s=-(1 << 62)) + ng.packet(1, frame(b"when?")))
+    found, capture = read(path)
+    assert found == []
+    assert dict(capture.skipped) == {"without a credible time": 1}
+
+
 def test_capture__larger_than_a_block_loses_nothing(tmp_path: Path) -> None:
     content = [(T0 + i, frame(struct.pack("<I", i) * 300)) for i in range(4000)]
     found, capture = read(write_pcap(tmp_path / "a.pcap", content))
