@@ -2,9 +2,9 @@
 
     python benchmarks/copc_write.py [SESSION] [--rounds N] [--memory]
 
-SESSION is a session.toml; the points are those its run places. Each way of writing takes its turn in each round, and the
-best round counts, because others may use the machine. `--memory` tells the peak memory for the recording once and four
-times over instead, each in a process of its own.
+SESSION is a session.toml; the points are those its run places. Each way of writing takes its turn in each round, and
+the best round counts, because others may use the machine. `--memory` tells the peak memory for the recording once and
+four times over instead, each in a process of its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import argparse
 import multiprocessing
 import resource
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
@@ -32,6 +32,7 @@ from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWrit
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
 SCAN = (("scan", "uint32", "number of the scan"),)
+LAYOUT = las_header("", 0.001, (0.0, 0.0, 0.0), SCAN, colour=False).point_format.dtype()
 LENGTHS = (1, 4)
 
 
@@ -44,9 +45,11 @@ class Collected:
         self.wkt = ""
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Note where the points are."""
         self.origin_m, self.wkt = origin_m, frame.crs.to_wkt("WKT1_GDAL")
 
     def add(self, placed: PlacedScan) -> None:
+        """Keep the points of a scan."""
         scan = placed.scan
         self.batches.append(
             PointBatch(
@@ -61,6 +64,7 @@ class Collected:
 
     @property
     def points(self) -> int:
+        """Their number."""
         return sum(len(batch) for batch in self.batches)
 
 
@@ -70,7 +74,7 @@ def write_ours(path: Path, cloud: Collected, memory_points: int = MEMORY_POINTS,
     ) as writer:
         for i in range(times):
             for batch in cloud.batches:
-                writer.append(replace(batch, xyz_m=batch.xyz_m + [0.0, 20.0 * i, 0.0]) if i else batch)
+                writer.append(replace(batch, xyz_m=batch.xyz_m + np.array([0.0, 20.0 * i, 0.0])) if i else batch)
 
 
 def write_lazrs(path: Path, records: Records, *, parallel: bool) -> None:
@@ -82,36 +86,41 @@ def write_lazrs(path: Path, records: Records, *, parallel: bool) -> None:
         writer.done()
 
 
-def write_copclib(path: Path, cloud: Collected, nodes: Sequence[tuple[Key, Records]]) -> None:
-    """Nodes that are ready-made: copclib leaves the octree to its caller."""
-    scale, offset = copclib.Vector3(0.001, 0.001, 0.001), copclib.Vector3(*cloud.origin_m)
-    config = copclib.CopcConfigWriter(6, scale, offset, cloud.wkt, copclib.EbVlr(4))
-    writer = copclib.FileWriter(str(path), config)
-    for key, records in nodes:
-        writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
-    writer.Close()
+class CopclibNodes:
+    """Nodes on their way into a file of copclib's; the octree is left to its caller."""
+
+    def __init__(self, path: Path, cloud: Collected) -> None:
+        scale, offset = copclib.Vector3(0.001, 0.001, 0.001), copclib.Vector3(*cloud.origin_m)
+        config = copclib.CopcConfigWriter(6, scale, offset, cloud.wkt, copclib.EbVlr(4))
+        self._writer = copclib.FileWriter(str(path), config)
+        self._last: tuple[Key, Records] | None = None
+
+    def room(self, key: Key, points: int) -> Records:
+        """Write the node before, and give room for this one."""
+        self._write_last()
+        self._last = key, np.empty(points, LAYOUT)
+        return self._last[1]
+
+    def close(self) -> None:
+        """Write the last node and the hierarchy."""
+        self._write_last()
+        self._writer.Close()
+
+    def _write_last(self) -> None:
+        if self._last is not None:
+            key, records = self._last
+            self._writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
 
 
-class Nodes:
-    """The nodes of an octree, kept."""
-
-    def __init__(self) -> None:
-        self.kept: list[tuple[Key, Records]] = []
-
-    def add(self, key: Key, parts: Sequence[Records]) -> None:
-        self.kept.append((key, np.concatenate(parts)))
-
-
-def packed(cloud: Collected) -> tuple[Records, Nodes]:
-    """The points as records, as they come and sorted into nodes."""
-    layout = las_header(cloud.wkt, 0.001, cloud.origin_m, SCAN, colour=False).point_format.dtype()
-    parts = [to_records(batch, layout, 0.001) for batch in cloud.batches]
-    octree = Octree(layout, Limits(MEMORY_POINTS, NODE_POINTS, Path()), np.random.default_rng(0))
-    for records, extent in parts:
+def write_copclib(path: Path, cloud: Collected) -> None:
+    """Packing and octree as ours, the file by copclib."""
+    octree = Octree(LAYOUT, Limits(MEMORY_POINTS, NODE_POINTS, path.parent), np.random.default_rng(0))
+    for batch in cloud.batches:
+        records, extent = to_records(batch, LAYOUT, 0.001)
         octree.append(records, extent.low, extent.high)
-    nodes = Nodes()
+    nodes = CopclibNodes(path, cloud)
     octree.finish(nodes)
-    return np.concatenate([records for records, _ in parts]), nodes
+    nodes.close()
 
 
 def collect(session: Path) -> Collected:
@@ -122,7 +131,7 @@ def collect(session: Path) -> Collected:
 
 def compare(session: Path, rounds: int, folder: Path) -> None:
     cloud = collect(session)
-    records, nodes = packed(cloud)
+    records = np.concatenate([to_records(batch, LAYOUT, 0.001)[0] for batch in cloud.batches])
     n = len(records)
     path = folder / "cloud.copc.laz"
     ways: dict[str, Callable[[], None]] = {
@@ -130,7 +139,7 @@ def compare(session: Path, rounds: int, folder: Path) -> None:
         "furrowmap, a quarter in memory": lambda: write_ours(path, cloud, memory_points=n // 4),
         "lazrs, all cores, records as they come": lambda: write_lazrs(path, records, parallel=True),
         "lazrs, one core, records as they come": lambda: write_lazrs(path, records, parallel=False),
-        "copclib, nodes ready-made": lambda: write_copclib(path, cloud, nodes.kept),
+        "copclib, one core, octree as ours": lambda: write_copclib(path, cloud),
     }
     write_ours(path, cloud)  # compiles, and warms the disk
     best = {name: (float("inf"), float("inf")) for name in ways}

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 
 import laspy
 import lazrs
@@ -20,10 +20,7 @@ from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import Cube
 from furrowmap.exporters.copc.octree import Key
-from furrowmap.exporters.copc.points import Extent, Records, copy_records
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from furrowmap.exporters.copc.points import Extent, Records
 
 BATCH_POINTS: Final = 2_000_000
 """Points that wait until they are compressed together, on all cores."""
@@ -70,7 +67,7 @@ class DiskFile(io.FileIO):
 
     refusal: OSError | None = None
 
-    def write(self, data: ReadableBuffer, /) -> int:
+    def write(self, data: Any, /) -> int:
         """Write what there is room for; see :class:`io.FileIO`."""
         try:
             return super().write(data)
@@ -107,20 +104,18 @@ class CopcFile:
         """Close the file, finished or not."""
         self._stream.close()
 
-    def add(self, key: Key, parts: Sequence[Records]) -> None:
-        """Take a node's records; the arrays stay the caller's."""
-        points = sum(len(part) for part in parts)
+    def room(self, key: Key, points: int) -> Records:
+        """Where the records of a node are to be put, before the next call."""
         if self._waiting + points > len(self._batch):
             self._compress()
         if points > len(self._batch):
             self._batch = np.empty(points, self._batch.dtype)
-        start = self._waiting
-        for part in parts:
-            copy_records(part, self._batch[self._waiting : self._waiting + len(part)])
-            self._waiting += len(part)
-        self._chunks.append(self._batch[start : self._waiting].view(np.uint8))
+        room = self._batch[self._waiting : self._waiting + points]
+        self._waiting += points
+        self._chunks.append(room.view(np.uint8))
         self._keys.append(key)
         self._points.append(points)
+        return room
 
     def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> None:
         """Write what is left, the hierarchy, and a header that is true."""
@@ -177,7 +172,7 @@ class CopcFile:
             raise self._disk.refusal or error from error
 
     def _hierarchy(self) -> NDArray[np.void]:
-        """One page with every node; nodes stand in the file in the order in which they were added."""
+        """One page with every node; nodes stand in the file in the order in which they were asked room for."""
         self._stream.seek(self._header.offset_to_point_data)
         chunks = np.array(lazrs.read_chunk_table(self._stream, self._laz), np.int64).reshape(-1, 2)
         ends = self._header.offset_to_point_data + 8 + np.cumsum(chunks[:, 1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -37,8 +36,8 @@ ROOT: Final = Key(0, 0, 0, 0)
 class NodeSink(Protocol):
     """Takes nodes as they become complete."""
 
-    def add(self, key: Key, parts: Sequence[Records]) -> None:
-        """The records of a node, each node once; the arrays stay the caller's."""
+    def room(self, key: Key, points: int) -> Records:
+        """Where the records of a node are to be put, before the next call; each node is asked for once."""
         ...
 
 
@@ -105,7 +104,7 @@ class Octree:
             records = records[len(taken) :]
 
     def finish(self, sink: NodeSink) -> Cube:
-        """Give all nodes to `sink`; at least one record has been appended.
+        """Put all nodes into `sink`; at least one record has been appended.
 
         Returns:
             The root's cube.
@@ -178,20 +177,20 @@ class Octree:
         nodes, counts = draw_nodes(codes, plan, self._random)
         order = sorted_order(nodes, counts)
         ends = np.cumsum(counts)
-        # One array for each node in its turn: fresh memory would cost more than the sorting itself.
-        room: Records = np.empty(int(counts.max()), records.dtype)
         for node in sorted({*np.flatnonzero(counts).tolist(), *self._waiting, *self._within}):
-            taken = room[: counts[node]]
-            records.take(order[ends[node] - counts[node] : ends[node]], out=taken, mode="clip")
+            members = order[ends[node] - counts[node] : ends[node]]
             complete = plan.codes_below(node)[1] <= end
             if plan.is_full(node) and self._depth < self._enclose().bits:
-                self._divide(sink, node, plan, taken, complete=complete)
-                continue
-            parts = [*self._waiting.pop(node, []), taken]
-            if complete:
-                sink.add(self._key_of(node, plan), parts)
+                self._divide(sink, node, plan, records.take(members), complete=complete)
+            elif complete:
+                earlier = self._waiting.pop(node, [])
+                room = sink.room(self._key_of(node, plan), len(members) + sum(map(len, earlier)))
+                for part in earlier:
+                    copy_records(part, room[: len(part)])
+                    room = room[len(part) :]
+                records.take(members, out=room, mode="clip")  # its default mode would make a copy first
             else:
-                self._waiting[node] = [*parts[:-1], taken.copy()]
+                self._waiting.setdefault(node, []).append(records.take(members))
 
     def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
         """Pass records of a deepest node that is too full on to an octree within its cell."""
