@@ -96,12 +96,13 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
             if stage not in tasks:
                 log.info(stage)
                 end_stages()
-                tasks[stage] = bar.add_task(stage, total=1.0)
-            bar.update(tasks[stage], completed=min(share, 1.0))
+                tasks[stage] = bar.add_task(stage, total=None)  # a bar that only moves, until a share is known
+            if share > 0.0:
+                bar.update(tasks[stage], total=1.0, completed=min(share, 1.0))
 
         def end_stages() -> None:
             for task in tasks.values():
-                bar.update(task, completed=1.0)
+                bar.update(task, total=1.0, completed=1.0)
 
         yield show
         end_stages()

@@ -14,6 +14,7 @@ import numpy as np
 from furrowmap.core.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.examination import Examined, time_matches
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.readers.source import look
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.session import SCHEMA
@@ -269,17 +270,24 @@ def _described(recordings: Sequence[Examined]) -> list[str]:
 def _names(recordings: Sequence[Examined], folder: Path) -> str:
     """The recordings' paths from `folder` as a TOML list; empty text without any."""
     names = []
-    for recording in recordings:
-        path = recording.path.resolve()
+    for path in (file.resolve() for recording in recordings for file in _files(recording)):
         if not path.is_relative_to(folder.resolve()):
             raise InputError(
-                f"{recording.path} lies outside {folder}, where the session file is to stand.",
+                f"{path} lies outside {folder}, where the session file is to stand.",
                 "A session may only name files beside or below itself.",
                 "Put the session file at or above the recordings' folder, or copy the recording beside it.",
                 code="session-path-outside",
             )
         names.append(path.relative_to(folder.resolve()).as_posix())
     return _listed(names) if names else ""
+
+
+def _files(recording: Examined) -> list[Path]:
+    """The recording itself, or the files that its reader knows in the folder that it is: a session names only files."""
+    if not recording.path.is_dir():
+        return [recording.path]
+    inside = sorted(path for path in recording.path.iterdir() if path.is_file() and path.stat().st_size)
+    return [path for path in inside if recording.reader.recognise(look(path)) > 0]
 
 
 def _listed(names: Sequence[str]) -> str:

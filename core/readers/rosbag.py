@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from furrowmap.core.readers import db3_file, mcap_file, rosbag1_file
 from furrowmap.core.readers.bag_storage import BagMessage, Damage
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag_points import CloudScans
 
 T = TypeVar("T")
+_POINT_TIMES: Final = "times of the points"
 
 
 @dataclass
@@ -62,6 +63,7 @@ class _RosBag:
         self.options = options
         self.notices: list[Notice] = []
         self.clock = Clock.RECORDER
+        self.clocks: tuple[ClockReading, ...] = ()
         self.share_read = 0.0
         self._topics: list[_Topic] | None = None
 
@@ -167,12 +169,18 @@ class _RosBag:
         return PacketScans(source, self.options) if chosen.type == VELODYNE_SCAN else CloudScans(source)
 
     def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[Scan]:
-        for scans in self._read(chosen, decoder.push):
+        first_s, last_s = float("inf"), float("-inf")
+        for scans in self._batches(chosen, decoder):
             self.clock = decoder.clock
-            yield from scans
-        yield from decoder.finish()
-        self.clock = decoder.clock
+            for scan in scans:
+                first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
+                yield scan
+        self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
         self._tell(*decoder.notices())
+
+    def _batches(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[list[Scan]]:
+        yield from self._read(chosen, decoder.push)
+        yield decoder.finish()
 
     def _positions(self, chosen: _Topic) -> tuple[GnssTrack, FixLog]:
         from furrowmap.core.readers.facts import jump_notices
@@ -222,7 +230,7 @@ class _RosBag:
             points += len(scan)
             first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
         told = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
-        return told, ClockReading(self.clock, first_s, last_s, "times of the points")
+        return told, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
         from furrowmap.core.readers.facts import position_facts, timing_facts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import reduce
 from operator import xor
 from pathlib import Path
@@ -130,6 +131,24 @@ def test_name_that_is_no_text__is_refused(tmp_path: Path) -> None:
     log = nmea(tmp_path / "gnss\udcff.nmea")
     with pytest.raises(InputError, match="UTF-8"):
         propose_session([Examined.of(log)], tmp_path)
+
+
+@pytest.mark.parametrize("bag", ["leo_rover_points.bag", "leo_rover_points_db3", "leo_rover_points_mcap"])
+def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data: Path, tmp_path: Path) -> None:
+    original = shared_data / "rosbag" / bag
+    (shutil.copytree if original.is_dir() else shutil.copyfile)(original, tmp_path / bag)
+    proposal, session = proposed(tmp_path, tmp_path / bag)
+    assert session.recording.lidar == session.recording.gnss
+    assert resolve(tmp_path / "session.toml", session.recording.lidar[0]).is_file()
+    assert session.crs.map == "EPSG:32634"
+    assert codes(proposal) == {"no-mounting", "no-antenna", "no-implement"}
+
+
+def test_bag_without_scans__is_named_for_its_positions_alone(shared_data: Path) -> None:
+    folder = shared_data / "rosbag"
+    text = propose_session([Examined.of(folder / "husky_imu_odom_fix.bag")], folder).text
+    session = parse_session(text)
+    assert (session.recording.lidar, session.recording.gnss) == ((UNKNOWN,), ("husky_imu_odom_fix.bag",))
 
 
 def test_recording_outside__is_refused(capture: Path, tmp_path: Path) -> None:
