@@ -1,0 +1,135 @@
+"""The whole way, `furrowmap run`, and its stages: points per second, and peak memory at one and four times the length.
+
+The recordings are simulated once and kept in the user's cache folder. Decoding is set against velodyne-decoder in the
+same run; the whole is measured from outside, as a process of its own, start included.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import velodyne_decoder
+
+from furrowmap.core.cloud.placed import place_scans
+from furrowmap.core.cloud.placing import Placer
+from furrowmap.core.pipeline import Inputs, locate, open_lidar, open_positions
+from furrowmap.core.simulator.scenario import scenario_from
+from furrowmap.core.simulator.simulate import simulate
+from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.values.session import load_session
+
+ROUNDS = 3
+PASSES = {"1x": 4, "4x": 16}
+SCENARIO = """
+name = "bench_{passes}"
+seed = 11
+[field]
+size_e_m = 60.0
+size_n_m = 60.0
+[drive]
+start_xy_m = [15.0, 20.0]
+passes = {passes}
+pass_m = [14.0]
+"""
+
+
+def main() -> None:
+    folders = {label: recording(passes) for label, passes in PASSES.items()}
+    print(f"{'':28}{'points':>12}{'seconds':>10}{'M points/s':>12}{'peak MB':>10}")
+    for label, folder in folders.items():
+        session = folder / "session.toml"
+        if label == "1x":
+            points = stages(session)
+            row("velodyne-decoder, decode", points, median(partial(peer, folder / "recording.pcap")))
+        runs = [whole(session) for _ in range(ROUNDS)]
+        points = counted(session)
+        row(f"whole, {label}", points, statistics.median(r[0] for r in runs), statistics.median(r[1] for r in runs))
+
+
+def recording(passes: int) -> Path:
+    """The recording, simulated at the first call."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "furrowmap" / "benchmarks"
+    folder = cache / f"run_{passes}"
+    if not (folder / "truth" / "figures.json").exists():
+        print(f"simulating {passes} passes, once …", file=sys.stderr)
+        simulate(scenario_from(SCENARIO.format(passes=passes), "bench_run"), folder)
+    return folder
+
+
+def stages(session_file: Path) -> int:
+    """Reading alone, then reading and placing; in this process, kernels compiled."""
+    session = load_session(session_file)
+    inputs = Inputs.of(session_file, session)
+    frame = map_frame(session.crs)
+    trajectory = locate(open_positions(inputs, session), session, frame).trajectory
+    near_s = float(np.mean(trajectory.t_s[[0, -1]]))
+    placer = Placer(trajectory, session.lidar.mounting, 0.0, (0.0, 0.0, 0.0))
+    points = 0
+
+    def read() -> None:
+        nonlocal points
+        points = sum(len(scan) for scan in open_lidar(inputs, session, near_s).scans())
+
+    def place() -> None:
+        place_scans(open_lidar(inputs, session, near_s).scans(), placer, standing=True, sink=lambda _: None)
+
+    read()
+    row("reading", points, median(read))
+    row("reading and placing", points, median(place))
+    return points
+
+
+def peer(capture: Path) -> None:
+    """The field's decoder on the same capture."""
+    config = velodyne_decoder.Config(model=velodyne_decoder.Model.VLP16)
+    for _ in velodyne_decoder.read_pcap(str(capture), config):
+        pass
+
+
+def whole(session: Path) -> tuple[float, float]:
+    """Seconds and peak memory (MB) of `furrowmap run` as a process."""
+    with tempfile.TemporaryDirectory(dir=session.parent) as folder:
+        start = time.perf_counter()
+        process = subprocess.Popen(
+            [Path(sys.executable).with_name("furrowmap"), "run", str(session), "-o", f"{folder}/out", "-q"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        _, status, usage = os.wait4(process.pid, 0)
+        if status != 0:
+            raise SystemExit(f"furrowmap run {session} failed")
+        return time.perf_counter() - start, usage.ru_maxrss / 1024
+
+
+def counted(session: Path) -> int:
+    """Returns in the recording, by the simulator's own count."""
+    figures = json.loads((session.parent / "truth" / "figures.json").read_text())
+    return int(figures["lidar"]["points"])
+
+
+def median(work: Callable[[], None]) -> float:
+    seconds = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return statistics.median(seconds)
+
+
+def row(label: str, points: int, seconds: float, peak_mb: float | None = None) -> None:
+    memory = f"{peak_mb:10.0f}" if peak_mb is not None else ""
+    print(f"{label:28}{points:12,}{seconds:10.2f}{points / seconds / 1e6:12.2f}{memory}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
