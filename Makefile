@@ -38,7 +38,7 @@ format: $(INSTALLED)  ## let ruff lay out the code
 	$(BIN)/ruff format
 
 bench: $(INSTALLED)  ## speed and memory
-	@for file in benchmarks/bench_*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit; done
+	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit; done
 
 clean:  ## remove everything that can be made again
 	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

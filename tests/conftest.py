@@ -11,6 +11,9 @@ from typing import Any
 
 import pytest
 
+from furrowmap.cli.kernels import keep_kernels
+
+keep_kernels()  # where the command keeps them: compiled once for both
 CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 

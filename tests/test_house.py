@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -49,6 +50,7 @@ def repository_files() -> list[Path]:
     return [CHECKOUT / name for name in listed.split("\0") if name and (CHECKOUT / name).is_file()]
 
 
+@cache
 def module_files() -> dict[str, Path]:
     """Import name → file, of everything that is furrowmap when installed."""
     files = [p for part in ("core", "exporters", "cli") for p in sorted((CHECKOUT / part).rglob("*.py"))]
