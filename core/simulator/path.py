@@ -6,6 +6,7 @@ symmetrical about the line half-way between two lanes; the one angle left open i
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.simulator.scenario import Drive
-from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
@@ -59,17 +59,13 @@ class _Piece:
 
 
 def plan_path(drive: Drive, rng: np.random.Generator) -> DrivenPath:
-    """Passes and turns of `drive`, with a driver who wanders a little.
-
-    Raises:
-        InputError: two neighbouring lanes are too far apart or too near for the turn asked for.
-    """
+    """Passes and turns of `drive`, with a driver who wanders a little."""
     line = _Line()
     for number, (lane_m, pass_m) in enumerate(zip(drive.lanes_m, drive.pass_m, strict=True)):
         if number:
             side = 1.0 if number % 2 else -1.0
-            width_m = side * (lane_m - drive.lanes_m[number - 1])
-            for piece in _turn(drive, width_m, number):
+            width_m = round(side * (lane_m - drive.lanes_m[number - 1]), 9)
+            for piece in _turn(drive, width_m):
                 line.drive(piece, drive.speed_turn_mps * (1.0 if piece.gear > 0 else 0.85), drive.gear_s)
         work_mps = drive.speed_work_mps * drive.speed_factors[number]
         line.drive(_straight(drive.lead_in_m), work_mps, 0.0)
@@ -144,7 +140,8 @@ def _arc(angle_rad: float, radius_m: float, ramp_m: float, gear: int = 1) -> _Pi
     return _Piece(x, side * y, side * yaw, length, gear)
 
 
-def _turn(drive: Drive, width_m: float, number: int) -> list[_Piece]:
+@functools.lru_cache(maxsize=16)
+def _turn(drive: Drive, width_m: float) -> list[_Piece]:
     """Pieces from the end of one lane to the beginning of the next, `width_m` to the left, the other way round."""
     side, width = math.copysign(1.0, width_m), abs(width_m)
 
@@ -168,20 +165,12 @@ def _turn(drive: Drive, width_m: float, number: int) -> list[_Piece]:
     if width >= two_quarters_m:
         return [quarter, _straight(width - two_quarters_m), quarter]
     if width >= side * _width(half(drive.radius_m)):
-        return solved(half, drive.radius_m, 2.0 * drive.radius_m)
-    if drive.turns == "loop" and width >= side * _width(omega(89.0)):
+        return solved(half, drive.radius_m, 3.0 * drive.radius_m)
+    if drive.turns == "loop":
         return solved(omega, 0.0, 89.0)
-    if drive.turns == "fishtail" and width >= side * _width(fishtail(89.0)):
+    if width >= side * _width(fishtail(89.0)):
         return [quarter, _straight(two_quarters_m - width, -1), quarter]
-    if drive.turns == "fishtail" and width >= side * _width(fishtail(1.0)):
-        return solved(fishtail, 1.0, 89.0)
-    raise InputError(
-        f"scenario: no {drive.turns} turn of radius {drive.radius_m} m leads from pass {number - 1} to the lane "
-        f"{width:.2f} m beside it.",
-        "The machine could not reach its next pass; nothing was simulated.",
-        "Change drive.lanes_m, drive.radius_m or drive.ramp_m.",
-        code="scenario-no-turn",
-    )
+    return solved(fishtail, 1.0, 89.0)
 
 
 def _width(pieces: list[_Piece]) -> float:

@@ -286,13 +286,14 @@ def _meet_ground(ground, straw, seed, ray, x, y, z, dx, dy, dz, t, far):  # type
     step = _CELL_SHARE * CELL / max(math.hypot(dx, dy), 0.2)
     s = 0.0
     while s < far:
-        i, j = math.floor((y + s * dy) / block), math.floor((x + s * dx) / block)
+        within = s + 1e-4  # a beam that stands on a border belongs to the block it goes into
+        i, j = math.floor((y + within * dy) / block), math.floor((x + within * dx) / block)
         leave = s + 2.0 * block / max(abs(dx), abs(dy), 0.01)
-        if dx != 0.0:
+        if abs(dx) > 1e-9:
             leave = min(leave, ((j + 1 if dx > 0.0 else j) * block - x) / dx)
-        if dy != 0.0:
+        if abs(dy) > 1e-9:
             leave = min(leave, ((i + 1 if dy > 0.0 else i) * block - y) / dy)
-        leave = max(leave, s) + 1e-6
+        leave = max(leave, within)
         ceiling = ground.ceiling[_wrapped(i, block_rows), _wrapped(j, block_cols)]
         if z + leave * dz > ceiling + straw[1]:
             s = leave
@@ -338,9 +339,10 @@ def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflectivity, met):  # type: ignore[no-untyped-def]
     """Measure one return with its errors; whether it was measured at all."""
-    loss = optics.noise[2] + (1.0 - optics.noise[2]) * math.exp(-bright * cosine / (r * r * _FAINT))
-    if _chance(optics.seed, ray, 4 * slot) < loss:
-        return False
+    if optics.noise[2] > 0.0:
+        loss = optics.noise[2] + (1.0 - optics.noise[2]) * math.exp(-bright * cosine / (r * r * _FAINT))
+        if _chance(optics.seed, ray, 4 * slot) < loss:
+            return False
     growth = min(5.0, max(cosine, 1e-3) ** -optics.noise[1])
     u, v = _chance(optics.seed, ray, 4 * slot + 1), _chance(optics.seed, ray, 4 * slot + 2)
     normal = math.sqrt(-2.0 * math.log(u))

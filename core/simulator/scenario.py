@@ -158,6 +158,8 @@ class Drive(_Table, frozen=True):
         for name in ("pass_m", "speed_factors"):
             if len(getattr(self, name)) != passes:
                 raise ValueError(f"`{name}` has {len(getattr(self, name))} entries for {passes} passes")
+        if self.ramp_m > 1.5 * self.radius_m:
+            raise ValueError("`ramp_m` must not be more than 1.5 times `radius_m`, or no turn is as tight as that")
         if min(self.pass_m) <= 0 or min(self.speed_factors) <= 0:
             raise ValueError("`pass_m` and `speed_factors` must be positive")
         for number, at_m, stand_s in self.stops:
@@ -295,7 +297,9 @@ class Noise(_Table, frozen=True):
             ge=0, le=2, description="the noise grows with cos(incidence) to minus this power, at most fivefold; 0: not"
         ),
     ] = 0.25
-    dropout: Annotated[float, Meta(ge=0, lt=1, description="share of pulses lost; more at grazing angles")] = 0.010
+    dropout: Annotated[
+        float, Meta(ge=0, lt=1, description="share of pulses lost, more far away and at grazing angles; 0: none at all")
+    ] = 0.010
     dust: Annotated[float, Meta(ge=0, description="returns from dust at the working tool, a metre of way")] = 0.030
 
 
@@ -439,7 +443,7 @@ def scenario_from(text: str, name: str) -> Scenario:
 
 
 def as_toml(scenario: Scenario) -> str:
-    """`scenario` as TOML with every key, such that loading it gives the same scenario."""
+    """`scenario` as TOML with every key that has a value, such that loading it gives the same scenario."""
     whole = _as_builtins(scenario)
     lines = [f"{key} = {_value(value)}" for key, value in whole.items() if not isinstance(value, dict)]
     for table, keys in _tables(whole, ""):
@@ -471,7 +475,8 @@ def _value(value: object) -> str:
 def _as_builtins(scenario: Scenario) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         if isinstance(value, msgspec.Struct):
-            return {name: plain(getattr(value, name)) for name in value.__struct_fields__}
+            fields = {name: getattr(value, name) for name in value.__struct_fields__}
+            return {name: plain(field) for name, field in fields.items() if not _waits(field)}
         return [plain(v) for v in value] if isinstance(value, tuple) else value
 
     whole: dict[str, Any] = plain(scenario)

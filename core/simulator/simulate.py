@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -163,10 +165,15 @@ def _appearing(out_dir: Path) -> Iterator[Path]:
     """A folder beside `out_dir` whose files move there when all went well, and vanish otherwise."""
     part = out_dir.with_name(f".{out_dir.name}.part")
     try:
+        if out_dir.exists() and not out_dir.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(out_dir))
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         try:
             yield part
+            if not out_dir.exists():
+                part.rename(out_dir)
+                return
             for file in sorted(f for f in part.rglob("*") if f.is_file()):
                 there = out_dir / file.relative_to(part)
                 there.parent.mkdir(parents=True, exist_ok=True)

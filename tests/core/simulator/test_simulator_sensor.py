@@ -1,0 +1,184 @@
+"""Packets and their capture, read by velodyne-decoder and dpkt."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import dpkt
+import msgspec
+import numpy as np
+import pytest
+import velodyne_decoder as vd
+from numpy.typing import NDArray
+
+from furrowmap.core.simulator.capture import FILE_HEADER, records
+from furrowmap.core.simulator.rays import Returns
+from furrowmap.core.simulator.scenario import Clock, Lidar, Scenario
+from furrowmap.core.simulator.sensor import data_packets, make_spin
+from furrowmap.core.simulator.simulate import Simulated
+from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M
+
+SITE = Site("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)  # 01:59:59 UTC
+
+
+def returns_of(n: int, seed: int = 0) -> Returns:
+    """Returns whose strongest and last differ in one pulse of four."""
+    rng = np.random.default_rng(seed)
+    ticks = np.repeat(rng.integers(300, 40_000, (1, n, 16), np.uint16), 2, axis=0)
+    ticks[:, rng.random((n, 16)) < 0.1] = 0
+    two = (rng.random((n, 16)) < 0.25) & (ticks[0] > 0)
+    ticks[1][two] += 1000
+    bright = np.broadcast_to(rng.integers(1, 101, (1, n, 16), np.uint8), (2, n, 16))
+    return Returns(ticks, bright, np.ones((2, n, 16), np.uint8), np.full((2, n, 16), -1, np.int32))
+
+
+def decoded(packets: NDArray[np.uint8], mode: str = "strongest") -> NDArray[Any]:
+    decoder = vd.StreamDecoder(vd.Config(model=vd.Model.VLP16, min_range=0.0, max_range=200.0))
+    scans = [
+        decoder.decode(1.78e9 + 0.001 * i, packet.tobytes(), as_pcl_structs=True) for i, packet in enumerate(packets)
+    ]
+    scans.append(decoder.finish(as_pcl_structs=True))
+    return np.concatenate([scan[1] for scan in scans if scan is not None])
+
+
+@pytest.mark.parametrize("rpm", [300, 600, 1200])
+def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None:
+    scenario = Scenario(lidar=Lidar(rpm=rpm))  # type: ignore[arg-type]
+    spin, returns = make_spin(scenario, 20.0), returns_of(24 * 100)
+    points = decoded(data_packets(scenario, SITE, spin, 0, returns))
+    there = returns.ticks[0] > 0
+    assert len(points) == there.sum()
+    order = np.argsort(np.argsort(ELEVATION_DEG))
+    assert (points["ring"] == np.broadcast_to(order, there.shape)[there]).all()
+    assert (points["intensity"] == returns.reflectivity[0][there]).all()
+    # range and direction by the formulas of the manual, at the true azimuth of each laser
+    firing_s = spin.time_s(np.arange(24 * 100))
+    t_s = firing_s[:, None] + 2.304e-6 * np.arange(16)
+    azimuth = 2.0 * np.pi * spin.turns(t_s)
+    elevation = np.radians(ELEVATION_DEG)
+    r = returns.ticks[0] * 0.002
+    x = r * np.cos(elevation) * np.cos(azimuth)
+    y = -r * np.cos(elevation) * np.sin(azimuth)
+    z = r * np.sin(elevation) + VERTICAL_OFFSET_M
+    told = np.stack([points["x"], points["y"], points["z"]], axis=-1)
+    true = np.stack([x, y, z], axis=-1)[there]
+    off = np.abs(told - true).max(axis=1)
+    # the decoder takes the speed of rotation from block to block, in hundredths of a degree
+    assert (off < 1e-4 + np.radians(0.016) * r[there]).all()
+    assert np.median(off) < 0.004
+
+
+def test_data_packets__last_and_dual_returns() -> None:
+    returns = returns_of(12 * 40)
+    last = data_packets(
+        msgspec.structs.replace(Scenario(), lidar=Lidar(return_mode="last")),
+        SITE,
+        make_spin(Scenario(), 9.0),
+        0,
+        returns,
+    )
+    assert last.shape == (20, 1206)
+    assert (last[:, 1204] == 0x38).all()
+    assert len(decoded(last)) == (returns.ticks[1] > 0).sum()
+    scenario = Scenario(lidar=Lidar(return_mode="dual"))
+    spin = make_spin(scenario, 9.0)
+    dual = data_packets(scenario, SITE, spin, 0, returns)
+    assert dual.shape == (40, 1206)
+    assert (dual[:, 1204] == 0x39).all()
+    points = decoded(dual)
+    # the decoder tells equal returns once
+    assert len(points) == (returns.ticks[0] > 0).sum() + (returns.ticks[0] != returns.ticks[1]).sum()
+    azimuth = np.ascontiguousarray(dual[:, :1200]).reshape(40, 12, 100)[:, :, 2:4].copy().view("<u2")[..., 0]
+    assert (azimuth[:, 0::2] == azimuth[:, 1::2]).all()
+    assert make_spin(scenario, 9.0).packets == pytest.approx(2 * make_spin(Scenario(), 9.0).packets, abs=1)
+
+
+def test_data_packets__stamps_start_again_with_the_hour() -> None:
+    scenario = Scenario(lidar=Lidar(start_s=0.0))
+    spin = make_spin(scenario, 5.0)
+    stamps = np.ascontiguousarray(data_packets(scenario, SITE, spin, 0, returns_of(24 * 1500))[:, 1200:1204]).view(
+        "<u4"
+    )[:, 0]
+    assert stamps[0] == 3_599_000_000
+    assert np.count_nonzero(np.diff(stamps.astype(np.int64)) < 0) == 1
+    assert stamps[-1] < 1_000_000
+    assert set(np.diff(stamps.astype(np.int64)) % 3_600_000_000) == {1327, 1328}
+
+
+def test_data_packets__tell_the_clock_that_is_off() -> None:
+    scenario = Scenario(lidar=Lidar(start_s=0.0), clock=Clock(lidar_minus_gnss_s=0.0, true_lidar_minus_gnss_s=-0.25))
+    packet = data_packets(scenario, SITE, make_spin(scenario, 5.0), 0, returns_of(24))
+    assert struct.unpack("<I", packet[0, 1200:1204].tobytes())[0] == 3_598_750_000
+
+
+def test_records__are_frames_with_right_checksums() -> None:
+    rng = np.random.default_rng(0)
+    payload = rng.integers(0, 256, (300, 1206), np.uint8)
+    time_us = 1_781_143_199_000_000 + np.arange(300) * 1327
+    written = FILE_HEADER + records(time_us, payload, 2368, 65_500).tobytes()
+    import io
+
+    seen = 0
+    for i, (stamp, frame) in enumerate(dpkt.pcap.Reader(io.BytesIO(written))):
+        ip = dpkt.ethernet.Ethernet(frame).data
+        assert stamp == pytest.approx(time_us[i] * 1e-6, abs=1e-6)
+        assert bytes(ip.data.data) == payload[i].tobytes()
+        assert (ip.data.sport, ip.data.dport, ip.id) == (2368, 2368, (65_500 + i) % 65_536)
+        sums = ip.sum, ip.data.sum
+        ip.sum = ip.data.sum = 0
+        again = dpkt.ip.IP(bytes(ip))
+        assert sums == (again.sum, again.data.sum)
+        seen += 1
+    assert seen == 300
+
+
+def captured(file: Path) -> list[tuple[float, int, bytes]]:
+    """(time, port, payload) of every datagram."""
+    with file.open("rb") as opened:
+        frames = [(stamp, dpkt.ethernet.Ethernet(frame).data.data) for stamp, frame in dpkt.pcap.Reader(opened)]
+    return [(float(stamp), udp.dport, bytes(udp.data)) for stamp, udp in frames]
+
+
+def test_recording__position_packets_speak_of_the_last_whole_second(short_drive: Simulated) -> None:
+    datagrams = captured(short_drive.recording)
+    positions = [(stamp, payload) for stamp, port, payload in datagrams if port == 8308]
+    assert len(positions) == short_drive.figures["lidar"]["position_packets"] >= 8
+    assert {len(payload) for _, payload in positions} == {512}
+    said = [payload[206:].split(b"\0")[0].decode() for _, payload in positions]
+    assert said[0].startswith("$GPRMC,235956,A,3652.")
+    assert ",311225,,,D*" in said[0]
+    assert any(text.startswith("$GPRMC,000000,A,") and ",010126," in text for text in said)
+    stamps = np.array([struct.unpack("<I", payload[198:202])[0] for _, payload in positions])
+    seconds = np.array([int(text[11:13]) for text in said])
+    assert (stamps // 1_000_000 % 60 == seconds).all()
+    assert {payload[202] for _, payload in positions} == {2}
+
+
+def test_recording__the_computer_is_ahead_and_late(short_drive: Simulated) -> None:
+    data = [(stamp, payload) for stamp, port, payload in captured(short_drive.recording) if port == 2368]
+    assert len(data) == short_drive.figures["lidar"]["data_packets"]
+    host = np.array([stamp for stamp, _ in data])
+    sensor = np.unwrap([struct.unpack("<I", payload[1200:1204])[0] * 1e-6 for _, payload in data], period=3600.0)
+    sent = short_drive.figures["lidar"]["first_firing_unix_s"] + sensor - sensor[0] + 24 * 55.296e-6
+    ahead = host - sent
+    assert ahead.min() == pytest.approx(0.83, abs=2e-5)
+    # jitter of 1 ms in one direction, and no packet overtakes another: the median is at least that of the half-normal
+    assert 0.674e-3 < np.median(ahead) - 0.83 < 1.5e-3
+    assert (np.diff(host) > 0).all()
+
+
+def test_recording__stops_are_firings_of_one_clock(short_drive: Simulated) -> None:
+    lidar: dict[str, Any] = short_drive.figures["lidar"]
+    packet_s = 24 * 55.296e-6
+    assert lidar["firings"] == 24 * lidar["data_packets"]
+    assert lidar["last_packet_unix_s"] - lidar["first_firing_unix_s"] == pytest.approx(
+        (lidar["data_packets"] - 1) * packet_s, abs=2e-6
+    )
+    assert lidar["turns"] == pytest.approx(10.0 * lidar["firings"] * 55.296e-6, rel=1e-3)
+    points = sum(
+        len(scan) for _, scan in vd.read_pcap(short_drive.recording, vd.Config(model=vd.Model.VLP16, min_range=0.0))
+    )
+    assert points == lidar["points"]
