@@ -34,13 +34,18 @@ def furrowmap(*arguments: str) -> None:
 def summary(result: Path, seconds: float) -> Table:
     """The result in a few figures."""
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
-    table = Table("figure", "value", title=report["session"]["name"], title_justify="left")
-    for name, value in report["figures"].items():
-        if isinstance(value, int | float):
-            table.add_row(name, f"{value:,}" if isinstance(value, int) else f"{value:,.3f}")
+    figures, whole_s = report["figures"], report["timings"]["whole"]
+    sigma_cm = [100 * report["accuracy"][f"sigma_{axis}_m"]["median"] for axis in "enh"]
+    table = Table("", "", title=report["session"]["name"], title_justify="left", show_header=False)
+    table.add_row("points", f"{figures['points']:,} in {figures['scans']} scans")
+    table.add_row("drive", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
+    table.add_row("map frame", f"{figures['crs']}, {figures['heights']} heights")
+    table.add_row("vehicle's position", "± {:.1f} cm east, {:.1f} cm north, {:.1f} cm up (median)".format(*sigma_cm))
+    table.add_row("furrowmap run", f"{whole_s:.1f} s, {figures['points'] / whole_s / 1e6:.1f} million points a second")
+    table.add_row("the whole demo", f"{seconds:.0f} s")
+    table.add_section()
     for path in sorted(result.iterdir()):
-        table.add_row(str(path.relative_to(CHECKOUT)), f"{path.stat().st_size / 1e6:,.2f} MB")
-    table.add_row("whole demo", f"{seconds:.0f} s")
+        table.add_row(path.name, f"{path.stat().st_size / 1e6:,.2f} MB")
     return table
 
 
@@ -51,7 +56,7 @@ def main() -> None:
     furrowmap("simulate", "demo", "-o", "demo/recording")
     furrowmap("run", "demo/recording/session.toml", "-o", "demo/result")
     picture = DEMO / "result" / "map.png"
-    draw_map(DEMO / "result", picture, "The ground of the demo, and the way over it")
+    draw_map(DEMO / "result", picture, "Two passes beside the barn: the ground in relief")
     print()
     Console().print(summary(DEMO / "result", time.perf_counter() - start))
     print(f"The map: {picture}")

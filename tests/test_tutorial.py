@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -12,8 +14,10 @@ from pathlib import Path
 import laspy
 import pytest
 import tomli_w
+from matplotlib.image import imread
 
-PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tutorial" / "first-map.md").read_text(encoding="utf-8")
+CHECKOUT = Path(__file__).resolve().parents[1]
+PAGE = (CHECKOUT / "docs" / "tutorial" / "first-map.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,16 @@ def test_tutorial__inspect_says_what_the_page_says(typed: tuple[Path, dict[str, 
 def test_tutorial__mounting_is_the_simulated_one(typed: tuple[Path, dict[str, str]]) -> None:
     mine, simulated = (tomllib.loads((typed[0] / "first" / name).read_text()) for name in ("mine.toml", "session.toml"))
     assert (mine["antenna"], mine["lidar"]) == (simulated["antenna"], simulated["lidar"])
+
+
+def test_demo__draws_and_tells_such_a_result(typed: tuple[Path, dict[str, str]], tmp_path: Path) -> None:
+    demo = runpy.run_path(str(CHECKOUT / "scripts" / "demo.py"))
+    demo["draw_map"](typed[0] / "first" / "result", tmp_path / "map.png", "The tutorial's map")
+    assert imread(tmp_path / "map.png").shape[1] == 1500
+    report = json.loads((typed[0] / "first" / "result" / "report.json").read_text(encoding="utf-8"))
+    table = demo["summary"](typed[0] / "first" / "result", 1.0)
+    told = [str(cell) for column in table.columns for cell in column.cells]
+    assert f"{report['figures']['points']:,} in {report['figures']['scans']} scans" in told
 
 
 def test_tutorial__ends_with_files_that_open_in_qgis(typed: tuple[Path, dict[str, str]], qgis) -> None:
