@@ -24,7 +24,7 @@ from furrowmap.core.simulator.sensor import POSITION_EVERY_S, Spin, data_packets
 from furrowmap.core.simulator.site import Site
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
-from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, POSITION_PORT
+from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, LASERS, POSITION_PORT
 from furrowmap.core.values.progress import Progress
 
 _BATCH: Final = 400
@@ -65,29 +65,25 @@ def record(
     scene = make_scene(scenario, ground)
     rng = random_for(scenario.seed, "computer")
     tally, seen, clock_us, position_packets = _Tally(), SeenAfter(scenario, ground), 0, 0
+    told = 1 if scenario.lidar.return_mode == "last" else 0
     with _written(file, compress=scenario.lidar.gzip) as out:
         out.write(FILE_HEADER)
         for first, firings, returns in _cast_in_order(scene, optics, spin, motion):
             tally.add(returns, scenario.lidar.return_mode)
-            told = 1 if scenario.lidar.return_mode == "last" else 0
-            seen.add(returns.cell[told].ravel(), np.repeat(firings.t_s, returns.cell.shape[2]))
+            seen.add(returns.cell[told].ravel(), np.repeat(firings.t_s, LASERS))
             payload = data_packets(scenario, site, spin, first, returns)
             sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
-            stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us + 1)
+            stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us)
             clock_us = int(stamp_us[-1])
             data = records(stamp_us, payload, DATA_PORT, 1000 + first)
             begin = 0
             for t_s in _position_times(scenario, spin, first, len(payload)):
-                text = gprmc(motion, scenario.antenna.xyz_m, site, t_s, scenario.clock.true_lidar_minus_gnss_s)
-                at = int(np.searchsorted(sent_s, t_s, side="right"))
-                out.write(data[begin:at].tobytes())
-                between = stamp_us[max(at - 1, 0) : max(at - 1, 0) + 1] + 1
-                out.write(
-                    records(
-                        between, position_packet(scenario, site, t_s, text), POSITION_PORT, 50_000 + position_packets
-                    ).tobytes()
-                )
-                begin, position_packets = at, position_packets + 1
+                end = int(np.searchsorted(sent_s, t_s, side="right"))
+                beside_us = stamp_us[max(end - 1, 0) : max(end, 1)]
+                position = _position(scenario, site, motion, t_s)
+                out.write(data[begin:end].tobytes())
+                out.write(records(beside_us, position, POSITION_PORT, 50_000 + position_packets).tobytes())
+                begin, position_packets = end, position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)
     return _figures(site, spin, tally, optics, position_packets), seen.image
@@ -126,6 +122,11 @@ def _firings(spin: Spin, first: int, packets: int, motion: Motion) -> Firings:
         np.interp(t_s, motion.t_s, motion.tool_m),
         np.interp(t_s, motion.t_s, motion.dusty),
     )
+
+
+def _position(scenario: Scenario, site: Site, motion: Motion, t_s: float) -> NDArray[np.uint8]:
+    offset_s = scenario.clock.true_lidar_minus_gnss_s
+    return position_packet(scenario, site, t_s, gprmc(motion, scenario.antenna.xyz_m, site, t_s, offset_s))
 
 
 def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) -> list[float]:

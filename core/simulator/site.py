@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -12,6 +14,9 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.path import DrivenPath
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.values.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
 
 FloatArray = NDArray[np.float64]
 
@@ -83,11 +88,7 @@ class Site:
 
     def geographic(self, e_m: FloatArray, n_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(longitude, latitude) in degrees of local positions, in the map CRS's own datum."""
-        from pyproj import CRS, Transformer
-
-        crs = CRS(self.crs)
-        to_degrees = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
-        lon, lat = to_degrees.transform(np.asarray(e_m) + self.e0_m, np.asarray(n_m) + self.n0_m)
+        lon, lat = _to_degrees(self.crs).transform(np.asarray(e_m) + self.e0_m, np.asarray(n_m) + self.n0_m)
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
     def convergence_deg(self, e_m: FloatArray, n_m: FloatArray) -> FloatArray:
@@ -95,6 +96,13 @@ class Site:
         lon0, lat0 = self.geographic(e_m, n_m)
         lon1, lat1 = self.geographic(e_m, np.asarray(n_m) + 10.0)
         return np.degrees(np.arctan2((lon1 - lon0) * np.cos(np.radians(lat0)), lat1 - lat0))
+
+
+@functools.cache
+def _to_degrees(crs: str) -> Transformer:
+    from pyproj import CRS, Transformer
+
+    return Transformer.from_crs(crs, CRS(crs).geodetic_crs, always_xy=True)
 
 
 def find_site(scenario: Scenario) -> Site:

@@ -167,7 +167,7 @@ def test_recording__the_computer_is_ahead_and_late(short_drive: Simulated) -> No
     assert ahead.min() == pytest.approx(0.83, abs=2e-5)
     # jitter of 1 ms in one direction, and no packet overtakes another: the median is at least that of the half-normal
     assert 0.674e-3 < np.median(ahead) - 0.83 < 1.5e-3
-    assert (np.diff(host) > 0).all()
+    assert (np.diff(host) >= 0.0).all()
 
 
 def test_recording__stops_are_firings_of_one_clock(short_drive: Simulated) -> None:
