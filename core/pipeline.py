@@ -135,6 +135,7 @@ class Inputs:
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
+        """The files that `session` names, which stands in `session_file`."""
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
         return cls(
@@ -144,6 +145,7 @@ class Inputs:
 
     @property
     def all(self) -> tuple[Path, ...]:
+        """Every file, in the order in which the session names them."""
         return self.lidar + self.positions
 
 
