@@ -135,6 +135,11 @@ class Inputs:
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
+        """The files that `session` names, relative to `session_file`.
+
+        Raises:
+            InputError: if one is missing, or lies outside the session's folder.
+        """
         """The files that `session` names, which stands in `session_file`."""
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
@@ -145,6 +150,7 @@ class Inputs:
 
     @property
     def all(self) -> tuple[Path, ...]:
+        """Every file once, the scanner's first."""
         """Every file, in the order in which the session names them."""
         return self.lidar + self.positions
 
