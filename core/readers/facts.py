@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
-from scipy.ndimage import median_filter
 
 from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
 from furrowmap.core.values.errors import Notice
@@ -111,7 +110,7 @@ def jump_notices(track: GnssTrack) -> list[Notice]:
         return []
     dt = np.diff(track.t_s)
     way = steps_m(track)
-    expected = median_filter(way / dt, size=5, mode="nearest") * dt
+    expected = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(way / dt, 2, mode="edge"), 5), axis=1) * dt
     jump = (way > 1.5 * expected + JUMP_M) & (dt <= GAP_INTERVALS * np.median(dt))
     if not jump.any():
         return []

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.pose_file import RawPoses, cut_notice, joined, too_few
@@ -241,6 +240,8 @@ def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:
     Raises:
         InputError: with the line, if a field is something else.
     """
+    import pandas as pd  # half of the time that importing all readers would take
+
     index = [header.names.index(name) for name in header.columns]
     try:
         frame = pd.read_csv(

@@ -8,6 +8,7 @@ itself or from any other installed package.
 from __future__ import annotations
 
 import importlib.metadata
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -21,6 +22,8 @@ from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 GROUP = "furrowmap.readers"
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -196,8 +199,16 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
 
 @cache
 def readers() -> tuple[type[Reader], ...]:
-    """All reader classes of all installed packages."""
-    return tuple(entry.load() for entry in importlib.metadata.entry_points(group=GROUP))
+    """All reader classes of all installed packages; one of another package that cannot be imported is left out."""
+    found: list[type[Reader]] = []
+    for entry in importlib.metadata.entry_points(group=GROUP):
+        try:
+            found.append(entry.load())
+        except Exception as error:  # noqa: BLE001 (whatever a foreign package does when it is imported)
+            if entry.module.startswith("furrowmap."):
+                raise
+            log.warning("the reader %s (%s) cannot be used: %s", entry.name, entry.value, error)
+    return tuple(found)
 
 
 def _looks_like(data: bytes) -> str:
