@@ -204,7 +204,7 @@ def readers() -> tuple[type[Reader], ...]:
     for entry in importlib.metadata.entry_points(group=GROUP):
         try:
             found.append(entry.load())
-        except Exception as error:  # noqa: BLE001 (whatever a foreign package does when it is imported)
+        except Exception as error:
             if entry.module.startswith("furrowmap."):
                 raise
             log.warning("the reader %s (%s) cannot be used: %s", entry.name, entry.value, error)
