@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.bag_storage import BagMessage
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag_messages import packets
-from furrowmap.core.readers.velodyne import BLOCK_MARK, RETURN_WORDS, PacketDecoder
+from furrowmap.core.readers.velodyne import PacketDecoder
+from furrowmap.core.readers.velodyne_models import BLOCK_MARK, RETURN_WORDS
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
 from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.readers.velodyne import (
-    BLOCK_MARK,
-    PACKET_BYTES,
-    RETURN_WORDS,
-    PacketDecoder,
-    model_named,
-)
+from furrowmap.core.readers.velodyne import PacketDecoder
 from furrowmap.core.readers.velodyne_clock import (
     POSITION_BYTES,
     PPS_LOCKED,
@@ -30,6 +24,7 @@ from furrowmap.core.readers.velodyne_clock import (
     pps_words,
     settle,
 )
+from furrowmap.core.readers.velodyne_models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS, model_named
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan
@@ -276,11 +271,11 @@ class _Traffic:
     def clock_readings(self, clock: Clock) -> tuple[ClockReading, ...]:
         assert self.decoder is not None
         counts = self.decoder.counts
-        low_s, high_s, first_s, last_s = counts.host_minus_utc_s
-        note = f"packet times; {low_s:+.4f} to {high_s:+.4f} s against the sensor's stamps"
+        note = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s against the sensor's stamps"
         if clock is not Clock.RECORDER:
-            note += f", {first_s:+.3f} s at the start and {last_s:+.3f} s at the end"
-        readings = [ClockReading(Clock.RECORDER, counts.first_s + first_s, counts.last_s + last_s, note)]
+            note += f", {counts.host_first_s:+.3f} s at the start and {counts.host_last_s:+.3f} s at the end"
+        first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s
+        readings = [ClockReading(Clock.RECORDER, first_s, last_s, note)]
         if clock is not Clock.RECORDER:
             words = f"PPS {pps_words(self.pps)}" if self.pps else "its hour as stated"
             readings.insert(0, ClockReading(clock, counts.first_s, counts.last_s, words))

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.velodyne import MODELS, PACKET_BYTES, PacketDecoder, model_named
+from furrowmap.core.readers.velodyne import PacketDecoder
 from furrowmap.core.readers.velodyne_clock import SensorClock
+from furrowmap.core.readers.velodyne_models import MODELS, PACKET_BYTES, model_named
 from furrowmap.core.readers.velodyne_pcap import VelodynePcap
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan

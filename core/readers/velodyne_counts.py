@@ -1,0 +1,206 @@
+"""What went through a packet decoder, and what was odd about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.velodyne_models import DUAL, MODELS, OTHER_PRODUCTS, RETURN_WORDS, STRONGEST, Model
+from furrowmap.core.values.errors import Notice
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+_RATE_TOLERANCE: Final = 0.02
+
+
+@dataclass
+class PacketCounts:
+    """What went through a decoder.
+
+    Attributes:
+        packets: data packets decoded.
+        points: returns given out.
+        whole: scans that are whole.
+        cut: scans that are not.
+        modes: packets by return mode byte.
+        products: packets by product byte.
+        first_s: UTC of the first packet.
+        last_s: UTC of the last packet.
+        usual_s: from one packet to the next, median of the first batch of 20 or more.
+        lost: packets that are missing where stamps leave a gap of less than half a revolution.
+        gaps: such gaps.
+        lost_s: their length in all.
+        pauses: longer gaps.
+        shortest_pause_s: the shortest of them.
+        longest_pause_s: the longest.
+        paused_s: their length in all.
+        repeated: packets left out because the one before was the same.
+        late: packets with a stamp earlier than the one before.
+        bad_blocks: blocks left out because they don't begin as blocks do.
+        revolutions: by how much azimuth went on within packets.
+        turning_s: the time that took.
+        host_first_s: recorder's time minus the stamps', median of the first batch.
+        host_last_s: the same of the last batch.
+        host_least_s: the smallest of all packets.
+        host_most_s: the largest.
+    """
+
+    packets: int = 0
+    points: int = 0
+    whole: int = 0
+    cut: int = 0
+    modes: Counter[int] = field(default_factory=Counter)
+    products: Counter[int] = field(default_factory=Counter)
+    first_s: float = float("nan")
+    last_s: float = float("nan")
+    usual_s: float = float("nan")
+    lost: int = 0
+    gaps: int = 0
+    lost_s: float = 0.0
+    pauses: int = 0
+    shortest_pause_s: float = float("inf")
+    longest_pause_s: float = 0.0
+    paused_s: float = 0.0
+    repeated: int = 0
+    late: int = 0
+    bad_blocks: int = 0
+    revolutions: float = 0.0
+    turning_s: float = 0.0
+    host_first_s: float = float("nan")
+    host_last_s: float = float("nan")
+    host_least_s: float = float("inf")
+    host_most_s: float = float("-inf")
+
+    @property
+    def rpm(self) -> float:
+        """Revolutions a minute (nan where nothing turned)."""
+        return 60.0 * self.revolutions / self.turning_s if self.turning_s else float("nan")
+
+    @property
+    def mode(self) -> int:
+        """The return mode byte of most packets."""
+        return self.modes.most_common(1)[0][0]
+
+    def note_factory_bytes(self, modes: ByteArray, products: ByteArray) -> None:
+        """Count the return modes and products (m,) of packets."""
+        self.modes.update(_tally(modes))
+        self.products.update(_tally(products))
+
+    def note_times(self, t_s: FloatArray, host_s: FloatArray, model: Model) -> None:
+        """Look for gaps and disorder in the UTC `t_s` (m,) of packets, and at the recorder's times of them."""
+        self.packets += len(t_s)
+        step_s = np.diff(t_s, prepend=self.last_s)
+        if np.isnan(self.usual_s) and len(step_s) >= 20:
+            self.usual_s = float(np.median(step_s[1:]))
+        if np.isnan(self.first_s):
+            self.first_s = float(t_s[0])
+        self.last_s = float(t_s[-1])
+        self.late += int((step_s < 0.0).sum())
+
+        packet_s = self.usual_s if self._contradicts(model) else model.packet_s(self.mode)
+        half_turn_s = 0.5 * self.turning_s / self.revolutions if self.revolutions > 0.0 else 0.05
+        missing_s = step_s[(step_s > 1.5 * packet_s) & (step_s <= half_turn_s)]
+        self.gaps += len(missing_s)
+        self.lost += int(np.round(missing_s / packet_s - 1.0).sum())
+        self.lost_s += float((missing_s - packet_s).sum())
+        pauses_s = step_s[step_s > half_turn_s]
+        self.pauses += len(pauses_s)
+        self.shortest_pause_s = float(np.min(pauses_s, initial=self.shortest_pause_s))
+        self.longest_pause_s = float(np.max(pauses_s, initial=self.longest_pause_s))
+        self.paused_s += float((pauses_s - packet_s).sum())
+
+        ahead_s = host_s - t_s
+        self.host_last_s = float(np.median(ahead_s))
+        if np.isnan(self.host_first_s):
+            self.host_first_s = self.host_last_s
+        self.host_least_s = min(self.host_least_s, float(ahead_s.min()))
+        self.host_most_s = max(self.host_most_s, float(ahead_s.max()))
+
+    def notices(self, model: Model, *, stated: bool) -> list[Notice]:
+        """What was odd.
+
+        Args:
+            model: what the packets were decoded as.
+            stated: whether a user said so, or the packets.
+        """
+        notices = [*self._model_notices(model, stated=stated), *self._mode_notices()]
+        if self.gaps:
+            notices.append(
+                Notice(
+                    "lost-packets",
+                    f"{self.lost:,} packets are missing in {self.gaps:,} gaps, {self.lost_s:.3f} s in all"
+                    f" ({100 * self.lost / (self.lost + self.packets):.1f} %).",
+                )
+            )
+        if self.pauses:
+            notices.append(
+                Notice(
+                    "pauses",
+                    f"{self.pauses:,} pauses of {self.shortest_pause_s:.4g} to {self.longest_pause_s:.4g} s,"
+                    f" {self.paused_s:.1f} s in all: only a part was stored, or the sensor reports a sector only.",
+                )
+            )
+        if self.repeated:
+            notices.append(Notice("repeated-packets", f"{self.repeated:,} packets are there twice; one was taken."))
+        if self.late:
+            notices.append(Notice("late-packets", f"{self.late:,} packets are stamped earlier than the one before."))
+        if self.bad_blocks:
+            notices.append(Notice("bad-blocks", f"{self.bad_blocks:,} damaged blocks of packets were left out."))
+        return notices
+
+    def _contradicts(self, model: Model) -> bool:
+        """Whether packets follow each other at another rate than this model's."""
+        return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
+
+    def _model_notices(self, model: Model, *, stated: bool) -> list[Notice]:
+        notices = []
+        said = {product: n for product, n in self.products.items() if product != model.product}
+        if said:
+            names = OTHER_PRODUCTS | {m.product: m.name for m in MODELS}
+            words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in said.items())
+            why = "stated" if stated else "said by the first packets"
+            notices.append(
+                Notice("model-differs", f"Decoded as {model.name}, as {why}; the product byte says {words}.")
+            )
+        if self._contradicts(model):
+            fits = [
+                f"{m.name} ({word})"
+                for m in MODELS
+                for byte, word in ((STRONGEST, "one return"), (DUAL, "dual"))
+                if abs(self.usual_s - m.packet_s(byte)) <= _RATE_TOLERANCE * m.packet_s(byte)
+            ]
+            notices.append(
+                Notice(
+                    "packet-rate",
+                    f"A packet every {1e3 * self.usual_s:.3f} ms contradicts a {model.name} with"
+                    f" {'two returns' if self.mode == DUAL else 'one return'} ({1e3 * model.packet_s(self.mode):.3f}"
+                    f" ms); it would fit {' or '.join(fits) or 'no known model'}.",
+                )
+            )
+        return notices
+
+    def _mode_notices(self) -> list[Notice]:
+        if len(self.modes) > 1:
+            words = ", ".join(
+                f"{RETURN_WORDS.get(mode, f'0x{mode:02x}')} in {n:,} packets" for mode, n in self.modes.most_common()
+            )
+            return [Notice("return-mode-changed", f"The return mode changes: {words}.")]
+        if self.mode not in RETURN_WORDS:
+            return [
+                Notice(
+                    "return-mode-unknown",
+                    f"The packets' return mode byte (0x{self.mode:02x}) is none that is known: they are taken as dual"
+                    " where pairs of blocks have one azimuth, as single elsewhere.",
+                )
+            ]
+        return []
+
+
+def _tally(values: ByteArray) -> dict[int, int]:
+    counts = np.bincount(values)
+    return {int(value): int(counts[value]) for value in np.flatnonzero(counts)}

@@ -1,0 +1,281 @@
+"""The kernel that turns Velodyne data packets into returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.velodyne_models import Model
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+ByteArray = NDArray[np.uint8]
+
+_MAX_STEP: Final = 120
+"""No sensor turns further from one block to the next (0.8 degrees at 1200 rpm)."""
+
+Columns = tuple[
+    FloatArray,
+    NDArray[np.float32],
+    ByteArray,
+    ByteArray,
+    NDArray[np.uint16],
+    ByteArray,
+    ByteArray,
+]
+"""The arrays of a `Scan`, in its order."""
+
+
+@dataclass(frozen=True)
+class Returns:
+    """The returns of some packets, and where among them scans end.
+
+    Attributes:
+        cut_at: (c,) int64, the first return of each next scan.
+        cut_by_wrap: (c,) bool, whether azimuth passed 0 there; else there was a pause.
+
+    The other attributes are those of `Scan`.
+    """
+
+    t_s: FloatArray
+    xyz_m: NDArray[np.float32]
+    intensity: ByteArray
+    laser: ByteArray
+    column: NDArray[np.uint16]
+    return_number: ByteArray
+    returns: ByteArray
+    cut_at: IntArray
+    cut_by_wrap: NDArray[np.bool_]
+
+    def between(self, start: int, stop: int) -> Columns:
+        """Views of a part."""
+        part = slice(start, stop)
+        return (
+            self.t_s[part],
+            self.xyz_m[part],
+            self.intensity[part],
+            self.laser[part],
+            self.column[part],
+            self.return_number[part],
+            self.returns[part],
+        )
+
+
+@dataclass(frozen=True)
+class Tables:
+    """A model as the kernel wants it: per laser when it fires, where it looks, and its place by elevation."""
+
+    cycle_s: float
+    resolution_m: float
+    lasers: FloatArray
+    order: ByteArray
+
+    @classmethod
+    def of(cls, model: Model) -> Tables:
+        """The model's tables."""
+        elevation = np.radians(model.elevation_deg)
+        azimuth = np.radians(model.azimuth_deg)
+        lasers = np.stack([model.laser_s, azimuth, np.cos(elevation), np.sin(elevation), model.height_m], axis=1)
+        order = np.empty(model.lasers, np.uint8)
+        order[np.argsort(model.elevation_deg, kind="stable")] = np.arange(model.lasers, dtype=np.uint8)
+        return cls(model.cycle_s, model.resolution_m, np.ascontiguousarray(lasers), order)
+
+
+_STARTED, _AZIMUTH, _TIME, _COLUMN, _TURNED, _TURNING, _BAD, _STATE = range(8)
+"""Places in `Carry.state`; the last is how many there are."""
+
+
+class Carry:
+    """What goes on from batch to batch: the last firing and its column, and sums over all packets."""
+
+    def __init__(self) -> None:
+        self.state = np.zeros(_STATE)
+
+    @property
+    def revolutions(self) -> float:
+        """By how much azimuth went on within packets."""
+        return float(self.state[_TURNED]) / 36_000
+
+    @property
+    def turning_s(self) -> float:
+        """The time that took."""
+        return float(self.state[_TURNING])
+
+    @property
+    def bad_blocks(self) -> int:
+        """Blocks left out because they don't begin as blocks do."""
+        return int(self.state[_BAD])
+
+
+def decode_returns(data: ByteArray, offset: IntArray, t_s: FloatArray, tables: Tables, carry: Carry) -> Returns:
+    """The returns of data packets.
+
+    Args:
+        data: (k,) the bytes they lie in.
+        offset: (m,) where in `data` each begins.
+        t_s: (m,) UTC of the first firing of each.
+        tables: the model's.
+        carry: what the batch before left; is changed.
+    """
+    slots = (
+        len(offset) * 384
+    )  # all arrays are writable, or the kernel would be compiled once more for those that aren't
+    t_out = np.empty(slots)
+    xyz = np.empty((slots, 3), np.float32)
+    intensity = np.empty(slots, np.uint8)
+    laser = np.empty(slots, np.uint8)
+    column = np.empty(slots, np.uint16)
+    return_number = np.empty(slots, np.uint8)
+    returns = np.empty(slots, np.uint8)
+    cut_at = np.empty(len(offset) * 24, np.int64)
+    cut_by_wrap = np.empty(len(offset) * 24, np.bool_)
+    n, cuts = _decode(
+        np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), np.ascontiguousarray(t_s),
+        tables.cycle_s, tables.resolution_m, tables.lasers, tables.order, carry.state,
+        t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
+    )  # fmt: skip
+    return Returns(
+        t_out[:n], xyz[:n], intensity[:n], laser[:n], column[:n], return_number[:n], returns[:n],
+        cut_at[:cuts], cut_by_wrap[:cuts],
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _decode(  # type: ignore[no-untyped-def]
+    data, offset, t_s, cycle_s, resolution_m, lasers, order, state,
+    t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
+):  # fmt: skip
+    """Returns of all packets in the order of firing; how many, and how many scans end among them.
+
+    Azimuth is counted in hundredths of a degree.
+
+    The azimuth of a firing is its block's, carried on by the packet's mean rate of turning (which averages out the
+    encoder's rounding over 11 blocks), to the microsecond of each laser's own firing (VLP-16 manual, section 9.5).
+    A sensor that is set to report only a sector leaves the rest out and fills its packets across: the blocks after
+    the leap were fired as much later as turning there took.
+    """
+    lasers_n = len(order)
+    per_block = 32 // lasers_n
+    to_rad = np.pi / 18_000.0
+    cos_ahead = np.empty(lasers_n)
+    sin_ahead = np.empty(lasers_n)
+    n = 0
+    cuts = 0
+    for p in range(len(offset)):
+        base = offset[p]
+        mode = data[base + 1204]
+        same = data[base + 2] == data[base + 102] and data[base + 3] == data[base + 103]
+        dual = mode == 0x39 or (mode != 0x37 and mode != 0x38 and same)
+        blocks = 6 if dual else 12
+        size = 200 if dual else 100
+
+        turned = np.int64(0)
+        steps = 0
+        before = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
+        for b in range(1, blocks):
+            block = (np.int64(data[base + b * size + 2]) | np.int64(data[base + b * size + 3]) << 8) % 36_000
+            step = (block - before + 18_000) % 36_000 - 18_000
+            if abs(step) <= _MAX_STEP:
+                turned += step
+                steps += 1
+            before = block
+        rate = max(0.0, turned / (steps * per_block * cycle_s)) if steps else 0.0
+        state[_TURNED] += turned
+        state[_TURNING] += steps * per_block * cycle_s
+        hidden = steps == blocks - 2  # one leap: the edges of the sector that the sensor is set to report
+        hidden_s = 0.0
+        for i in range(lasers_n):
+            ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
+            cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
+            sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
+        turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
+        before = (np.int64(data[base + 2]) | np.int64(data[base + 3]) << 8) % 36_000
+        for b in range(blocks):
+            at = base + b * size
+            if data[at] != 0xFF or data[at + 1] != 0xEE:
+                state[_BAD] += 12 - (2 * b if dual else b)
+                break
+            block = (np.int64(data[at + 2]) | np.int64(data[at + 3]) << 8) % 36_000
+            leap = (block - before) % 36_000
+            if hidden and _MAX_STEP < leap < 36_000 - _MAX_STEP and rate > 0.0:
+                hidden_s = (np.round(leap / (rate * cycle_s)) - per_block) * cycle_s
+            before = block
+            for f in range(per_block):
+                azimuth = block + rate * cycle_s * f
+                if azimuth >= 36_000.0:
+                    azimuth -= 36_000.0
+                fired_s = t_s[p] + (b * per_block + f) * cycle_s + hidden_s
+                gap_s = fired_s - state[_TIME]
+                fallen = state[_AZIMUTH] - azimuth
+                pause = gap_s >= turn_s or gap_s < -turn_s
+                wrap = fallen > (18_000.0 if gap_s < 0.25 * turn_s else 50.0)
+                if state[_STARTED] == 0.0:
+                    state[_STARTED] = 1.0
+                    state[_COLUMN] = 0.0
+                elif pause or wrap or state[_COLUMN] >= 65_535.0:
+                    cut_at[cuts] = n
+                    cut_by_wrap[cuts] = wrap and not pause
+                    cuts += 1
+                    state[_COLUMN] = 0.0
+                else:
+                    state[_COLUMN] += 1.0
+                state[_AZIMUTH] = azimuth
+                state[_TIME] = fired_s
+                cos_a = np.cos(azimuth * to_rad)
+                sin_a = np.sin(azimuth * to_rad)
+                col = np.uint16(state[_COLUMN])
+                slot = at + 4 + f * lasers_n * 3
+                for i in range(lasers_n):
+                    near = np.int64(data[slot]) | np.int64(data[slot + 1]) << 8
+                    bright = data[slot + 2]
+                    far = np.int64(0)
+                    bright_far = bright
+                    if dual:
+                        other = np.int64(data[slot + 100]) | np.int64(data[slot + 101]) << 8
+                        bright_other = data[slot + 102]
+                        if near == 0 or near == other:
+                            near = other
+                            bright = bright_other
+                        elif other > near:
+                            far = other
+                            bright_far = bright_other
+                        elif other != 0:
+                            far = near
+                            bright_far = bright
+                            near = other
+                            bright = bright_other
+                    slot += 3
+                    if near == 0:
+                        continue
+                    ux = cos_a * cos_ahead[i] - sin_a * sin_ahead[i]
+                    uy = -(sin_a * cos_ahead[i] + cos_a * sin_ahead[i])
+                    range_m = near * resolution_m
+                    t_out[n] = fired_s + lasers[i, 0]
+                    xyz[n, 0] = range_m * ux
+                    xyz[n, 1] = range_m * uy
+                    xyz[n, 2] = range_m * lasers[i, 3] + lasers[i, 4]
+                    intensity[n] = bright
+                    laser[n] = order[i]
+                    column[n] = col
+                    return_number[n] = 1
+                    returns[n] = 1
+                    n += 1
+                    if far == 0:
+                        continue
+                    returns[n - 1] = 2
+                    range_m = far * resolution_m
+                    t_out[n] = t_out[n - 1]
+                    xyz[n, 0] = range_m * ux
+                    xyz[n, 1] = range_m * uy
+                    xyz[n, 2] = range_m * lasers[i, 3] + lasers[i, 4]
+                    intensity[n] = bright_far
+                    laser[n] = order[i]
+                    column[n] = col
+                    return_number[n] = 2
+                    returns[n] = 2
+                    n += 1
+    return n, cuts
