@@ -1,0 +1,122 @@
+"""Writes docs/reference/scenario.md from the scenario's own tables: ``python scripts/scenario_reference.py``."""
+
+from __future__ import annotations
+
+import json
+import math
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from furrowmap.core.simulator.scenario import SOILS, Scenario
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "scenario.md"
+HEAD = """\
+# The scenario
+
+<!-- Written by scripts/scenario_reference.py from the scenario's own tables. -->
+
+What `furrowmap simulate SCENARIO -o DIR` works from: a TOML file. Every key may be left out; unknown keys are refused with
+the nearest known one. Units are in the keys' names; frames and angles are those of [frames and angles](../explanation/frames.md).
+Positions in the field count east and north from the south-western corner of the ground grid. The folder gets a
+`scenario.toml` with all keys filled in, which gives the same recording again, byte for byte.
+
+```toml
+seed = 3
+
+[drive]
+turns = "fishtail"
+passes = 4
+pass_m = [30.0]
+
+[soil]
+kind = "ploughed"
+
+[gnss.clas]
+outage_s = [[40.0, 45.0]]
+```
+"""
+OPEN = {
+    "field": "laid round the drive",
+    "drive": "middle of the drive",
+    "soil": "as usual for the kind",
+    "lidar": "as stated above",
+    "clock": "as stated above",
+}
+"""What stands in the column of defaults where the value comes from elsewhere."""
+KINDS = """\
+| kind | random roughness | correlation length | rows: amplitude, spacing | straw | furrows the tool leaves |
+| --- | --- | --- | --- | --- | --- |
+"""
+
+
+def page() -> str:
+    """The page as it should be."""
+    parts = [HEAD, section("", Scenario, Scenario())]
+    for name, value in tables(Scenario()):
+        parts.append(section(name, type(value), value))
+        if name == "soil":
+            rows = [
+                f"| `{kind}` | {s['sigma'] * 1000:.0f} mm | {s['corr'] * 100:.0f} cm | {s['row'] * 1000:.0f} mm, "
+                f"{s['spacing'] * 100:.0f} cm | {s['straw'] * 100:.1f} % | {s['furrow'] * 1000:.0f} mm |\n"
+                for kind, s in SOILS.items()
+            ]
+            parts.append(KINDS + "".join(rows))
+    return "\n".join(parts)
+
+
+def tables(whole: msgspec.Struct, above: str = "") -> Iterator[tuple[str, msgspec.Struct]]:
+    """The tables of a scenario that hold keys, by their names in the file."""
+    for name in whole.__struct_fields__:
+        value = getattr(whole, name)
+        if isinstance(value, msgspec.Struct):
+            deeper = list(tables(value, f"{above}{name}."))
+            yield from deeper or [(above + name, value)]
+
+
+def section(name: str, kind: type[msgspec.Struct], value: msgspec.Struct) -> str:
+    """One table: its keys with defaults, limits and meanings."""
+    title = f"## `[{name}]`\n\n{(kind.__doc__ or '').splitlines()[0]}\n" if name else "## At the top\n"
+    fresh = {field.name: field.default for field in msgspec.structs.fields(kind)}
+    rows = []
+    for key, hint in typing.get_type_hints(kind, include_extras=True).items():
+        if typing.get_origin(hint) is not Annotated:
+            continue
+        type_, meta = typing.get_args(hint)
+        stated = getattr(value, key) if name.startswith("gnss") else fresh[key]
+        rows.append(f"| `{key}` | {default(stated, name)} | {limits(type_, meta)} | {meta.description} |")
+    return "\n".join([title, "| key | default | may be | meaning |", "| --- | --- | --- | --- |", *rows]) + "\n"
+
+
+def default(value: Any, table: str) -> str:
+    """A default as it would stand in the file."""
+    first = value[0] if isinstance(value, tuple) and value else value
+    if isinstance(first, float) and math.isnan(first):
+        return OPEN[table]
+    if isinstance(first, tuple):
+        return f"{len(value)} boxes"
+    return f"`{json.dumps(value, ensure_ascii=False)}`"
+
+
+def limits(type_: Any, meta: msgspec.Meta) -> str:
+    """What values a key takes."""
+    if words := list(literals(type_)):
+        return ", ".join(f"`{json.dumps(word)}`" for word in words)
+    signs = (("≥", meta.ge), (">", meta.gt), ("≤", meta.le), ("<", meta.lt))
+    return ", ".join(f"{sign} {limit:g}" for sign, limit in signs if limit is not None)
+
+
+def literals(type_: Any) -> Iterator[Any]:
+    """The values of a type that lists them."""
+    if typing.get_origin(type_) is Literal:
+        yield from typing.get_args(type_)
+    elif typing.get_origin(type_) not in (tuple, list):
+        for part in typing.get_args(type_):
+            yield from literals(part)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
