@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import re
-import runpy
 import tomllib
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import msgspec
 import pytest
 from packaging.requirements import Requirement
 
-from furrowmap.core.simulator.scenario import Scenario, scenario_from
 from furrowmap.core.values.session import Session, parse_session
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -64,18 +62,6 @@ def test_session_reference__is_a_valid_session_that_names_every_key() -> None:
     for key, value in tables["Session"]["properties"].items():
         for table in re.findall(r"#/\$defs/(\w+)", str(value)):
             assert set(written[key]) == set(tables[table]["properties"]), f"[{key}]"
-
-
-@pytest.mark.parametrize("page", ["how-to/plan-a-sensor-mount.md", "reference/scenario.md"])
-def test_scenario_examples__are_valid_scenarios(page: str) -> None:
-    for text in blocks(DOCS / page, "toml"):
-        assert scenario_from(text, page) != Scenario()
-
-
-def test_scenario_reference__is_what_the_script_writes() -> None:
-    page = runpy.run_path(str(CHECKOUT / "scripts" / "scenario_reference.py"))["page"]
-    written = (DOCS / "reference" / "scenario.md").read_text(encoding="utf-8")
-    assert written == page(), "run scripts/scenario_reference.py"
 
 
 def test_dependencies__are_all_told() -> None:
