@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.velodyne_models import Model
+from furrowmap.core.readers.velodyne_models import DUAL, LAST, STRONGEST, Model
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -121,9 +121,7 @@ def decode_returns(data: ByteArray, offset: IntArray, t_s: FloatArray, tables: T
         tables: the model's.
         carry: what the batch before left; is changed.
     """
-    slots = (
-        len(offset) * 384
-    )  # all arrays are writable, or the kernel would be compiled once more for those that aren't
+    slots = len(offset) * 384
     t_out = np.empty(slots)
     xyz = np.empty((slots, 3), np.float32)
     intensity = np.empty(slots, np.uint8)
@@ -133,6 +131,7 @@ def decode_returns(data: ByteArray, offset: IntArray, t_s: FloatArray, tables: T
     returns = np.empty(slots, np.uint8)
     cut_at = np.empty(len(offset) * 24, np.int64)
     cut_by_wrap = np.empty(len(offset) * 24, np.bool_)
+    # Data that may not be written to would be another type to the kernel, and compiled for once more.
     n, cuts = _decode(
         np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), np.ascontiguousarray(t_s),
         tables.cycle_s, tables.resolution_m, tables.lasers, tables.order, carry.state,
@@ -169,7 +168,7 @@ def _decode(  # type: ignore[no-untyped-def]
         base = offset[p]
         mode = data[base + 1204]
         same = data[base + 2] == data[base + 102] and data[base + 3] == data[base + 103]
-        dual = mode == 0x39 or (mode != 0x37 and mode != 0x38 and same)
+        dual = mode == DUAL or (mode != STRONGEST and mode != LAST and same)
         blocks = 6 if dual else 12
         size = 200 if dual else 100
 
