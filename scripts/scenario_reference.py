@@ -19,10 +19,11 @@ HEAD = """\
 
 <!-- Written by scripts/scenario_reference.py from the scenario's own tables. -->
 
-What `furrowmap simulate SCENARIO -o DIR` works from: a TOML file. Every key may be left out; unknown keys are refused with
-the nearest known one. Units are in the keys' names; frames and angles are those of [frames and angles](../explanation/frames.md).
-Positions in the field count east and north from the south-western corner of the ground grid. The folder gets a
-`scenario.toml` with all keys filled in, which gives the same recording again, byte for byte.
+What `furrowmap simulate SCENARIO -o DIR` works from: a TOML file. Every key may be left out; unknown keys are refused
+with the nearest known one. Units are in the keys' names; frames and angles are those of
+[frames and angles](../explanation/frames.md). Positions in the field count east and north from the south-western corner
+of the ground grid. The folder gets a `scenario.toml` with all keys filled in, which gives the same recording again,
+byte for byte.
 
 ```toml
 seed = 3
@@ -96,7 +97,7 @@ def default(value: Any, table: str) -> str:
     first = value[0] if isinstance(value, tuple) and value else value
     if isinstance(first, float) and math.isnan(first):
         return OPEN[table]
-    if isinstance(first, tuple):
+    if value and isinstance(first, tuple):
         return f"{len(value)} boxes"
     return f"`{json.dumps(value, ensure_ascii=False)}`"
 
