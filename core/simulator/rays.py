@@ -51,7 +51,7 @@ _BRIGHTNESS_STEP: Final = 13.0
 
 _DUST_CENTRE = (-0.7, 0.6)
 """Of the dust cloud: behind the tool's line, above the ground."""
-_DUST_RADII = (1.9, 2.3, 1.1)
+_DUST_RADII = (2.1, 2.4, 1.2)
 _SEPARATION_M = 1.0
 """Two returns of one pulse nearer than this are one (VLP-16 User Manual 63-9243, section on return modes)."""
 _CELL_SHARE = 0.8
