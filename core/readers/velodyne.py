@@ -5,7 +5,7 @@ Whoever has packets (a capture, a ROS bag) pushes them in batches through one `P
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,10 @@ ByteArray = NDArray[np.uint8]
 _SETTLE_PACKETS: Final = 2000
 """So many packets are held back to set the sensor's clock against the recorder's (1 to 3 s)."""
 
+_LONE_REVOLUTION: Final = (0.95, 1.1)
+"""A sensor that is read for one revolution gives some packets more or less, never a tenth of a revolution more."""
+_COLUMN: Final = 4
+
 
 class PacketDecoder:
     """Turns a stream of data packets, pushed in batches in the order of time, into scans.
@@ -40,9 +44,12 @@ class PacketDecoder:
         ```
 
     Scans are cut where azimuth passes 0 and at pauses of a revolution or more; a gap of less (lost packets, or a
-    sensor that is set to report a sector only) is no cut. Where a sensor reports two returns of a firing that differ,
-    the nearer one is return 1 of 2 and the farther one return 2, as LAS counts them along the ray (the manual's order
-    is last, then strongest or second-strongest); equal ones are one return.
+    sensor that is set to report a sector only) is no cut. A single revolution between two pauses is one scan, wherever
+    it begins: so do recorders store that keep every fifth revolution.
+
+    Where a sensor reports two returns of a firing that differ, the nearer one is return 1 of 2 and the farther one
+    return 2, as LAS counts them along the ray (the manual's order is last, then strongest or second-strongest); equal
+    ones are one return.
 
     Without a `SensorClock` the first packets are held back until there are enough to set the sensor's clock against
     the recorder's: `push` then gives nothing at first.
@@ -80,7 +87,8 @@ class PacketDecoder:
         self._tables: Tables | None = None
         self._carry = Carry()
         self._open: list[Columns] = []
-        self._open_whole = False
+        self._open_by_wrap = False
+        self._held: Columns | None = None
         self._number = 0
         self._last_stamp = (-1, -1)
 
@@ -137,8 +145,7 @@ class PacketDecoder:
     def finish(self) -> list[Scan]:
         """The scans that were still open or held back; the decoder takes no more packets then."""
         scans = self._settle() if self._early else []
-        scans += self._close(whole=False)
-        return scans
+        return scans + self._close(by_wrap=False) + self._release()
 
     def _settle(self) -> list[Scan]:
         payloads = np.concatenate([early for early, _ in self._early])
@@ -186,26 +193,52 @@ class PacketDecoder:
         start = 0
         for stop, by_wrap in zip(returns.cut_at.tolist(), returns.cut_by_wrap.tolist(), strict=True):
             self._open.append(returns.between(start, stop))
-            scans += self._close(whole=by_wrap)
-            self._open_whole = by_wrap
+            scans += self._close(by_wrap=by_wrap)
+            self._open_by_wrap = by_wrap
             start = stop
         self._open.append(returns.between(start, len(returns.t_s)))
         return scans
 
-    def _close(self, *, whole: bool) -> list[Scan]:
+    def _close(self, *, by_wrap: bool) -> list[Scan]:
+        """What the end of the open piece completes: at azimuth 0 if `by_wrap`, else at a pause or at the end."""
         pieces = [piece for piece in self._open if len(piece[0])]
         self._open.clear()
         if not pieces:
             return []
-        columns = pieces[0] if len(pieces) == 1 else tuple(np.concatenate(part) for part in zip(*pieces, strict=True))
+        piece = _joined(pieces)
+        if by_wrap and not self._open_by_wrap:  # perhaps the first part of a revolution that stands alone
+            scans = self._release()
+            self._held = piece
+            return scans
+        if not by_wrap and self._held is not None and self._is_lone_revolution(self._held, piece):
+            first, self._held = self._held, None
+            piece[_COLUMN][:] += first[_COLUMN][-1] + 1
+            return [self._scan(_joined([first, piece]), whole=True)]
+        return [*self._release(), self._scan(piece, whole=by_wrap and self._open_by_wrap)]
+
+    def _release(self) -> list[Scan]:
+        """The piece that was held back, now that it is known to be a cut revolution of its own."""
+        held, self._held = self._held, None
+        return [] if held is None else [self._scan(held, whole=False)]
+
+    def _is_lone_revolution(self, first: Columns, second: Columns) -> bool:
+        """Whether two pieces with azimuth 0 between them are one revolution in which firings were not lost."""
+        if not self.counts.revolutions:
+            return False
+        assert self._model is not None
+        revolution_s = self.counts.turning_s / self.counts.revolutions
+        fired_s = (int(first[_COLUMN][-1]) + int(second[_COLUMN][-1])) * self._model.cycle_s
+        low, high = _LONE_REVOLUTION
+        return fired_s >= low * revolution_s and float(second[0][-1] - first[0][0]) <= high * revolution_s
+
+    def _scan(self, columns: Columns, *, whole: bool) -> Scan:
         t_s, xyz_m, intensity, laser, column, return_number, returns = columns
-        whole = whole and self._open_whole
         scan = Scan(self._number, t_s, xyz_m, intensity, laser, column, return_number, returns, whole)
         self._number += 1
         self.counts.points += len(t_s)
         self.counts.whole += whole
         self.counts.cut += not whole
-        return [scan]
+        return scan
 
     def notices(self) -> list[Notice]:
         """What was odd about the packets so far."""
@@ -222,3 +255,10 @@ class PacketDecoder:
                 )
             )
         return notices
+
+
+def _joined(pieces: list[Columns]) -> Columns:
+    """The columns of pieces one after another."""
+    if len(pieces) == 1:
+        return pieces[0]
+    return cast("Columns", tuple(np.concatenate(part) for part in zip(*pieces, strict=True)))

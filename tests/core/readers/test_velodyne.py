@@ -138,7 +138,7 @@ def test_points__lie_where_another_driver_put_them(
 def test_points__of_a_drive_lie_where_its_driver_published_them(shared_data: Path) -> None:
     reader = VelodynePcap([shared_data / "rover_real" / "leo_rover_vlp16.pcap.gz"], ReadOptions())
     scans = reader.scans()
-    xyz = np.concatenate([next(scans).xyz_m, next(scans).xyz_m])
+    xyz = next(scans).xyz_m
     source = np.fromfile(shared_data / "rover_real" / "source_scan_000.bin", "<f4").reshape(-1, 5)
     source = source[np.isfinite(source[:, 0])]
     assert len(xyz) == len(source) == 25852
@@ -215,6 +215,18 @@ def test_scans__end_at_pauses_and_not_at_lost_packets() -> None:
     assert [len(scan) for scan in lost] == [50 * 384]
     paused = scans_of(packets[:20] + packets[245:265])
     assert [(len(scan), scan.whole) for scan in paused] == [(20 * 384, False), (20 * 384, False)]
+
+
+def test_scans__between_pauses_are_single_revolutions_wherever_they_begin() -> None:
+    """As recorders store that keep every fifth revolution: 362.7 degrees each, cut at no azimuth of its own."""
+    packets = turning(76 * 16, 0, 20000)
+    stored = [packet for k in range(0, 16, 5) for packet in packets[76 * k : 76 * (k + 1)]]
+    scans = scans_of(stored)
+    assert [(scan.number, len(scan), scan.whole) for scan in scans] == [(k, 76 * 384, True) for k in range(4)]
+    for scan in scans:
+        assert np.all(np.diff(scan.t_s) >= 0)
+        assert np.all(np.diff(scan.column.astype(int)) >= 0)
+        assert len(np.unique(scan.column)) == 76 * 24
 
 
 def test_scans__over_a_long_gap_know_that_azimuth_passed_0() -> None:
