@@ -78,20 +78,14 @@ def find_sweeps(track: Track, xy_m: tuple[float, float]) -> list[Sweep]:
         moving = begin + np.flatnonzero(track.speed_mps[begin:end] > 0.0)
         if len(moving) < 2:
             continue
-        way = np.cumsum(track.speed_mps[moving])
-        _, kept = np.unique(np.floor(way / (0.010 * RATE_HZ)), return_index=True)
-        i = moving[kept]
-        c, s = np.cos(track.yaw_rad[i]), np.sin(track.yaw_rad[i])
-        sweeps.append(
-            Sweep(
-                track.t_s[i],
-                track.e_m[i] + c * xy_m[0] - s * xy_m[1],
-                track.n_m[i] + s * xy_m[0] + c * xy_m[1],
-                track.yaw_rad[i],
-                float(track.t_s[begin]),
-                float(track.t_s[end - 1]),
-            )
+        way = np.cumsum(track.speed_mps[moving]) / RATE_HZ
+        steps = np.linspace(way[0], way[-1], max(2, math.ceil((way[-1] - way[0]) / 0.010) + 1))
+        t_s, e, n, yaw = (
+            np.interp(steps, way, values[moving]) for values in (track.t_s, track.e_m, track.n_m, track.yaw_rad)
         )
+        c, s = np.cos(yaw), np.sin(yaw)
+        e, n = e + c * xy_m[0] - s * xy_m[1], n + s * xy_m[0] + c * xy_m[1]
+        sweeps.append(Sweep(t_s, e, n, yaw, float(track.t_s[begin]), float(track.t_s[end - 1])))
     return sweeps
 
 

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import j0
 
+from furrowmap.core.simulator.drive import RATE_HZ, Track
 from furrowmap.core.simulator.scenario import SOILS, Drive, Field, Implement, Scenario, Soil
 from furrowmap.core.simulator.site import CELL_M
-from furrowmap.core.simulator.soil import FOOTPRINT_M, Sweep, ground_height, make_ground
+from furrowmap.core.simulator.soil import FOOTPRINT_M, Sweep, find_sweeps, ground_height, make_ground
 
 QUIET = {"slope_percent": 0.0, "undulation_m": 0.0, "row_amplitude_m": 0.0}
 
@@ -125,6 +126,21 @@ def test_make_ground__a_mower_leaves_the_ground() -> None:
     ground = make_ground(scenario(Soil(), implement=Implement(shape="mower")), [straight(12.0, 5.0, 19.0, 0.0)])
     assert (ground.before == ground.after).all()
     assert np.isfinite(ground.first_s).any()
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 1.2, 6.0])
+def test_find_sweeps__leaves_no_gaps_at_any_speed(speed_mps: float) -> None:
+    t_s = np.arange(0.0, 9.0 / speed_mps, 1.0 / RATE_HZ)
+    n, zero = len(t_s), np.zeros(len(t_s))
+    track = Track(
+        t_s, 6.0 + speed_mps * t_s, zero + 12.0, zero, zero + speed_mps, zero, np.ones(n, bool), float(t_s[-1])
+    )  # fmt: skip
+    (sweep,) = find_sweeps(track, (-1.5, 0.2))
+    assert (sweep.e_m[0], sweep.n_m[0]) == (pytest.approx(4.5), pytest.approx(12.2))
+    length = float(sweep.e_m[-1] - sweep.e_m[0])
+    assert length == pytest.approx(9.0, abs=2.0 * speed_mps / RATE_HZ)
+    ground = make_ground(scenario(Soil()), [sweep])
+    assert worked_area(ground.first_s) == pytest.approx(length * 1.7, rel=0.015)
 
 
 def test_ground_height__is_of_its_moment() -> None:
