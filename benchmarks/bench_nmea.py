@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pynmeagps
 
-from furrowmap.core.readers.nmea import NmeaLog
+from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 
 

@@ -19,7 +19,7 @@ import velodyne_decoder
 
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
-from furrowmap.core.readers.velodyne_pcap import VelodynePcap
+from furrowmap.core.readers.velodyne.captures import VelodynePcap
 
 SAMPLE = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "recording.pcap.gz"
 ROUNDS = 3

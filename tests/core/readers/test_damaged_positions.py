@@ -10,10 +10,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.nmea import NmeaLog
-from furrowmap.core.readers.pose_csv import PoseCsv
+from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.poses.csv import PoseCsv
+from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import Inspection, ReadOptions
-from furrowmap.core.readers.sbet import Sbet
 from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError
 

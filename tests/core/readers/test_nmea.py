@@ -18,8 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.nmea import NmeaLog
-from furrowmap.core.readers.nmea_scan import Kind, Sentences, Tally, scan_bytes
+from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.nmea.sentences import Kind, Sentences, Tally, scan_bytes
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import look, zstd
 from furrowmap.core.values.errors import InputError
@@ -270,7 +270,7 @@ def test_sentences__agree_with_pynmeagps(name: str, shared_data: Path) -> None:
 
 
 def oracle(message: Any) -> list[float]:
-    """The columns of nmea_scan.FIELDS, of a sentence as pynmeagps understands it."""
+    """The columns of sentences.FIELDS, of a sentence as pynmeagps understands it."""
 
     def number(name: str) -> float:
         value = getattr(message, name, "")

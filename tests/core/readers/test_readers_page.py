@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from furrowmap.core.readers.reader import Reader, readers
-from furrowmap.core.readers.rosbag_messages import FIXED_SIGMA_M
-from furrowmap.core.readers.rosbag_points import FIELD_NAMES
+from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
+from furrowmap.core.readers.rosbag.messages import FIXED_SIGMA_M
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "readers.md").read_text(encoding="utf-8")
 GIVES = ("scans", "track", "poses")

@@ -19,7 +19,7 @@ import pytest
 from rosbags.rosbag2.reader import zstd
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
-from furrowmap.core.readers.rosbag_files import BagFiles
+from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, write_bag1, write_bag2

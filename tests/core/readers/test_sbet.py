@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from pyproj import Transformer
 
+from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.sbet import Sbet
 from furrowmap.core.readers.source import look
 from furrowmap.core.values.clock import GPS_EPOCH_S, gps_to_utc_s, las_time_to_utc
 from furrowmap.core.values.errors import InputError

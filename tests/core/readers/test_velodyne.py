@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.velodyne import PacketDecoder
-from furrowmap.core.readers.velodyne_clock import SensorClock
-from furrowmap.core.readers.velodyne_models import MODELS, PACKET_BYTES, model_named
-from furrowmap.core.readers.velodyne_pcap import VelodynePcap
+from furrowmap.core.readers.velodyne.captures import VelodynePcap
+from furrowmap.core.readers.velodyne.clock import SensorClock
+from furrowmap.core.readers.velodyne.decoder import PacketDecoder
+from furrowmap.core.readers.velodyne.models import MODELS, PACKET_BYTES, model_named
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.velodyne_packets import (

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.velodyne_models import DUAL, LAST, STRONGEST, Model
+from furrowmap.core.readers.velodyne.models import DUAL, LAST, STRONGEST, Model
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

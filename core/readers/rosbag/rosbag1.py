@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.bag_storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
+from furrowmap.core.readers.rosbag.storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
 from furrowmap.core.values.errors import InputError, Notice
 
 MAGIC: Final = b"#ROSBAG V"
@@ -26,7 +26,7 @@ _Fields = dict[bytes, bytes]
 
 
 class Rosbag1File:
-    """A ROS 1 bag, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+    """A ROS 1 bag, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.pose_file import RawPoses, cut_notice, joined, too_few
+from furrowmap.core.readers.poses.file import RawPoses, cut_notice, joined, too_few
 from furrowmap.core.readers.reader import Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.values.errors import InputError, Notice

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.bag_storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
+from furrowmap.core.readers.rosbag.storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
 from furrowmap.core.values.errors import Notice
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -27,7 +27,7 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 
 
 class McapFile:
-    """An MCAP file, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+    """An MCAP file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

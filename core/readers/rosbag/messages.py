@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.bag_storage import BagMessage, Damage, unpacked
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, unpacked
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 

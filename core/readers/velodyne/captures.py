@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
 from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.readers.velodyne import PacketDecoder
-from furrowmap.core.readers.velodyne_clock import (
+from furrowmap.core.readers.velodyne.clock import (
     POSITION_BYTES,
     PPS_LOCKED,
     SENTENCE_AT,
@@ -24,7 +23,8 @@ from furrowmap.core.readers.velodyne_clock import (
     pps_words,
     settle,
 )
-from furrowmap.core.readers.velodyne_models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS, model_named
+from furrowmap.core.readers.velodyne.decoder import PacketDecoder
+from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS, model_named
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan

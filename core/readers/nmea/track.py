@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.nmea_scan import FIELDS, Kind, Sentences
+from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, Sentences
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, runs_forward, unroll
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack

@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.bag_storage import BagMessage, Damage
-from furrowmap.core.readers.rosbag_messages import stamp_s
+from furrowmap.core.readers.rosbag.messages import stamp_s
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.values.clock import DAY_S
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan

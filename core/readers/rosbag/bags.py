@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from furrowmap.core.readers import db3_file, mcap_file, rosbag1_file
-from furrowmap.core.readers.bag_storage import BagMessage, Damage
 from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
-from furrowmap.core.readers.rosbag_files import METADATA, BagFiles, storage_files
-from furrowmap.core.readers.rosbag_messages import (
+from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
+from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
+from furrowmap.core.readers.rosbag.messages import (
     IMU,
     NAV_SAT_FIX,
     POINT_CLOUD,
@@ -19,6 +18,7 @@ from furrowmap.core.readers.rosbag_messages import (
     FixLog,
     deserialised,
 )
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
@@ -26,8 +26,8 @@ from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
-    from furrowmap.core.readers.rosbag_packets import PacketScans
-    from furrowmap.core.readers.rosbag_points import CloudScans
+    from furrowmap.core.readers.rosbag.clouds import CloudScans
+    from furrowmap.core.readers.rosbag.packets import PacketScans
 
 T = TypeVar("T")
 _POINT_TIMES: Final = "times of the points"
@@ -162,8 +162,8 @@ class _RosBag:
         return chosen
 
     def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans:
-        from furrowmap.core.readers.rosbag_packets import PacketScans
-        from furrowmap.core.readers.rosbag_points import CloudScans
+        from furrowmap.core.readers.rosbag.clouds import CloudScans
+        from furrowmap.core.readers.rosbag.packets import PacketScans
 
         source = self._source(chosen)
         return PacketScans(source, self.options) if chosen.type == VELODYNE_SCAN else CloudScans(source)
@@ -261,7 +261,7 @@ class RosBag1(_RosBag):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain by the first bytes."""
-        return 1.0 if head.data.startswith(rosbag1_file.MAGIC) else 0.0
+        return 1.0 if head.data.startswith(rosbag1.MAGIC) else 0.0
 
 
 class RosBag2(_RosBag):
@@ -275,9 +275,9 @@ class RosBag2(_RosBag):
         """Certain by the first bytes (of an SQLite file: by its tables) or by what stands in a folder."""
         if head.path.is_dir():
             return 0.9 if (head.path / METADATA).is_file() or storage_files(head.path) else 0.0
-        if head.data.startswith(mcap_file.MAGIC):
+        if head.data.startswith(mcap.MAGIC):
             return 1.0
-        if head.data.startswith(db3_file.MAGIC):
+        if head.data.startswith(db3.MAGIC):
             return 1.0 if all(word in head.data for word in (b"messages", b"topics", b"topic_id")) else 0.0
         return 0.0
 

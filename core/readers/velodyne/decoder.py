@@ -10,10 +10,10 @@ from typing import Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.velodyne_clock import SensorClock, settle
-from furrowmap.core.readers.velodyne_counts import PacketCounts
-from furrowmap.core.readers.velodyne_models import PACKET_BYTES, Model, model_named, model_of
-from furrowmap.core.readers.velodyne_returns import Carry, Columns, Returns, Tables, decode_returns
+from furrowmap.core.readers.velodyne.clock import SensorClock, settle
+from furrowmap.core.readers.velodyne.counts import PacketCounts
+from furrowmap.core.readers.velodyne.models import PACKET_BYTES, Model, model_named, model_of
+from furrowmap.core.readers.velodyne.returns import Carry, Columns, Returns, Tables, decode_returns
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from furrowmap.core.readers.bag_storage import BagMessage, ros2_type
+from furrowmap.core.readers.rosbag.storage import BagMessage, ros2_type
 from furrowmap.core.readers.source import Source
 from furrowmap.core.values.errors import Notice
 
@@ -25,7 +25,7 @@ _JOURNALS: Final = ("-wal", "-journal")
 
 
 class Db3File:
-    """A .db3 file, read once (a :class:`~furrowmap.core.readers.bag_storage.Storage`)."""
+    """A .db3 file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

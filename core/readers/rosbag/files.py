@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
-from furrowmap.core.readers import db3_file, mcap_file, rosbag1_file
-from furrowmap.core.readers.bag_storage import BagMessage, Storage
-from furrowmap.core.readers.db3_file import Db3File
-from furrowmap.core.readers.mcap_file import McapFile
-from furrowmap.core.readers.rosbag1_file import Rosbag1File
+from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
+from furrowmap.core.readers.rosbag.db3 import Db3File
+from furrowmap.core.readers.rosbag.mcap import McapFile
+from furrowmap.core.readers.rosbag.rosbag1 import Rosbag1File
+from furrowmap.core.readers.rosbag.storage import BagMessage, Storage
 from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError, Notice
 
@@ -145,11 +145,11 @@ def open_storage(path: Path) -> Storage:
         InputError: if it is none of the three that bags are kept in.
     """
     data = look(path).data
-    if data.startswith(rosbag1_file.MAGIC):
+    if data.startswith(rosbag1.MAGIC):
         return Rosbag1File(path)
-    if data.startswith(mcap_file.MAGIC):
+    if data.startswith(mcap.MAGIC):
         return McapFile(path)
-    if data.startswith(db3_file.MAGIC):
+    if data.startswith(db3.MAGIC):
         return Db3File(path)
     raise InputError(
         f"{path}: neither a ROS 1 bag nor an MCAP nor an SQLite file.",

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.nmea_scan import Kind, Sentences, Tally, read_sentences, scan_bytes
-from furrowmap.core.readers.nmea_track import Epochs, assemble, clock_face
+from furrowmap.core.readers.nmea.sentences import Kind, Sentences, Tally, read_sentences, scan_bytes
+from furrowmap.core.readers.nmea.track import Epochs, assemble, clock_face
 from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.values.errors import Notice

@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.bag_storage import BagMessage
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.rosbag_messages import packets
-from furrowmap.core.readers.velodyne import PacketDecoder
-from furrowmap.core.readers.velodyne_models import BLOCK_MARK, RETURN_WORDS
+from furrowmap.core.readers.rosbag.messages import packets
+from furrowmap.core.readers.rosbag.storage import BagMessage
+from furrowmap.core.readers.velodyne.decoder import PacketDecoder
+from furrowmap.core.readers.velodyne.models import BLOCK_MARK, RETURN_WORDS
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 

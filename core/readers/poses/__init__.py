@@ -1,0 +1,1 @@
+"""Trajectories from elsewhere: CSV and SBET."""
