@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 import scipy.linalg
@@ -38,11 +40,28 @@ class NormalEquations:
             for i in range(j, design.shape[1]):
                 self.band[i - j, first + j] += scaled[:, i] * scaled[:, j]
 
-    def solve(self) -> tuple[FloatArray, FloatArray]:
-        """The solution (n,) and the standard deviations (n,) that belong to it."""
+    def solve(self) -> Solution:
+        """The solution, which also knows how well it is known."""
         factor = scipy.linalg.cholesky_banded(self.band, lower=True)
-        solution: FloatArray = scipy.linalg.cho_solve_banded((factor, True), self.right)
-        return solution, np.sqrt(_inverse_diagonal(np.ascontiguousarray(factor.T)))
+        return Solution(scipy.linalg.cho_solve_banded((factor, True), self.right), factor)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What solves normal equations.
+
+    Attributes:
+        values: (n,) the unknowns.
+        factor: (width, n) banded Cholesky factor of the normal matrix, lower form.
+    """
+
+    values: FloatArray
+    factor: FloatArray
+
+    def sigma(self) -> FloatArray:
+        """(n,) standard deviations of the unknowns."""
+        variance: FloatArray = _inverse_diagonal(np.ascontiguousarray(self.factor.T))
+        return np.sqrt(variance)
 
 
 @numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)

@@ -37,7 +37,7 @@ STAND_STEP_RAD: Final = np.radians(0.005)
 HUBER: Final = 3.0
 """Residuals beyond this many standard deviations lose weight (Huber's function)."""
 ITERATIONS: Final = 12
-CONVERGED_RAD: Final = 1e-6
+CONVERGED_RAD: Final = 1e-5
 
 _STATE = 5  # easting, northing, yaw, error in easting, error in northing
 
@@ -130,15 +130,16 @@ def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw
         _add_drift(equations, chain, antenna.drift_m, antenna.drift_run, state, first=3, axes=2)
         _add_wheels(equations, chain, state)
         _add_inertia(equations, chain, state)
-        step, sigma = equations.solve()
-        state += step.reshape(n, _STATE)
+        solution = equations.solve()
+        step = solution.values.reshape(n, _STATE)
+        state += step
         residual = _position_residual(antenna, state, origin)
         normed = np.hypot(residual[:, 0], residual[:, 1]) / antenna.white_m
         weight = np.where(normed > HUBER, HUBER / np.maximum(normed, HUBER), 1.0)
-        if float(np.abs(step.reshape(n, _STATE)[:, 2]).max()) < CONVERGED_RAD:
+        if float(np.abs(step[:, 2]).max()) < CONVERGED_RAD:
             break
     height, sigma_h = _solve_height(chain, antenna)
-    spread = sigma.reshape(n, _STATE)
+    spread = solution.sigma().reshape(n, _STATE)
     return Path(
         xyz_m=np.column_stack([state[:, :2] + origin, height - antenna.lever_m[2]]),
         yaw_rad=state[:, 2],
@@ -275,8 +276,8 @@ def _solve_height(chain: Chain, antenna: Antenna) -> tuple[FloatArray, FloatArra
     weak = np.where(chain.stretch[1:] == chain.stretch[:-1], 10.0 * sigma, sigma)
     sigma = np.where(chain.standing, sigma, weak)
     equations.add(np.arange(n - 1) * size, pair, np.zeros(n - 1), sigma)
-    solution, spread = equations.solve()
-    return solution.reshape(n, size)[:, 0] + base, spread.reshape(n, size)[:, 0]
+    solution = equations.solve()
+    return solution.values.reshape(n, size)[:, 0] + base, solution.sigma().reshape(n, size)[:, 0]
 
 
 def _triples(chain: Chain) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -29,7 +29,7 @@ def test_solution_and_sigmas_are_those_of_the_dense_normal_equations(n: int, wid
     matrix, right = np.array(dense_rows), np.array(dense_right)
     normal = matrix.T @ matrix
 
-    solution, sigmas = equations.solve()
+    solution = equations.solve()
 
-    np.testing.assert_allclose(solution, np.linalg.solve(normal, matrix.T @ right), atol=1e-9)
-    np.testing.assert_allclose(sigmas, np.sqrt(np.diag(np.linalg.inv(normal))), rtol=1e-9)
+    np.testing.assert_allclose(solution.values, np.linalg.solve(normal, matrix.T @ right), atol=1e-9)
+    np.testing.assert_allclose(solution.sigma(), np.sqrt(np.diag(np.linalg.inv(normal))), rtol=1e-9)
