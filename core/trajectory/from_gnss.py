@@ -135,8 +135,9 @@ def trajectory_from_gnss(
         notices.append(
             Notice(
                 "gnss-gaps",
-                f"{len(gaps)} gaps in the positions, {sum(b - a for a, b in gaps):.1f} s in all, the longest "
-                f"{max(b - a for a, b in gaps):.1f} s; scans in them have no pose and are left out.",
+                f"Positions are missing for {sum(b - a for a, b in gaps):.1f} s (gaps: {len(gaps)}, the longest "
+                f"{max(b - a for a, b in gaps):.1f} s from {iso_utc(max(gaps, key=lambda g: g[1] - g[0])[0])}); scans "
+                "in them have no pose and are left out.",
             )
         )
     outliers = path.outlier[grid.measured]
@@ -221,15 +222,15 @@ def _jump_notice(t_s: FloatArray, en_m: FloatArray) -> Notice:
     places = ", ".join(
         f"{iso_utc(t)} at {e:.1f}, {n:.1f}" for t, (e, n) in zip(t_s[:3].tolist(), en_m[:3].tolist(), strict=True)
     )
-    return Notice("gnss-jumps", f"{len(t_s)} positions jump away from their neighbours and are not used: {places}.")
+    return Notice("gnss-jumps", f"Positions that jump away from their neighbours are not used ({len(t_s)}): {places}.")
 
 
 def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
-    spans = ", ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
+    spans = " and ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
     return Notice(
         "direction-assumed",
-        f"Nothing but the longer way tells forward from reverse in {len(motions.doubtful)} parts ({spans}); if the "
-        "vehicle reversed there, the cloud is turned by 180°.",
+        f"Nothing but the longer way tells forward from reverse from {spans}; if the vehicle reversed there, the cloud "
+        "is turned by 180°.",
     )
 
 

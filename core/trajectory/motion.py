@@ -25,6 +25,9 @@ WINDOW_S: Final = 0.5
 VELOCITY_SIGMA_MPS: Final = 0.01
 """The window grows until white noise in positions leaves velocities this good, so that 3 cm/s can be told."""
 WIDEST_WINDOW_S: Final = 5.0
+CERTAIN_WAY_M: Final = 10.0
+CERTAIN_SHARE: Final = 0.2
+"""Nobody reverses this far at a stretch, or for nearly half of the way."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,7 @@ def _directions(
         if forward < 0:
             for i in group:
                 sign[i] = -sign[i]
-        if len(group) == 1 or abs(forward) < 0.2 * sum(way):
+        if sum(way) < CERTAIN_WAY_M or abs(forward) < CERTAIN_SHARE * sum(way):
             doubtful.append((legs[group[0]][0], legs[group[-1]][1]))
     return sign, tuple(doubtful)
 
