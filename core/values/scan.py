@@ -14,6 +14,8 @@ class Clock(StrEnum):
 
     SENSOR_GPS = "sensor-gps"
     """The sensor's own clock, disciplined by a GNSS receiver (PPS and GPRMC)."""
+    SENSOR = "sensor"
+    """The sensor's own clock where nothing confirms a receiver, but its stamps fit the hour of UTC."""
     RECORDER = "recorder"
     """The recording computer's clock."""
     GNSS = "gnss"

@@ -36,6 +36,12 @@ _STRAY: Final = 0.01
 _STRAY_PACKETS: Final = 10
 """A second sensor with less than this share of the packets, or fewer than so many, is a stray."""
 
+_HOUR_FROM: Final = {
+    Clock.SENSOR: "no receiver confirms it; its hour is the recorder's",
+    Clock.STATED: "its hour as stated",
+    Clock.SENSOR_GPS: "",
+}
+
 
 class VelodynePcap:
     """Reader of the scans in captures of a VLP-16, Puck LITE, Puck Hi-Res, VLP-32C or HDL-32E.
@@ -277,7 +283,7 @@ class _Traffic:
         first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, note)]
         if clock is not Clock.RECORDER:
-            words = f"PPS {pps_words(self.pps)}" if self.pps else "its hour as stated"
+            words = f"PPS {pps_words(self.pps)}" if self.pps else _HOUR_FROM[clock]
             readings.insert(0, ClockReading(clock, counts.first_s, counts.last_s, words))
         if self.first_fix and self.last_fix:
             first, last = self.first_fix, self.last_fix

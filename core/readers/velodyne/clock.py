@@ -34,6 +34,10 @@ _SENTENCE_AGE_S: Final = 2.0
 """A GPRMC sentence tells of the second just past; a device stamp further from it counts from no full hour of UTC."""
 _JUMP_S: Final = 2.0
 """The recorder receives packets late and in bursts; a device stamp that departs further from it has been set anew."""
+_DISCIPLINED_S: Final = 2.0
+"""Stamps this near to the recorder's time past the hour count from it: by chance one sensor in nine hundred does."""
+_SAME_S: Final = 0.05
+"""Stamps even nearer were set by the recorder, or give the same times."""
 _LATE_S: Final = 0.02
 """A stamp earlier than its predecessor by less than this is a packet out of order."""
 _NEXT_S: Final = 0.25
@@ -202,7 +206,10 @@ def settle(
     apart_s = host_s - device_us * 1e-6
     apart_s = nearest_in_cycle(apart_s, float(np.median(apart_s)), HOUR_S)
     home_s = float(np.median(apart_s))
-    return SensorClock(Clock.RECORDER, home_s, 0.0), [_recorder_notice(positions, home_s)]
+    past_hour_s = home_s - HOUR_S * round(home_s / HOUR_S)
+    if _SAME_S < abs(past_hour_s) < _DISCIPLINED_S:
+        return SensorClock(Clock.SENSOR, 0.0, -past_hour_s), [_sensor_notice(positions, past_hour_s)]
+    return SensorClock(Clock.RECORDER, home_s, 0.0), [_recorder_notice(positions, past_hour_s)]
 
 
 def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: float) -> list[Notice]:
@@ -218,24 +225,32 @@ def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: fl
     ]
 
 
-def _recorder_notice(positions: list[PositionPacket], home_s: float) -> Notice:
+def _sensor_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
+    return Notice(
+        "clock-sensor",
+        f"{_no_receiver(positions)}, but the stamps fit the hour of the recorder's clock to {past_hour_s:+.3f} s, as "
+        "they hardly would by chance: they are taken as set by GPS, the recorder's clock as that much ahead, its "
+        "hour as right. If the cloud lies shifted along the way, set `[recording] lidar_minus_gnss_s`.",
+    )
+
+
+def _recorder_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
+    if abs(past_hour_s) <= _SAME_S:
+        how = f"the stamps agree with its time past the hour to {abs(past_hour_s):.3f} s"
+    else:
+        how = f"the stamps stand {abs(past_hour_s):.1f} s off its time past the hour"
+    return Notice("clock-recorder", f"{_no_receiver(positions)}: times are the recorder's; {how}.")
+
+
+def _no_receiver(positions: list[PositionPacket]) -> str:
+    """Why it is not sure that a receiver sets the sensor's clock."""
     if not positions:
-        why = "There are no position packets"
-    elif all(np.isnan(p.sentence_s) for p in positions):
-        why = f"The position packets bring no GPRMC sentence (PPS {pps_words(p.pps for p in positions)})"
-    elif not any(p.valid for p in positions):
-        why = f"The receiver calls all its GPRMC sentences void (PPS {pps_words(p.pps for p in positions)})"
-    else:
-        why = "The sensor's stamps do not follow the GPRMC sentences in its position packets"
-    past_hour_s = home_s - HOUR_S * round(home_s / HOUR_S)
-    if abs(past_hour_s) < 1.0:
-        how = (
-            f"; the stamps agree with the recorder's time past the hour to {abs(past_hour_s):.3f} s, so the sensor may"
-            " well have been set by GPS or the recorder"
-        )
-    else:
-        how = f"; the stamps stand {abs(past_hour_s):.1f} s off the recorder's time past the hour"
-    return Notice("clock-recorder", f"{why}: times are the recorder's{how}.")
+        return "There are no position packets"
+    if all(np.isnan(p.sentence_s) for p in positions):
+        return f"The position packets bring no GPRMC sentence (PPS {pps_words(p.pps for p in positions)})"
+    if not any(p.valid for p in positions):
+        return f"The receiver calls all its GPRMC sentences void (PPS {pps_words(p.pps for p in positions)})"
+    return "The sensor's stamps do not follow the GPRMC sentences in its position packets"
 
 
 def pps_words(states: Iterable[int]) -> str:

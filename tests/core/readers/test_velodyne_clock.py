@@ -142,10 +142,21 @@ def test_settle__void_or_no_sentences_leave_the_recorders_clock() -> None:
         np.testing.assert_allclose(found - t_s, np.median(jitter), atol=3e-6)
 
 
-def test_settle__says_where_stamps_agree_with_the_recorder() -> None:
+@pytest.mark.parametrize("ahead_s", [-1.7, -0.4, 0.831])
+def test_settle__takes_stamps_that_fit_the_recorder_s_hour_as_set_by_gps(ahead_s: float) -> None:
     t_s = every(100)
-    _, (notice,) = settle(stamps(t_s - 0.4), t_s, [])
-    assert "agree with the recorder's time past the hour to 0.400 s" in notice.text
+    clock, (notice,) = settle(stamps(t_s), t_s + ahead_s, [])
+    assert clock.kind is Clock.SENSOR
+    assert notice.code == "clock-sensor"
+    assert f"{ahead_s:+.3f} s" in notice.text
+    np.testing.assert_allclose(clock.utc_s(stamps(t_s), t_s + ahead_s), t_s, atol=1e-6)
+
+
+def test_settle__says_where_the_recorder_set_the_stamps() -> None:
+    t_s = every(100)
+    clock, (notice,) = settle(stamps(t_s - 0.02), t_s, [])
+    assert clock.kind is Clock.RECORDER
+    assert "agree with its time past the hour to 0.020 s" in notice.text
 
 
 def test_utc__relative_times_are_the_devices_though_the_recorder_runs_slow() -> None:
