@@ -27,7 +27,7 @@ from furrowmap.core.pipeline import run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.exporters.copc.file import las_header
 from furrowmap.exporters.copc.octree import Key, Limits, Octree
-from furrowmap.exporters.copc.points import PointBatch, Records, to_records
+from furrowmap.exporters.copc.points import PointBatch, Records, pack
 from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
@@ -116,8 +116,9 @@ def write_copclib(path: Path, cloud: Collected) -> None:
     """Packing and octree as ours, the file by copclib."""
     octree = Octree(LAYOUT, Limits(MEMORY_POINTS, NODE_POINTS, path.parent), np.random.default_rng(0))
     for batch in cloud.batches:
-        records, extent = to_records(batch, LAYOUT, 0.001)
-        octree.append(records, extent.low, extent.high)
+        room = octree.room(len(batch))
+        extent = pack(batch, room, 0.001)
+        octree.filled(len(room), extent.low, extent.high)
     nodes = CopclibNodes(path, cloud)
     octree.finish(nodes)
     nodes.close()
@@ -131,7 +132,11 @@ def collect(session: Path) -> Collected:
 
 def compare(session: Path, rounds: int, folder: Path) -> None:
     cloud = collect(session)
-    records = np.concatenate([to_records(batch, LAYOUT, 0.001)[0] for batch in cloud.batches])
+    records = np.empty(cloud.points, LAYOUT)
+    start = 0
+    for batch in cloud.batches:
+        pack(batch, records[start : start + len(batch)], 0.001)
+        start += len(batch)
     n = len(records)
     path = folder / "cloud.copc.laz"
     ways: dict[str, Callable[[], None]] = {
@@ -181,6 +186,8 @@ def main() -> None:
             process = spawn.Process(target=peak_mb, args=(options.session, times, Path(folder), answer))
             process.start()
             process.join()
+            if process.exitcode:
+                raise SystemExit(process.exitcode)
             points, mb = answer.get()
             print(f"{points:12,} points: {mb:6.0f} MB beyond the points handed over")
 

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.exporters.copc.points import Records
+from furrowmap.exporters.copc.points import Records, rows_of
 
 DEPTH: Final = 7
 """A cube is divided at most so often in one go: 128 cells a side, 2 million in all."""
@@ -85,8 +85,7 @@ def places(depth: int, code: int) -> tuple[int, int, int]:
 def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
     """The cell of each record (n,), and the number of records in each cell (8^depth,)."""
     codes, counts = np.empty(len(records), np.uint32), np.zeros(8**depth, np.int64)
-    as_bytes = records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
-    locate(as_bytes, np.array(cube.origin, np.int64), cube.bits - depth, SPREAD, codes, counts)
+    locate(rows_of(records), np.array(cube.origin, np.int64), cube.bits - depth, SPREAD, codes, counts)
     return codes, counts
 
 

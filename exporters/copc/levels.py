@@ -88,18 +88,20 @@ def draw_nodes(
 @numba.njit(
     "void(uint32[::1], int64[::1], uint32[::1], int64, uint64, uint32[::1], int64[::1])", cache=True, nogil=True
 )
-def draw(codes, first, threshold, depth, seed, nodes, counts):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`draw_nodes`: SplitMix64 (Steele, Lea and Flood 2014) numbers the points' draws."""
-    state = seed
+def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`draw_nodes`: the draws are SplitMix64 (Steele, Lea and Flood 2014), from `state` on."""
     for i in range(len(codes)):
         state += np.uint64(0x9E3779B97F4A7C15)
         z = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         drawn = np.uint32((z ^ (z >> np.uint64(31))) >> np.uint64(33))
-        level = 0
-        node = 0
-        while drawn >= threshold[node]:
-            level += 1
-            node = first[level] + (np.int64(codes[i]) >> (3 * (depth - level)))
+        # From the bottom up, since most points stay near it; thresholds never fall on the way down.
+        code = np.int64(codes[i])
+        node = first[depth] + code
+        for level in range(depth - 1, -1, -1):
+            code >>= 3
+            if drawn >= threshold[first[level] + code]:
+                break
+            node = first[level] + code
         nodes[i] = node
         counts[node] += 1

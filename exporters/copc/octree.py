@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.copc.levels import Plan, draw_nodes, plan_levels
-from furrowmap.exporters.copc.points import Records, copy_records
+from furrowmap.exporters.copc.points import Records, copy_records, gather_records, gathered
 from furrowmap.exporters.copc.spool import Spool
 
 
@@ -84,7 +84,7 @@ class Octree:
         self._limits, self._random = limits, random
         self._cube, self._key = cube, key
         self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
-        self._buffer: Records = np.empty(limits.memory_points, layout)
+        self._buffer: Records = np.empty(0, layout)
         self._held = 0
         self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
         self._spool: Spool | None = None
@@ -92,16 +92,19 @@ class Octree:
         self._waiting: dict[int, list[Records]] = {}
         self._within: dict[int, Octree] = {}
 
-    def append(self, records: Records, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
-        """Take records whose X, Y and Z lie between `low` and `high`; the array stays the caller's."""
-        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
-        while len(records):
-            if self._held == len(self._buffer):
+    def room(self, wanted: int) -> Records:
+        """Where to put records: room for one to `wanted`, to be filled before the next call."""
+        if self._held == len(self._buffer):
+            if self._held:
                 self._spill()
-            taken = records[: len(self._buffer) - self._held]
-            copy_records(taken, self._buffer[self._held : self._held + len(taken)])
-            self._held += len(taken)
-            records = records[len(taken) :]
+            else:
+                self._buffer = np.empty(self._limits.memory_points, self._buffer.dtype)
+        return self._buffer[self._held : self._held + wanted]
+
+    def filled(self, records: int, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Take the first `records` of the room given, whose X, Y and Z lie between `low` and `high`."""
+        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        self._held += records
 
     def finish(self, sink: NodeSink) -> Cube:
         """Put all nodes into `sink`; at least one record has been appended.
@@ -181,31 +184,40 @@ class Octree:
             members = order[ends[node] - counts[node] : ends[node]]
             complete = plan.codes_below(node)[1] <= end
             if plan.is_full(node) and self._depth < self._enclose().bits:
-                self._divide(sink, node, plan, records.take(members), complete=complete)
+                self._divide(sink, node, plan, gathered(records, members), complete=complete)
             elif complete:
                 earlier = self._waiting.pop(node, [])
                 room = sink.room(self._key_of(node, plan), len(members) + sum(map(len, earlier)))
                 for part in earlier:
                     copy_records(part, room[: len(part)])
                     room = room[len(part) :]
-                records.take(members, out=room, mode="clip")  # its default mode would make a copy first
+                gather_records(records, members, room)
             else:
-                self._waiting.setdefault(node, []).append(records.take(members))
+                self._waiting.setdefault(node, []).append(gathered(records, members))
 
     def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
         """Pass records of a deepest node that is too full on to an octree within its cell."""
-        inner = self._within.get(node)
-        if inner is None:
-            limits = replace(self._limits, memory_points=max(self._limits.memory_points // 4, 1))
-            cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
-            key = self._key_of(node, plan)
-            inner = Octree(self._buffer.dtype, limits, self._random, cube, key)
-            self._within[node] = inner
-        inner.append(records, *inner._enclose().corners)
+        inner = self._within.pop(node, None) or self._inner(node, plan)
+        if complete and not inner._held and inner._spool is None:
+            inner._buffer, inner._held = records, len(records)
+        else:
+            copied = 0
+            while copied < len(records):
+                room = inner.room(len(records) - copied)
+                copy_records(records[copied : copied + len(room)], room)
+                inner.filled(len(room), *inner._enclose().corners)
+                copied += len(room)
         if complete:
             inner.finish(sink)
             inner.close()
-            del self._within[node]
+        else:
+            self._within[node] = inner
+
+    def _inner(self, node: int, plan: Plan) -> Octree:
+        """An octree within the cell of a deepest node."""
+        limits = replace(self._limits, memory_points=max(self._limits.memory_points // 4, 1))
+        cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
+        return Octree(self._buffer.dtype, limits, self._random, cube, self._key_of(node, plan))
 
     def _key_of(self, node: int, plan: Plan) -> Key:
         level = plan.level_of(node)

@@ -52,6 +52,15 @@ class PointBatch:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    def part(self, start: int, stop: int) -> PointBatch:
+        """The points from `start` up to but without `stop`."""
+        own = {name: _sliced(value, start, stop) for name, value in vars(self).items() if name != "extra"}
+        return PointBatch(**own, extra={name: _sliced(v, start, stop) for name, v in self.extra.items()})
+
+
+def _sliced(values: Any, start: int, stop: int) -> Any:
+    return values[start:stop] if isinstance(values, np.ndarray) and values.ndim else values
+
 
 @dataclass(frozen=True)
 class Extent:
@@ -91,13 +100,16 @@ class Extent:
         )
 
 
-def to_records(batch: PointBatch, layout: np.dtype[np.void], scale_m: float) -> tuple[Records, Extent]:
-    """The records of a batch of at least one point, and their extent.
+def pack(batch: PointBatch, into: Records, scale_m: float) -> Extent:
+    """Write the records of a batch of at least one point.
 
     Args:
         batch: the points.
-        layout: of a record, as laspy's point formats have it, extra dimensions last.
+        into: (n,) takes the records, in a layout of laspy's point formats 6 or 7, extra dimensions last.
         scale_m: length of a step of the coordinates.
+
+    Returns:
+        The extent of the batch.
 
     Raises:
         FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a record.
@@ -106,27 +118,44 @@ def to_records(batch: PointBatch, layout: np.dtype[np.void], scale_m: float) -> 
     n = len(batch)
     if batch.xyz_m.shape != (n, 3):
         raise ValueError(f"PointBatch.xyz_m has shape {batch.xyz_m.shape}, not ({n}, 3)")
-    steps = np.empty((n, 3), np.int32)
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    bad = quantise(np.ascontiguousarray(batch.xyz_m, np.float64), 1.0 / scale_m, steps, low, high)
-    if bad >= 0:
-        raise _beyond(batch.xyz_m[bad], scale_m)
-    time, first, last = _las_time(batch.t_s)
-
-    records = np.zeros(n, layout)
-    records["X"], records["Y"], records["Z"] = steps[:, 0], steps[:, 1], steps[:, 2]
-    records["gps_time"] = time
+    into.view(np.uint8)[:] = 0
     for name in ("intensity", "classification", "point_source_id"):
-        records[name] = _fitting(name, getattr(batch, name), layout[name], n)
-    number = _fitting("return_number", batch.return_number, layout["bit_fields"], n)
-    returns = _fitting("returns", batch.returns, layout["bit_fields"], n)
-    for name, values in (("return_number", number), ("returns", returns)):
-        if values.min() < 1 or values.max() > RETURNS:
-            raise ValueError(f"PointBatch.{name} goes from {values.min()} to {values.max()}, beyond 1 to {RETURNS}")
-    records["bit_fields"] = number | (returns << 4)
-    _fill_rest(records, batch)
-    by_return = np.bincount(np.broadcast_to(number, n), minlength=RETURNS + 1)[1:]
-    return records, Extent(n, low, high, by_return, first, last)
+        into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
+    _fill_optional(batch, into)
+    low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(RETURNS + 1, np.int64)
+    seconds = np.empty(2)
+    refused = pack_points(
+        np.require(batch.xyz_m, np.float64, ["C", "W"]),
+        1.0 / scale_m,
+        np.require(batch.t_s, np.float64, ["C", "W"]),
+        np.broadcast_to(_fitting("return_number", batch.return_number, np.dtype(np.uint8), n), n),
+        np.broadcast_to(_fitting("returns", batch.returns, np.dtype(np.uint8), n), n),
+        *(into[name] for name in ("X", "Y", "Z", "bit_fields", "gps_time")),
+        low,
+        high,
+        by_return,
+        seconds,
+    )
+    if refused >= 0:
+        raise _refusal(batch, refused, scale_m)
+    first, last = _to_las_time(into, seconds)
+    return Extent(n, low, high, by_return[1:], first, last)
+
+
+def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float, float]:
+    """Turn the UTC between `seconds` that records hold into adjusted standard GPS time; the earliest and latest."""
+    shift = utc_to_las_time(seconds) - seconds
+    if shift[0] == shift[1]:  # no leap second in between: spare looking each point up
+        records["gps_time"] += shift[0]
+        first, last = seconds + shift
+        return float(first), float(last)
+    records["gps_time"] = utc_to_las_time(records["gps_time"])
+    return float(records["gps_time"].min()), float(records["gps_time"].max())
+
+
+def rows_of(records: Records) -> NDArray[np.uint8]:
+    """The bytes of records (n, bytes of one), not copied."""
+    return records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
 
 
 def copy_records(source: Records, target: Records) -> None:
@@ -134,19 +163,31 @@ def copy_records(source: Records, target: Records) -> None:
     target.view(np.uint8)[:] = source.view(np.uint8)
 
 
-def _fill_rest(records: Records, batch: PointBatch) -> None:
+def gather_records(source: Records, members: NDArray[np.uint32], target: Records) -> None:
+    """Copy the records of `source` that `members` names to `target`."""
+    gather(rows_of(source), members, rows_of(target))
+
+
+def gathered(source: Records, members: NDArray[np.uint32]) -> Records:
+    """The records of `source` that `members` names."""
+    target = np.empty(len(members), source.dtype)
+    gather_records(source, members, target)
+    return target
+
+
+def _fill_optional(batch: PointBatch, into: Records) -> None:
     """Colour and extra dimensions, where the layout has them."""
-    names = records.dtype.names or ()
+    names = into.dtype.names or ()
     if ("red" in names) != (batch.rgb is not None):
         raise ValueError("PointBatch.rgb is there in a file without colour, or missing in one with it")
     if batch.rgb is not None:
         for i, name in enumerate(("red", "green", "blue")):
-            records[name] = _fitting("rgb", batch.rgb[:, i], records.dtype[name], len(batch))
+            into[name] = _fitting("rgb", batch.rgb[:, i], into.dtype[name], len(batch))
     extra = names[names.index("blue" if "red" in names else "gps_time") + 1 :]
     if set(extra) != set(batch.extra):
         raise ValueError(f"the file has the extra dimensions {sorted(extra)}, the batch {sorted(batch.extra)}")
     for name in extra:
-        records[name] = _fitting(name, batch.extra[name], records.dtype[name], len(batch))
+        into[name] = _fitting(name, batch.extra[name], into.dtype[name], len(batch))
 
 
 def _fitting(name: str, values: Any, dtype: np.dtype[Any], n: int) -> NDArray[Any]:
@@ -161,25 +202,17 @@ def _fitting(name: str, values: Any, dtype: np.dtype[Any], n: int) -> NDArray[An
     return array.astype(dtype, copy=False)
 
 
-def _las_time(t_s: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float]:
-    """Adjusted standard GPS time of UTC, with the earliest and the latest."""
-    first, last = float(t_s.min()), float(t_s.max())
-    if not (np.isfinite(first) and np.isfinite(last)):
-        raise FurrowmapError(
-            f"The time of point {int(np.argmin(np.isfinite(t_s)))} of a scan is no number.",
-            "A point cloud without true times cannot be matched with the trajectory, so none was written.",
+def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
+    """Why point `i` has no record."""
+    where = ", ".join(f"{v:.10g}" for v in batch.xyz_m[i])
+    if not np.isfinite(batch.xyz_m[i]).all() or not np.isfinite(batch.t_s[i]):
+        return FurrowmapError(
+            f"A point has the coordinates {where} m and the time {batch.t_s[i]:.10g} s, of which one is no number.",
+            "A point without a place and a time has no place in a cloud either, so none was written.",
             "This is a fault in furrowmap or in a reader of it; please report it with the recording's kind.",
             code="cloud-not-finite",
         )
-    first_las, last_las = utc_to_las_time([first, last])
-    # Without a leap second in between, each point need not be looked up.
-    time = t_s + (first_las - first) if first_las - first == last_las - last else utc_to_las_time(t_s)
-    return time, float(time.min()), float(time.max())
-
-
-def _beyond(xyz_m: NDArray[np.float64], scale_m: float) -> FurrowmapError:
-    where = ", ".join(f"{v:.10g}" for v in xyz_m)
-    if np.isfinite(xyz_m).all():
+    if np.abs(batch.xyz_m[i]).max() > 0.999 * STEPS.max * scale_m:
         return FurrowmapError(
             f"A point lies {where} m (east, north, up) from the cloud's origin: beyond "
             f"{STEPS.max * scale_m / 1000:,.0f} km.",
@@ -187,26 +220,65 @@ def _beyond(xyz_m: NDArray[np.float64], scale_m: float) -> FurrowmapError:
             "Check the trajectory and `[crs] map` of the session: no recording reaches that far.",
             code="cloud-out-of-range",
         )
-    return FurrowmapError(
-        f"A point has the coordinates {where} m, which are no numbers.",
-        "A point without a place has no place in a cloud either, so none was written.",
-        "This is a fault in furrowmap or in a reader of it; please report it with the recording's kind.",
-        code="cloud-not-finite",
-    )
+    return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 
-@numba.njit("int64(float64[:, ::1], float64, int32[:, ::1], int64[::1], int64[::1])", cache=True, nogil=True)
-def quantise(xyz_m, steps_per_m, steps, low, high):  # type: ignore[no-untyped-def]
-    """Round coordinates to whole steps and note the least and greatest; the first point that has none, or −1."""
+def _field(dtype: Any, *, readonly: bool = False) -> Any:
+    """The type of a record's field to numba: it stands wherever the fields before it leave it."""
+    return numba.types.Array(dtype, 1, "A", readonly=readonly, aligned=False)
+
+
+@numba.njit(
+    numba.int64(
+        numba.float64[:, ::1],
+        numba.float64,
+        numba.float64[::1],
+        numba.types.Array(numba.uint8, 1, "A", readonly=True),
+        numba.types.Array(numba.uint8, 1, "A", readonly=True),
+        *(_field(numba.int32),) * 3,
+        _field(numba.uint8),
+        _field(numba.float64),
+        *(numba.int64[::1],) * 3,
+        numba.float64[::1],
+    ),
+    cache=True,
+    nogil=True,
+)
+def pack_points(  # type: ignore[no-untyped-def]
+    xyz_m, steps_per_m, t_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
+):
+    """Fill the fields that need a look at each point, times as they are; the first point refused, or −1.
+
+    Notes the least and greatest steps, the number of points with each return number, and the first and last time.
+    """
     low[:] = 2**31 - 1
     high[:] = -(2**31)
-    for i in range(len(xyz_m)):
+    seconds[0], seconds[1] = np.inf, -np.inf
+    step = np.empty(3, np.int64)
+    for i in range(len(t_s)):
         for j in range(3):
             value = np.rint(xyz_m[i, j] * steps_per_m)
             if not (-2147483648.0 <= value <= 2147483647.0):  # nan fails it as well
                 return i
-            step = np.int64(value)
-            steps[i, j] = step
-            low[j] = min(low[j], step)
-            high[j] = max(high[j], step)
+            step[j] = np.int64(value)
+            low[j] = min(low[j], step[j])
+            high[j] = max(high[j], step[j])
+        number, of = return_number[i], returns[i]
+        if not (1 <= number <= 15 and 1 <= of <= 15 and np.isfinite(t_s[i])):
+            return i
+        x[i], y[i], z[i] = step[0], step[1], step[2]
+        bit_fields[i] = number | of << 4
+        by_return[number] += 1
+        time[i] = t_s[i]
+        seconds[0] = min(seconds[0], t_s[i])
+        seconds[1] = max(seconds[1], t_s[i])
     return -1
+
+
+@numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
+def gather(source, members, target):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`gather_records`, three times as fast as numpy's take."""
+    for i in range(len(members)):
+        k = members[i]
+        for j in range(source.shape[1]):
+            target[i, j] = source[k, j]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import sorted_order
-from furrowmap.exporters.copc.points import Records
+from furrowmap.exporters.copc.points import Records, gathered
 
 SLICE: Final = 1_000_000
 """Records written in one go: what is sorted beside those in memory."""
@@ -62,7 +62,7 @@ class Spool:
         """
         order = sorted_order(codes, counts)
         for start in range(0, len(records), SLICE):
-            self._file.write(records.take(order[start : start + SLICE]).data)
+            self._file.write(gathered(records, order[start : start + SLICE]).data)
         there = np.flatnonzero(counts)
         starts = self._length + np.concatenate([[0], np.cumsum(counts[there])])
         self._blocks.append(Block(there, starts))

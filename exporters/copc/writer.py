@@ -18,7 +18,7 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.copc.file import CopcFile, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
-from furrowmap.exporters.copc.points import Extent, PointBatch, to_records
+from furrowmap.exporters.copc.points import Extent, PointBatch, pack
 
 MEMORY_POINTS: Final = 12_000_000
 NODE_POINTS: Final = 50_000
@@ -100,10 +100,14 @@ class CopcWriter:
             OSError: if the temporary file cannot be written.
             ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
         """
-        if len(batch):
-            records, extent = to_records(batch, self._layout, self._scale_m)
+        done = 0
+        while done < len(batch):
+            room = self._octree.room(len(batch) - done)
+            part = batch.part(done, done + len(room))
+            extent = pack(part, room, self._scale_m)
+            self._octree.filled(len(room), extent.low, extent.high)
             self._extent = self._extent.joined(extent)
-            self._octree.append(records, extent.low, extent.high)
+            done += len(room)
 
     def close(self, progress: Progress = silent) -> CopcSummary:
         """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.

@@ -325,6 +325,22 @@ def test_no_extra_dimensions__one_value_for_all(tmp_path: Path) -> None:
     assert (set(las.classification), set(las.point_source_id), set(las.intensity)) == ({2}, {9}, {0})
 
 
+def test_arrays__of_any_layout(tmp_path: Path) -> None:
+    """Views, other number types and arrays nobody may write to are points as well."""
+    batch = cloud(surface(1_000))
+    views = replace(
+        batch,
+        xyz_m=np.asfortranarray(batch.xyz_m),
+        t_s=np.repeat(batch.t_s, 2)[::2],
+        intensity=batch.intensity.astype(np.float32).astype(np.uint16),
+        return_number=batch.return_number.astype(np.int8),
+    )
+    for array in (views.xyz_m, views.t_s, views.return_number):
+        array.flags.writeable = False  # type: ignore[union-attr]
+    written = write(tmp_path / "a.copc.laz", views)
+    np.testing.assert_allclose(found(laspy.read(written.path).points), expected(batch), rtol=0, atol=1e-6)
+
+
 def test_time__across_a_leap_second(tmp_path: Path) -> None:
     """Of 2017-01-01T00:00:00Z, when GPS - UTC went from 17 to 18 s: GPS seconds by the calendar, less 10^9."""
     t_s = 1_483_228_800.0 + np.array([-0.5, 0.5])
@@ -347,8 +363,9 @@ def test_coordinates__that_no_record_holds_are_refused(tmp_path: Path, value: fl
 def test_times__that_are_no_numbers_are_refused(tmp_path: Path) -> None:
     batch = cloud(surface(100))
     batch.t_s[3] = np.nan
-    with pytest.raises(FurrowmapError, match="time of point 3"):
+    with pytest.raises(FurrowmapError, match="the time nan s") as raised:
         write(tmp_path / "a.copc.laz", batch, batches=1)
+    assert raised.value.code == "cloud-not-finite"
 
 
 def test_no_points__is_an_error(tmp_path: Path) -> None:
