@@ -197,7 +197,9 @@ class Octree:
 
     def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
         """Pass records of a deepest node that is too full on to an octree within its cell."""
-        inner = self._within.pop(node, None) or self._inner(node, plan)
+        inner = self._within.get(node)
+        if inner is None:
+            inner = self._within[node] = self._inner(node, plan)
         if complete and not inner._held and inner._spool is None:
             inner._buffer, inner._held = records, len(records)
         else:
@@ -210,8 +212,7 @@ class Octree:
         if complete:
             inner.finish(sink)
             inner.close()
-        else:
-            self._within[node] = inner
+            del self._within[node]
 
     def _inner(self, node: int, plan: Plan) -> Octree:
         """An octree within the cell of a deepest node."""

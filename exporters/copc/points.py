@@ -212,7 +212,8 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
             "This is a fault in furrowmap or in a reader of it; please report it with the recording's kind.",
             code="cloud-not-finite",
         )
-    if np.abs(batch.xyz_m[i]).max() > 0.999 * STEPS.max * scale_m:
+    steps = np.rint(batch.xyz_m[i] / scale_m)
+    if steps.min() < STEPS.min or steps.max() > STEPS.max:
         return FurrowmapError(
             f"A point lies {where} m (east, north, up) from the cloud's origin: beyond "
             f"{STEPS.max * scale_m / 1000:,.0f} km.",
