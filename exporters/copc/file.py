@@ -172,7 +172,12 @@ class CopcFile:
             raise self._disk.refusal or error from error
 
     def _hierarchy(self) -> NDArray[np.void]:
-        """One page with every node; nodes stand in the file in the order in which they were asked room for."""
+        """One page with every node; nodes stand in the file in the order in which they were asked room for.
+
+        A file without points has a root without points, which points nowhere.
+        """
+        if not self._keys:
+            return np.zeros(1, ENTRY)
         self._stream.seek(self._header.offset_to_point_data)
         chunks = np.array(lazrs.read_chunk_table(self._stream, self._laz), np.int64).reshape(-1, 2)
         ends = self._header.offset_to_point_data + 8 + np.cumsum(chunks[:, 1])

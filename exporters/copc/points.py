@@ -88,6 +88,11 @@ class Extent:
         far = np.full(3, np.iinfo(np.int64).max)
         return cls(0, far, -far, np.zeros(RETURNS, np.int64), float("inf"), float("-inf"))
 
+    @classmethod
+    def at_origin(cls) -> Extent:
+        """What a file without points says of itself."""
+        return cls(0, np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(RETURNS, np.int64), 0.0, 0.0)
+
     def joined(self, other: Extent) -> Extent:
         """The extent of the points of both."""
         return Extent(

@@ -13,9 +13,9 @@ from typing import Final, Self
 import laspy
 import numpy as np
 
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.copc.cube import Cube
 from furrowmap.exporters.copc.file import CopcFile, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
 from furrowmap.exporters.copc.points import Extent, PointBatch, pack
@@ -32,7 +32,7 @@ class CopcSummary:
 
     Attributes:
         points: number of points.
-        low_m: least easting, northing and height.
+        low_m: least easting, northing and height; the origin where there are no points.
         high_m: greatest ones.
         nodes: nodes of the octree.
         points_by_level: of each level, the root's first.
@@ -116,7 +116,6 @@ class CopcWriter:
             progress: is told of the stage "writing cloud".
 
         Raises:
-            FurrowmapError: if there is not a single point.
             OSError: if the file cannot be written, or is not read back as it was written.
         """
         if self._summary is None:
@@ -134,20 +133,16 @@ class CopcWriter:
 
     def _write(self, progress: Progress) -> CopcSummary:
         points = self._extent.points
-        if not points:
-            raise FurrowmapError(
-                f"{self._path.name} would hold no points.",
-                "Programs refuse a cloud without points, so none was written.",
-                "See what the report or `furrowmap inspect` says about scans and times that were left out.",
-                code="cloud-empty",
-            )
         with closing(
             CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points))
         ) as file:
-            cube = self._octree.finish(file)
+            if points:
+                cube, extent = self._octree.finish(file), self._extent
+            else:
+                cube, extent = Cube((0, 0, 0), 0), Extent.at_origin()
             # A node keeps node_points of its cell, in the main a surface across it: so far apart are they.
-            spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points))
-            file.finish(self._extent, cube, spacing_m)
+            spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points) or 1)
+            file.finish(extent, cube, spacing_m)
             levels = file.points_by_level
         summary = CopcSummary(
             points,
@@ -170,12 +165,12 @@ def _check(path: Path, written: CopcSummary) -> None:
         header = reader.header
         found = sum(entry.point_count for entry in reader.root_page.entries.values())
         root = reader.query(level=0)
-        inside = all(
+        inside = not len(root) or all(
             (low <= axis.min()) and (axis.max() <= high)
             for low, high, axis in zip(written.low_m, written.high_m, (root.x, root.y, root.z), strict=True)
         )
         same = tuple(header.mins) == written.low_m and tuple(header.maxs) == written.high_m
-        if (header.point_count, found, len(root)) != (written.points, written.points, written.points_by_level[0]):
+        if (header.point_count, found, len(root)) != (written.points, written.points, sum(written.points_by_level[:1])):
             raise OSError(f"{path} holds {found} points where {written.points} were written")
         if not (inside and same):
             raise OSError(f"{path} has other bounds than what was written")

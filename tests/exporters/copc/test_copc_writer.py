@@ -368,11 +368,16 @@ def test_times__that_are_no_numbers_are_refused(tmp_path: Path) -> None:
     assert raised.value.code == "cloud-not-finite"
 
 
-def test_no_points__is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(FurrowmapError) as raised:
-        write(tmp_path / "a.copc.laz", cloud(np.zeros((0, 3))))
-    assert raised.value.code == "cloud-empty"
-    assert names(tmp_path) == []
+def test_no_points__is_a_cloud_as_well(tmp_path: Path) -> None:
+    written = write(tmp_path / "a.copc.laz", cloud(np.zeros((0, 3))))
+    assert (written.summary.points, written.summary.nodes, written.summary.low_m) == (0, 0, ORIGIN_M)
+    las = laspy.read(written.path)
+    assert (len(las.points), las.header.parse_crs()) == (0, CRS.from_wkt(WKT))
+    with laspy.CopcReader.open(written.path) as reader:
+        assert len(reader.query()) == 0
+        (root,) = reader.root_page.entries.values()
+    assert (root.key.level, root.point_count, root.byte_size, root.offset) == (0, 0, 0, 0)
+    assert len(copclib.FileReader(str(written.path)).GetAllPoints()) == 0
 
 
 @pytest.mark.parametrize(
