@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import difflib
 import math
+import posixpath
 import re
 import tomllib
 from collections.abc import Iterator
@@ -281,6 +282,7 @@ def _faults(session: Session) -> Iterator[str]:
         yield "recording.lidar names no file"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory] either"
+    yield from _repetitions(session)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'
     if session.implement is not None and not session.implement.width_m > 0:
@@ -292,6 +294,20 @@ def _faults(session: Session) -> Iterator[str]:
             yield 'trajectory.time must be "utc" or "gps"'
         if session.trajectory.week is not None and session.trajectory.week < 0:
             yield "trajectory.week must count from 1980-01-06 on"
+
+
+def _repetitions(session: Session) -> Iterator[str]:
+    """Files that one key names twice: their scans or positions would count twice."""
+    trajectory = session.trajectory.files if session.trajectory is not None else ()
+    for key, names in (
+        ("recording.lidar", session.recording.lidar),
+        ("recording.gnss", session.recording.gnss),
+        ("trajectory.files", trajectory),
+    ):
+        paths = [posixpath.normpath(name) for name in names]
+        for k, path in enumerate(paths):
+            if path in paths[:k]:
+                yield f"{key} names {path!r} twice"
 
 
 def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
