@@ -19,7 +19,49 @@ from furrowmap.core.values.mounting import Mounting
 
 SCHEMA: Final = 1
 
+FARTHEST_M: Final = 15.0
+"""No sensor, antenna or tool is farther from the vehicle's origin; larger figures are millimetres or centimetres."""
+
+REFERENCE: Final = "The reference page session.toml (docs/reference/session.md) shows each key"
+
 Vector3 = tuple[float, float, float]
+
+_KINDS: Final = {
+    "str": "text in double quotes",
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "array": "a list in square brackets",
+    "object": "a table",
+    "null": "nothing",
+}
+"""What msgspec calls a kind of value, and what it is in a session file."""
+
+_EXAMPLES: Final = {
+    "name": '"North field"',
+    "recording.lidar": '["recording.pcap"]',
+    "recording.gnss": '["gnss.nmea"]',
+    "recording.lidar_minus_gnss_s": "0.0",
+    "recording.date": '"2026-06-11"',
+    "crs.map": '"EPSG:6677"',
+    "crs.heights": '"ellipsoidal"',
+    "crs.coordinates": '"as-recorded"',
+    "antenna.xyz_m": "[1.85, 0.0, 1.62]",
+    "lidar.model": '"VLP-16"',
+    "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
+    "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
+    "implement.kind": '"rotary tiller"',
+    "implement.width_m": "1.70",
+    "implement.xy_m": "[-1.45, 0.0]",
+    "implement.working_depth_m": "0.12",
+    "field.boundary": '"boundary.geojson"',
+    "trajectory.files": '["trajectory.csv"]',
+    "trajectory.time": '"utc"',
+    "trajectory.week": "2422",
+    "run.standing": "true",
+    "run.fixes": '["fixed", "float"]',
+}
+"""A value for every key."""
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -196,8 +238,9 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
             code="session-syntax",
         ) from None
     if data.get("furrowmap") != SCHEMA:
+        version = f"is {data['furrowmap']!r} where this version reads {SCHEMA}" if "furrowmap" in data else "is missing"
         raise InputError(
-            f"{name}: key `furrowmap` is {data.get('furrowmap', 'missing')!r} where this version reads {SCHEMA}.",
+            f"{name}: key `furrowmap`, the version of the file's form, {version}.",
             "The meaning of the other keys cannot be taken for granted.",
             f"Write `furrowmap = {SCHEMA}` at the top if the file follows this version's documentation.",
             code="session-schema",
@@ -209,12 +252,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
     try:
         session = msgspec.convert(data, Session)
     except msgspec.ValidationError as error:
-        raise InputError(
-            f"{name}: {_told(str(error))}.",
-            "The session is not complete or not of the right kind there, so nothing was done.",
-            "Mend that key; `furrowmap run --help` and the reference page 'session.toml' show each with an example.",
-            code="session-value",
-        ) from None
+        raise _misfit(str(error), name) from None
     _check_values(session, name)
     return session
 
@@ -253,12 +291,40 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
                 )
 
 
-def _told(message: str) -> str:
-    """The message of msgspec with the key's path in the file's own words."""
-    match = re.fullmatch(r"(.*) - at `\$\.?(.*)`", message)
-    if match is None:
-        return message
-    return f"key `{match[2]}`: {match[1]}" if match[2] else match[1]
+def _misfit(message: str, name: str) -> InputError:
+    """The error of a key that is missing or of the wrong kind, in plain words, from what msgspec says of it."""
+    said, _, path = message.partition(" - at `$.")
+    path = path.rstrip("`")
+    missing = re.fullmatch(r"Object missing required field `(.+)`", said)
+    if missing is not None:
+        path = f"{path}.{missing[1]}" if path else missing[1]
+    key = re.sub(r"\[.*", "", path)
+    if missing is not None:
+        what = f"table [{key}] is missing" if key in _tables() else f"key `{key}` is missing"
+    else:
+        what = f"table [{key}]" if key in _tables() else f"key `{path}`"
+        what += f" {_kind_fault(said)}"
+    table, _, last = key.rpartition(".")
+    line = f"{last} = {_EXAMPLES[key]}" if key in _EXAMPLES else f"[{key}]" if key in _tables() else ""
+    example = f"Write for example `{line}`{f' under [{table}]' if table else ''}. " if line else ""
+    return InputError(
+        f"{name}: {what}.",
+        "The session is not complete or not of the right kind there, so nothing was done.",
+        f"{example}{REFERENCE}; `furrowmap init` writes a commented file.",
+        code="session-value",
+    )
+
+
+def _kind_fault(said: str) -> str:
+    """What is wrong with a value, from the words of msgspec; its own where they are of no known form."""
+    kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", said)
+    if kinds is not None:
+        wanted, got = (_KINDS.get(kind, kind) for kind in kinds.groups())
+        return f"must be {wanted}, not {got}"
+    counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", said)
+    if counts is not None:
+        return f"must be a list of {counts[1]} numbers, and has {counts[2]}"
+    return f"is of the wrong kind ({said})"
 
 
 def _check_values(session: Session, name: str) -> None:
@@ -268,7 +334,7 @@ def _check_values(session: Session, name: str) -> None:
         raise InputError(
             f"{name}: {fault}.",
             "Nothing sensible can be computed with that.",
-            "Correct the session file; the reference page 'session.toml' shows each key with an example.",
+            f"Correct the session file. {REFERENCE}.",
             code="session-value",
         )
 
@@ -285,6 +351,7 @@ def _faults(session: Session) -> Iterator[str]:
     yield from _repetitions(session)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'
+    yield from _far_places(session)
     if session.implement is not None and not session.implement.width_m > 0:
         yield "implement.width_m must be above 0"
     if session.trajectory is not None:
@@ -294,6 +361,19 @@ def _faults(session: Session) -> Iterator[str]:
             yield 'trajectory.time must be "utc" or "gps"'
         if session.trajectory.week is not None and session.trajectory.week < 0:
             yield "trajectory.week must count from 1980-01-06 on"
+
+
+def _far_places(session: Session) -> Iterator[str]:
+    """Places in the vehicle frame that no vehicle reaches: they were typed in another unit."""
+    places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.xyz_m}
+    if session.antenna is not None:
+        places["antenna.xyz_m"] = session.antenna.xyz_m
+    if session.implement is not None:
+        places["implement.xy_m"] = session.implement.xy_m
+    for key, place in places.items():
+        far_m = max(place, key=abs)
+        if abs(far_m) > FARTHEST_M:
+            yield f"{key} holds {far_m:g}: metres are expected, and {FARTHEST_M:g} m from the rear axle at most"
 
 
 def _repetitions(session: Session) -> Iterator[str]:

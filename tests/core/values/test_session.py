@@ -118,6 +118,64 @@ def test_values__that_mean_nothing_are_refused(change: tuple[str, str], code: st
     assert words in error.what
 
 
+@pytest.mark.parametrize(
+    ("change", "what", "remedy"),
+    [
+        (("furrowmap = 1", ""), "`furrowmap`, the version of the file's form, is missing", "`furrowmap = 1`"),
+        (('[crs]\nmap = "EPSG:6677"', ""), "table [crs] is missing", "`[crs]`"),
+        (('map = "EPSG:6677"', ""), "key `crs.map` is missing", '`map = "EPSG:6677"` under [crs]'),
+        (
+            ('map = "EPSG:6677"', "map = 6677"),
+            "`crs.map` must be text in double quotes, not a whole number",
+            "EPSG:6677",
+        ),
+        (('["a.pcap"]', '"a.pcap"'), "`recording.lidar` must be a list in square brackets, not text", "recording.pcap"),
+        (('["a.pcap"]', "[1]"), "`recording.lidar[0]` must be text in double quotes, not a whole", "recording.pcap"),
+        (
+            ("[crs]", "[antenna]\nxyz_m = [0, 0]\n[crs]"),
+            "`antenna.xyz_m` must be a list of 3 numbers, and has 2",
+            "1.62",
+        ),
+        (("[crs]", '[lidar]\nxyz_m = [0, 0, "1"]\n[crs]'), "`lidar.xyz_m[2]` must be a number, not text", "2.35"),
+        (("[crs]", "[run]\nstanding = 1\n[crs]"), "`run.standing` must be true or false", "`standing = true`"),
+        (
+            ("[crs]", '[run]\nfixes = "fixed"\n[crs]'),
+            "`run.fixes` must be a list in square brackets, not text",
+            "float",
+        ),
+        (
+            ("[recording]", "antenna = 3\n[recording]"),
+            "table [antenna] must be a table, not a whole number",
+            "[antenna]",
+        ),
+    ],
+)
+def test_values__of_the_wrong_kind_are_told_in_plain_words(change: tuple[str, str], what: str, remedy: str) -> None:
+    error = refusal(LEAST.replace(*change))
+    assert what in error.what
+    assert remedy in error.remedy
+
+
+def test_examples__there_is_one_for_every_key_and_all_are_a_session() -> None:
+    tables: dict[str, list[str]] = {}
+    for key, value in module._EXAMPLES.items():
+        table, _, last = key.rpartition(".")
+        tables.setdefault(table, []).append(f"{last} = {value}")
+    text = "furrowmap = 1\n" + "\n".join(f"[{t}]\n".replace("[]\n", "") + "\n".join(v) for t, v in tables.items())
+    parse_session(text)
+    named = set(module._tables()) | {"furrowmap"}
+    assert set(module._EXAMPLES) | named == {f"{table}.{key}" if table else key for table, key in keys()}
+
+
+@pytest.mark.parametrize("line", ["[lidar]\nxyz_m", "[antenna]\nxyz_m", "[implement]\nwidth_m = 1.7\nxy_m"])
+def test_places__typed_in_millimetres_are_refused(line: str) -> None:
+    third = "" if "xy_m" in line else ", 2.35"
+    assert parse_session(f"{LEAST}{line} = [-15, 0{third}]\n").furrowmap == 1
+    error = refusal(f"{LEAST}{line} = [-550, 0{third}]\n")
+    assert error.code == "session-value"
+    assert "holds -550: metres are expected" in error.what
+
+
 @pytest.mark.parametrize("written", ['"2026-06-11"', "2026-06-11"])
 def test_date__with_quotes_or_as_toml_has_it(written: str) -> None:
     session = parse_session(LEAST.replace("[crs]", f"date = {written}\n[crs]"))
