@@ -163,9 +163,9 @@ def model_named(name: str) -> Model:
         near = difflib.get_close_matches(_plain(name), by_name, 1)
         hint = f" Perhaps you meant {by_name[near[0]].name!r}." if near else ""
         raise InputError(
-            f"Unknown LiDAR model {name!r}.",
+            f"Session key `lidar.model` is {name!r}, which is no known model.",
             "Angles and firing times belong to a model; with others every point would lie wrong.",
-            f"Known: {', '.join(model.name for model in MODELS)}.{hint}",
+            f"Known: {', '.join(model.name for model in MODELS)}.{hint} Without the key, the packets say their model.",
             code="unknown-model",
         )
     return found

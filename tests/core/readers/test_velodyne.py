@@ -337,6 +337,7 @@ def test_model_named__unknown_names_the_nearest() -> None:
     with pytest.raises(InputError, match="Perhaps you meant 'VLP-32C'") as error:
         model_named("VLP-23C")
     assert error.value.code == "unknown-model"
+    assert "`lidar.model` is 'VLP-23C'" in error.value.what
 
 
 def test_gaps__are_counted() -> None:
