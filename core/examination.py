@@ -135,9 +135,11 @@ def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str
     """
     shorter_s = min(first.last_s - first.first_s, second.last_s - second.first_s)
     for step_s, largest, cause in _OFFSETS:
-        nearest = round((first.first_s + first.last_s - second.first_s - second.last_s) / 2 / step_s)
-        near = [n * step_s for n in range(nearest - 1, nearest + 2) if n != 0 and abs(n) <= largest]
-        best_s = max(near, key=lambda offset_s: _shared_s(first, second, offset_s), default=None)
+        # Any offset between these two lets them meet at all.
+        low_s, high_s = first.first_s - second.last_s, first.last_s - second.first_s
+        numbers = range(max(-largest, math.ceil(low_s / step_s)), min(largest, math.floor(high_s / step_s)) + 1)
+        meeting = [n * step_s for n in numbers if n != 0]
+        best_s = max(meeting, key=lambda offset_s: (_shared_s(first, second, offset_s), -abs(offset_s)), default=None)
         if best_s is not None and _shared_s(first, second, best_s) >= _ENOUGH * shorter_s:
             return best_s, cause
     return None

@@ -13,6 +13,7 @@ import numpy as np
 from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
+from furrowmap.core.examination import likely_offset
 from furrowmap.core.readers.reader import (
     ClockReading,
     GivesPoses,
@@ -28,7 +29,7 @@ from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import Clock, Scan
 from furrowmap.core.values.session import Session, load_session, resolve
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -60,14 +61,12 @@ class Located:
         trajectory: of the vehicle frame.
         source: "gnss" or "file".
         positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
-        gaps: (start, end) in UTC of the times without positions.
         notices: for the report.
     """
 
     trajectory: Trajectory
     source: str
     positions: dict[str, dict[str, int]]
-    gaps: tuple[tuple[float, float], ...]
     notices: tuple[Notice, ...]
 
 
@@ -109,7 +108,8 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     positions = open_positions(inputs, session)
     located = locate(positions, session, frame)
     watch.lap("positions")
-    lidar = open_lidar(inputs, session, near_s=float(np.mean(located.trajectory.t_s[[0, -1]])))
+    near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
+    lidar = open_lidar(inputs, session, near_s)
     placer = _placer(located.trajectory, session)
     sink.begin(frame, placer.origin_m)
     scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress)
@@ -121,6 +121,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
         *located.notices,
         *lidar.notices,
         *_session_notices(session, located),
+        *_gap_notices(tally, located),
         *_tally_notices(tally),
     ]
     return Run(session, inputs.all, frame, located, tally, lidar.clocks, tuple(dict.fromkeys(notices)), watch.laps_s)
@@ -140,9 +141,10 @@ class Inputs:
         Raises:
             InputError: if one is missing, or lies outside the session's folder.
         """
-        """The files that `session` names, which stands in `session_file`."""
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
+        if session.field.boundary is not None:
+            resolve(session_file, session.field.boundary)
         return cls(
             tuple(resolve(session_file, name) for name in session.recording.lidar),
             tuple(resolve(session_file, name) for name in positions),
@@ -150,8 +152,7 @@ class Inputs:
 
     @property
     def all(self) -> tuple[Path, ...]:
-        """Every file once, the scanner's first."""
-        """Every file, in the order in which the session names them."""
+        """Every file, the scanner's first, in the order in which the session names them."""
         return self.lidar + self.positions
 
 
@@ -176,7 +177,7 @@ def open_positions(inputs: Inputs, session: Session) -> Reader:
 
 
 def open_lidar(inputs: Inputs, session: Session, near_s: float) -> LidarReader:
-    """The reader of the session's laser scans; `near_s` is a UTC time of the drive.
+    """The reader of the session's laser scans; `near_s` is a time of the drive by the scanner's clock.
 
     Raises:
         InputError: as :func:`open_positions`.
@@ -194,16 +195,12 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
-        trajectory = trajectory_from_poses(positions.poses(), frame)
-        steps = np.diff(trajectory.t_s)
-        gaps = np.flatnonzero(steps > trajectory.max_gap_s)
-        spans = tuple((float(trajectory.t_s[i]), float(trajectory.t_s[i + 1])) for i in gaps)
-        return Located(trajectory, "file", {}, spans, ())
+        return Located(trajectory_from_poses(positions.poses(), frame), "file", {}, ())
     assert isinstance(positions, GivesTrack)
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     found = trajectory_from_gnss(positions.track(), frame, lever, fixes)
-    return Located(found.trajectory, "gnss", {"used": found.used, "unused": found.unused}, found.gaps, found.notices)
+    return Located(found.trajectory, "gnss", {"used": found.used, "unused": found.unused}, found.notices)
 
 
 def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
@@ -255,21 +252,57 @@ def _refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> Non
             "Set `[run] standing = true` to keep them.",
             code="only-standing",
         )
-    begin, end = float(trajectory.t_s[0]), float(trajectory.t_s[-1])
-    offset = 0.5 * (tally.first_s + tally.last_s) - 0.5 * (begin + end)
-    raise InputError(
-        f"The scans ({iso_utc(tally.first_s)} to {iso_utc(tally.last_s)}) and the positions ({iso_utc(begin)} to "
-        f"{iso_utc(end)}) have no time in common.",
+    raise _no_common_time(
+        ClockReading(Clock.SENSOR, tally.first_s, tally.last_s), trajectory, session.recording.lidar_minus_gnss_s
+    )
+
+
+def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float) -> InputError:
+    """Why no scan has a pose; the scans' span is that by the trajectory's clock, after the `stated_s` offset."""
+    begin_s, end_s = trajectory.span_s
+    spans = (
+        f"The scans ({iso_utc(scans.first_s)} to {iso_utc(scans.last_s)}"
+        f"{f', {stated_s:+g} s of lidar_minus_gnss_s taken off' if stated_s else ''}) and the positions "
+        f"({iso_utc(begin_s)} to {iso_utc(end_s)})"
+    )
+    if scans.first_s <= end_s and scans.last_s >= begin_s:
+        return InputError(
+            f"{spans} overlap, but where the scans are the positions have a gap.",
+            "Without a position at its time no scan can be placed.",
+            "See with `furrowmap inspect` where the receiver had no fix; other qualities may help (`[run] fixes`).",
+            code="no-common-time",
+        )
+    likely = likely_offset(scans, ClockReading(Clock.GNSS, begin_s, end_s))
+    if likely is None:
+        remedy = "Name files of one drive; no usual difference of clocks (hours, leap seconds, days) explains it."
+    else:
+        offset_s, cause = likely
+        remedy = (
+            f"If they are of one drive, the scanner's clock is off by {cause}: write "
+            f"`[recording] lidar_minus_gnss_s = {stated_s + offset_s:.1f}`."
+        )
+    return InputError(
+        f"{spans} have no time in common.",
         "Without a position at its time no scan can be placed.",
-        f"If both are of one drive, their clocks differ: `[recording] lidar_minus_gnss_s = {offset:.0f}` would bring "
-        "their middles together; 18 s is GPS time, whole hours are a time zone.",
+        remedy,
         code="no-common-time",
     )
 
 
 def _session_notices(session: Session, located: Located) -> list[Notice]:
-    """What a run could not know."""
+    """What a run could not know, and what of the session it has no use for."""
     notices = []
+    if located.source == "file" and session.recording.gnss:
+        notices.append(
+            Notice("gnss-unused", "The trajectory comes from [trajectory]: the GNSS log is not used for it.")
+        )
+    if session.implement is not None or session.field.boundary is not None:
+        notices.append(
+            Notice(
+                "worked-ground-not-computed",
+                "[implement] and [field] are kept, but this version does not compute the ground worked.",
+            )
+        )
     if located.source == "gnss":
         notices.append(
             Notice(
@@ -297,16 +330,35 @@ def _session_notices(session: Session, located: Located) -> list[Notice]:
     return notices
 
 
+def _gap_notices(tally: Tally, located: Located) -> list[Notice]:
+    """The gaps into which scans fall."""
+    gaps = located.trajectory.gaps_s
+    inside = gaps[(gaps[:, 0] < tally.last_s) & (gaps[:, 1] > tally.first_s)]
+    if not len(inside):
+        return []
+    length = inside[:, 1] - inside[:, 0]
+    longest = int(np.argmax(length))
+    return [
+        Notice(
+            "gaps",
+            f"Positions are missing for {length.sum():.1f} s of the scans' time (gaps: {len(inside)}, the longest "
+            f"{length[longest]:.1f} s from {iso_utc(float(inside[longest, 0]))}); scans in them have no pose.",
+        )
+    ]
+
+
 def _tally_notices(tally: Tally) -> list[Notice]:
     """What of the recording is not in the cloud."""
     notices = []
     if tally.points_without_pose:
-        share = 100.0 * tally.points_without_pose / tally.points_read
+        share = tally.points_without_pose / tally.points_read
+        in_gaps = tally.points_without_pose - tally.points_outside
         notices.append(
             Notice(
                 "points-without-pose",
-                f"{tally.points_without_pose} of {tally.points_read} points ({share:.1f} %) and "
-                f"{tally.scans_without_pose} whole scans fall into times without a pose and are not in the cloud.",
+                f"{tally.points_without_pose:,} of {tally.points_read:,} points ({share:.1%}) are not in the cloud, "
+                f"because no pose is known at their time: {tally.points_outside:,} before the positions begin or after "
+                f"they end, {in_gaps:,} in gaps between them.",
             )
         )
     if tally.scans_standing:

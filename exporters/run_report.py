@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -17,19 +16,18 @@ from furrowmap.core.values.trajectory import SIGMAS, Motion
 from furrowmap.exporters.report import FileRecord, Report
 
 
-def report_of(found: Run, session_file: Path, timings_s: dict[str, float], products: Sequence[str]) -> Report:
+def report_of(found: Run, inputs: Sequence[FileRecord], timings_s: dict[str, float], products: Sequence[str]) -> Report:
     """The report of a run.
 
     Args:
         found: by the run.
-        session_file: to whose folder the inputs' names are relative.
+        inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
     """
-    root = session_file.resolve().parent
     return Report(
         session=msgspec.to_builtins(found.session),
-        inputs=[FileRecord.of(path, path.relative_to(root).as_posix()) for path in found.inputs],
+        inputs=inputs,
         figures=_figures(found),
         accuracy=_accuracy(found.tally.poses),
         observability=_observability(found),
@@ -87,7 +85,7 @@ def _observability(found: Run) -> dict[str, Any]:
         "pitch": level,
         "heading": {word: round(count / len(found.tally.poses), 4) for word, count in words.most_common()},
         "positions": found.located.positions,
-        "gaps": [[iso_utc(a), iso_utc(b)] for a, b in found.located.gaps],
+        "gaps": [[iso_utc(a), iso_utc(b)] for a, b in found.located.trajectory.gaps_s.tolist()],
     }
 
 

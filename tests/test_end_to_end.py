@@ -192,7 +192,7 @@ def test_with_gnss_alone_the_cloud_is_in_the_right_place(
         assert 0.3 < ratio["rms_error_over_sigma"] < 2.0
     codes = {warning["code"] for warning in report["warnings"]}
     assert "level-assumed" in codes
-    assert ("gnss-gaps" in codes) == (name == "tractor_fishtail")
+    assert ("gaps" in codes) == (name == "tractor_fishtail")
 
 
 def rover_session(shared_data: Path, folder: Path, *, poses: bool) -> Path:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.cloud.placing import Placer
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.trajectory import Motion, Trajectory
+
+DISORDER_S: Final = 0.5
+"""Scans may begin this much before the one before them ends: packets come out of order, files do not."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +47,9 @@ class Tally:
         points_read: returns in the recording.
         points: in the cloud.
         points_without_pose: at times without a pose.
+        points_outside: of them, before the trajectory begins or after it ends.
         points_standing: left out because the vehicle stood.
-        first_s: time of the first return by the sensor's clock; nan without any.
+        first_s: time of the first return by the trajectory's clock; nan without any.
         last_s: time of the last one.
         poses: of the scans that have one.
     """
@@ -54,6 +61,7 @@ class Tally:
     points_read: int
     points: int
     points_without_pose: int
+    points_outside: int
     points_standing: int
     first_s: float
     last_s: float
@@ -68,9 +76,13 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
         placer: trajectory, mounting and clocks.
         standing: whether scans taken at a stand go to `sink`.
         sink: takes the points of each scan that has any.
+
+    Raises:
+        InputError: if time runs back from one scan to the next.
     """
     number, t_mid, placed_points = [], [], []
-    whole = without_pose = stood = read = points_lost = points_stood = total = 0
+    whole = without_pose = stood = read = points_lost = points_outside = points_stood = total = 0
+    begin_s, end_s = placer.trajectory.span_s
     first_s = last_s = float("nan")
     for scan in scans:
         total += 1
@@ -78,17 +90,21 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
         read += len(scan)
         if not len(scan):
             continue
-        first_s = first_s if total > 1 and np.isfinite(first_s) else float(scan.t_s[0])
-        last_s = float(scan.t_s[-1])
+        t_s = scan.t_s - placer.lidar_minus_gnss_s
+        if t_s[0] < last_s - DISORDER_S:
+            raise _runs_back(scan.number, float(t_s[0]), last_s)
+        first_s = first_s if np.isfinite(first_s) else float(t_s[0])
+        last_s = float(t_s[-1])
         xyz, known = placer.place(scan)
         count = int(np.count_nonzero(known))
         points_lost += len(scan) - count
+        if count < len(scan):
+            points_outside += int(np.count_nonzero((t_s < begin_s) | (t_s > end_s)))
         if not count:
             without_pose += 1
             continue
         if count < len(scan):
-            scan, xyz = _part(scan, known), xyz[known]
-        t_s = scan.t_s - placer.lidar_minus_gnss_s
+            scan, xyz, t_s = _part(scan, known), xyz[known], t_s[known]
         middle_s = _middle_s(t_s, placer.trajectory)
         number.append(scan.number)
         t_mid.append(middle_s)
@@ -107,10 +123,20 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
         points_read=read,
         points=sum(placed_points),
         points_without_pose=points_lost,
+        points_outside=points_outside,
         points_standing=points_stood,
         first_s=first_s,
         last_s=last_s,
         poses=_poses(placer.trajectory, number, t_mid, placed_points),
+    )
+
+
+def _runs_back(number: int, at_s: float, last_s: float) -> InputError:
+    return InputError(
+        f"Scan {number} is of {iso_utc(at_s)}, but the one before it ends at {iso_utc(last_s)}.",
+        "Time runs back, so the files of the recording are not in its order, or one of them is there twice.",
+        "Name them in `[recording] lidar` in the order of time; `furrowmap inspect` says when each begins.",
+        code="scans-not-in-order",
     )
 
 

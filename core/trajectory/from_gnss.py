@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
-from furrowmap.core.trajectory.motion import Motions, find_motion
+from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
@@ -24,7 +24,7 @@ from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from
 
 FloatArray = NDArray[np.float64]
 
-STATED_SIGMA_M: Final = {
+ASSUMED_SIGMA_M: Final = {
     Fix.FIXED: 0.015,
     Fix.FLOAT: 0.30,
     Fix.DGPS: 0.60,
@@ -38,13 +38,18 @@ STATED_SIGMA_M: Final = {
 HEIGHT_FACTOR: Final = 2.0
 """Heights are this much worse than positions where the receiver does not say."""
 WHITE_SHARE: Final = 0.3
-"""How much of a position's error changes from epoch to epoch; the rest drifts over a minute or two."""
+"""How much of a position's error changes from epoch to epoch where the positions themselves do not show it."""
+WHITE_STEP_S: Final = 0.25
+"""Positions further apart than this differ by the vehicle's own accelerations, not by noise."""
+WHITE_EPOCHS: Final = 30
 WHITE_FLOOR_M: Final = 0.004
 SWAY_RAD: Final = np.radians(0.3)
 """A tractor on soil sways by a quarter of a degree; an antenna two metres up moves by a centimetre with it."""
 TILT_SIGMA_DEG: Final = 1.0
 """What taking a tractor on a field as level is off by, in roll and in pitch (one standard deviation)."""
-LONGEST_GAP_S: Final = 1.0
+RATE_TOLD_S: Final = 0.25
+SLOWEST_STEP_S: Final = 2.0
+"""In more time than this between positions a tractor turns round."""
 KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
 JUMP_FLOOR_M: Final = 0.3
@@ -66,16 +71,12 @@ class GnssTrajectory:
         trajectory: of the vehicle frame.
         used: positions used, by quality label.
         unused: positions left out, by reason.
-        gaps: (start, end) in UTC of the times without positions.
-        standing_s: time at a stand.
         notices: for the report.
     """
 
     trajectory: Trajectory
     used: dict[str, int]
     unused: dict[str, int]
-    gaps: tuple[tuple[float, float], ...]
-    standing_s: float
     notices: tuple[Notice, ...]
 
 
@@ -105,9 +106,9 @@ def trajectory_from_gnss(
         gated, en = gated[kept], en[kept]
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
     sigma = _sigmas(gated)
-    white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma[:, 0])
-    step_s = float(np.median(np.diff(gated.t_s)))
-    max_gap_s = max(LONGEST_GAP_S, 2.5 * step_s)
+    white = _white_m(gated, en, sigma[:, 0])
+    max_gap_s = longest_gap_s(gated.t_s)
+    _judge_rate(gated, notices)
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s)
 
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
@@ -130,22 +131,13 @@ def trajectory_from_gnss(
 
     motion = motions.motion[grid.nearest]
     speed = _speed(grid.t_s, path.xyz_m, path.yaw_rad, motion, chain.gap)
-    gaps = tuple((float(gated.t_s[i]), float(gated.t_s[i + 1])) for i in grid.gap_after)
-    if gaps:
-        notices.append(
-            Notice(
-                "gnss-gaps",
-                f"Positions are missing for {sum(b - a for a, b in gaps):.1f} s (gaps: {len(gaps)}, the longest "
-                f"{max(b - a for a, b in gaps):.1f} s from {iso_utc(max(gaps, key=lambda g: g[1] - g[0])[0])}); scans "
-                "in them have no pose and are left out.",
-            )
-        )
     outliers = path.outlier[grid.measured]
     if outliers.mean() > 0.01:
         notices.append(
             Notice(
                 "gnss-outliers",
-                f"{outliers.sum()} of {len(outliers)} positions do not fit a wheeled vehicle's path and count less.",
+                f"{outliers.sum()} of {len(outliers)} positions do not fit a wheeled vehicle's path and count less: "
+                "the antenna's lever arm may be wrong, or the receiver's positions unsteady.",
             )
         )
     trajectory = trajectory_from_attitude(
@@ -163,13 +155,10 @@ def trajectory_from_gnss(
             np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "course")
         ),
     )
-    standing = np.diff(gated.t_s)[(motions.motion[1:] == 0) & (motions.motion[:-1] == 0)]
     return GnssTrajectory(
         trajectory,
         {Fix(f).label: c for f, c in sorted(Counter(gated.fix.tolist()).items())},
         unused,
-        gaps,
-        float(standing[standing <= max_gap_s].sum()),
         tuple(notices),
     )
 
@@ -195,15 +184,84 @@ def _gate(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]
     use = positioned & wanted
     unused = {Fix(f).label: c for f, c in sorted(Counter(track.fix[~use].tolist()).items())}
     if use.sum() < 2:
-        found = Counter(Fix(f).label for f in track.fix.tolist())
-        raise InputError(
-            f"{track.source or 'The GNSS log'}: {int(use.sum())} of {len(track)} positions have a quality that is used "
-            f"(found: {', '.join(f'{c} {label}' for label, c in found.most_common()) or 'none'}).",
-            "Without positions nothing can be placed on the map.",
-            'Set `[run] fixes = ["fixed", "float", "dgps", "single"]` to what is good enough for you.',
+        raise _too_few(track, positioned, use)
+    return track[use], unused
+
+
+def _too_few(track: GnssTrack, positioned: NDArray[np.bool_], use: NDArray[np.bool_]) -> InputError:
+    """Why there are fewer than two positions to use."""
+    source = track.source or "The GNSS log"
+    placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
+    meaning = "Without positions nothing can be placed on the map."
+    if placed.sum() >= 2 and positioned.sum() < 2:
+        return InputError(
+            f"{source}: none of its {int(placed.sum())} positions has a height above the ellipsoid.",
+            "An altitude above the geoid alone does not place points at the right height.",
+            "Let the receiver write the geoid separation into GGA (fields 11 and 12), or convert the log.",
+            code="gnss-no-heights",
+        )
+    if positioned.sum() < 2:
+        return InputError(
+            f"{source}: {int(positioned.sum())} of its {len(track)} epochs have a position.",
+            meaning,
+            "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
             code="gnss-no-positions",
         )
-    return track[use], unused
+    found = Counter(Fix(f).label for f in track.fix[positioned].tolist())
+    words = ", ".join(f"{count} {label}" for label, count in found.most_common())
+    return InputError(
+        f"{source}: {int(use.sum())} of {len(track)} positions have a quality that is used (found: {words}).",
+        meaning,
+        'Set `[run] fixes = ["fixed", "float", "dgps", "single"]` to what is good enough for you.',
+        code="gnss-no-positions",
+    )
+
+
+def _judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
+    """Say so if positions are too far apart for a tractor's turns.
+
+    Raises:
+        RefusedError: if between two of them it might have turned round.
+    """
+    step_s = float(np.median(np.diff(track.t_s)))
+    if step_s > SLOWEST_STEP_S:
+        raise RefusedError(
+            f"{track.source or 'The GNSS log'}: positions come every {step_s:.1f} s.",
+            "A tractor turns by a right angle in that time, so headings between them would be invented.",
+            "Record at 5 to 10 positions a second, or give a [trajectory] from elsewhere.",
+            code="gnss-rate",
+        )
+    if step_s > RATE_TOLD_S:
+        notices.append(
+            Notice(
+                "gnss-rate",
+                f"Positions come every {step_s:.1f} s: in turns and at changes of direction headings are uncertain by "
+                "degrees. Five to ten a second make them good.",
+            )
+        )
+
+
+def _white_m(track: GnssTrack, en_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
+    """Noise (n,) from position to position, by quality: what the positions themselves show, no more than their sigma.
+
+    Third differences of positions in equal steps are free of speed and acceleration; white noise makes their variance
+    20 times its own (the sum of the squares of 1, 3, 3, 1). Their median deviation stands above jumps.
+    """
+    white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m)
+    step = np.diff(track.t_s)
+    if len(step) < WHITE_EPOCHS or np.median(step) > WHITE_STEP_S:
+        return white
+    third = np.abs(np.diff(en_m, 3, axis=0)).mean(axis=1)
+    even = np.abs(step - np.median(step)) < 0.1 * np.median(step)
+    same = (track.fix[3:] == track.fix[:-3]) & even[2:] & even[1:-1] & even[:-2]
+    for fix in np.unique(track.fix):
+        chosen = third[same & (track.fix[3:] == fix)]
+        if len(chosen) >= WHITE_EPOCHS:
+            # The mean of two absolute normal deviates has its median at 0.77 of their standard deviation.
+            shown = float(np.median(chosen)) / 0.77 / np.sqrt(20.0)
+            mine = track.fix == fix
+            white[mine] = np.clip(shown, WHITE_FLOOR_M, np.maximum(sigma_m[mine], WHITE_FLOOR_M))
+    return white
 
 
 def _jumps(t_s: FloatArray, en_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
@@ -236,7 +294,7 @@ def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
 
 def _sigmas(track: GnssTrack) -> FloatArray:
     """(n, 2) standard deviations of a position's horizontal axes and of its height, stated or by quality."""
-    default = np.array([STATED_SIGMA_M.get(Fix(f), 2.0) for f in track.fix.tolist()])
+    default = np.array([ASSUMED_SIGMA_M.get(Fix(f), 2.0) for f in track.fix.tolist()])
     horizontal = np.hypot(track.sigma_e_m, track.sigma_n_m) / np.sqrt(2.0)
     horizontal = np.where(np.isfinite(horizontal) & (horizontal > 0), horizontal, default)
     vertical = np.where(
@@ -261,7 +319,8 @@ def _antennas_heading(
         notices.append(
             Notice(
                 "antennas-heading-unused",
-                f"The two-antenna heading is {median:+.0f}° off the course, so it is not the vehicle's; not used.",
+                f"The two-antenna heading is {median:+.0f}° off the course and is not used: the antennas stand across "
+                "or against the vehicle, or it was driven in reverse all the time.",
             )
         )
         return np.full(len(track), np.nan)
@@ -401,7 +460,7 @@ def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
     for label in labels:
         if label not in known:
             raise InputError(
-                f"session.toml: key `run.fixes` holds {label!r}.",
+                f"The session's key `run.fixes` holds {label!r}.",
                 "That is no GNSS quality, so it is not clear which positions to use.",
                 f"Known: {', '.join(known)}.",
                 code="session-value",

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.trajectory.motion import STANDING_MPS, WINDOW_S, local_velocity
+from furrowmap.core.trajectory.motion import STANDING_MPS, WINDOW_S, local_velocity, longest_gap_s
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
-
-LONGEST_GAP_S: Final = 1.0
 
 
 def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
@@ -38,8 +34,7 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
         lon, lat = track.position[:, 0], track.position[:, 1]
         e, n = frame.project(lon, lat)
     heading = track.heading_deg - frame.convergence_deg(lon, lat) if track.true_north else track.heading_deg
-    step_s = float(np.median(np.diff(track.t_s)))
-    max_gap_s = max(LONGEST_GAP_S, 2.5 * step_s)
+    max_gap_s = longest_gap_s(track.t_s)
     speed = _speed(track.t_s, np.column_stack([e, n]), heading, max_gap_s)
     motion = np.where(speed > STANDING_MPS, Motion.FORWARD, np.where(speed < -STANDING_MPS, Motion.REVERSE, 0))
     return trajectory_from_attitude(

@@ -28,6 +28,12 @@ WIDEST_WINDOW_S: Final = 5.0
 CERTAIN_WAY_M: Final = 10.0
 CERTAIN_SHARE: Final = 0.2
 """Nobody reverses this far at a stretch, or for nearly half of the way."""
+LONGEST_GAP_S: Final = 1.0
+
+
+def longest_gap_s(t_s: FloatArray) -> float:
+    """Knots or positions further apart than this are not interpolated: a second, or two and a half usual steps."""
+    return max(LONGEST_GAP_S, 2.5 * float(np.median(np.diff(t_s))))
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from furrowmap.core.values.session import Crs
 
 FloatArray = NDArray[np.float64]
 
+SCALE_OFF = 1e-3
+"""More than this a map must not stretch the ground: a metre in a kilometre, two and a half times what UTM does."""
 AREA_MARGIN_DEG = 0.5
 """How far outside a CRS's stated area of use a site may lie: fields at a zone's border stay in one zone."""
 
@@ -42,15 +44,17 @@ class MapFrame:
     @property
     def name(self) -> str:
         """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
-        return self.crs.to_string() if self.crs.to_authority() else self.crs.name
+        authority = self.crs.to_authority()
+        return ":".join(authority) if authority else self.crs.name
 
     def project(self, lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(easting, northing) in metres, each (n,), of longitudes and latitudes (n,) in degrees.
 
         Raises:
-            RefusedError: if the place lies outside the area for which the CRS is meant.
+            RefusedError: if the place lies outside the area for which the CRS is meant, or is stretched by it.
         """
         self._refuse_outside(lon_deg, lat_deg)
+        self._refuse_stretched(lon_deg, lat_deg)
         e, n = self._transformer.transform(lon_deg, lat_deg)
         return np.asarray(e, np.float64), np.asarray(n, np.float64)
 
@@ -81,6 +85,23 @@ class MapFrame:
                 code="crs-outside-area",
             )
 
+    def scale(self, lon_deg: float, lat_deg: float) -> float:
+        """Map distance over distance on the ellipsoid at a place: the mean of those along meridian and parallel."""
+        factors: Any = Proj(self.crs).get_factors(lon_deg, lat_deg)
+        return 0.5 * float(factors.meridional_scale + factors.parallel_scale)
+
+    def _refuse_stretched(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
+        if not len(lon_deg):
+            return
+        scale = self.scale(float(np.nanmedian(lon_deg)), float(np.nanmedian(lat_deg)))
+        if abs(scale - 1.0) > SCALE_OFF:
+            raise RefusedError(
+                f"{self.name} stretches the ground at the recording's place by a factor of {scale:.4f}.",
+                "Scans are placed in true metres, so the cloud would not fit its own track, and areas would be wrong.",
+                "Set `[crs] map` to a projected CRS of the place (UTM or a national one); `furrowmap init` proposes one.",
+                code="crs-scale",
+            )
+
 
 def map_frame(crs: Crs) -> MapFrame:
     """The map frame that a session asks for.
@@ -93,7 +114,7 @@ def map_frame(crs: Crs) -> MapFrame:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
         raise InputError(
-            f"session.toml: key `crs.map`: {crs.map!r} is no CRS that PROJ knows ({error}).",
+            f"The session's key `crs.map`: {crs.map!r} is no CRS that PROJ knows ({error}).",
             "Without the map's CRS nothing can be placed.",
             'Write an EPSG code such as "EPSG:6677", or a WKT text.',
             code="crs-unknown",
@@ -102,7 +123,7 @@ def map_frame(crs: Crs) -> MapFrame:
     units = {axis.unit_name for axis in flat.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
-            f"session.toml: key `crs.map`: {crs.map} ({whole.name}) is in {' and '.join(sorted(units))}, not projected "
+            f"The session's key `crs.map`: {crs.map} ({whole.name}) is in {' and '.join(sorted(units))}, not projected "
             "in metres.",
             "Heights, distances and areas need a map frame in metres.",
             "Choose a projected CRS of the place; `furrowmap init` proposes one.",
@@ -114,7 +135,7 @@ def map_frame(crs: Crs) -> MapFrame:
     ):
         if value != known:
             raise RefusedError(
-                f'session.toml: key `crs.{key}` is {value!r}; this version vouches for "{known}" only.',
+                f'The session\'s key `crs.{key}` is {value!r}; this version vouches for "{known}" only.',
                 "A change of datum, epoch or height system that is not checked can be off by decimetres.",
                 f'Write `{key} = "{known}"` and transform the products with a tool that has the grids.',
                 code=f"crs-{key}",

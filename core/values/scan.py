@@ -62,8 +62,3 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.t_s)
-
-    @property
-    def mid_s(self) -> float:
-        """UTC in the middle between the first and the last return (nan for an empty scan)."""
-        return 0.5 * float(self.t_s[0] + self.t_s[-1]) if len(self.t_s) else float("nan")

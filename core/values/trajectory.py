@@ -93,6 +93,17 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """UTC of the first and of the last knot; nan where there is none."""
+        return (float(self.t_s[0]), float(self.t_s[-1])) if len(self) else (float("nan"), float("nan"))
+
+    @property
+    def gaps_s(self) -> FloatArray:
+        """(m, 2) UTC of the knots before and behind each gap."""
+        before = np.flatnonzero(np.diff(self.t_s) > self.max_gap_s)
+        return np.column_stack([self.t_s[before], self.t_s[before + 1]])
+
     @cached_property
     def turn_rad(self) -> FloatArray:
         """(n − 1, 3) rotation vector from each knot to the next, in the frame of the earlier one."""

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import gzip
+import operator
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 from furrowmap.core.cloud.placed import PlacedScan
-from furrowmap.core.pipeline import run
+from furrowmap.core.pipeline import Run, run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.errors import Cancelled, InputError
 
@@ -42,6 +45,23 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
     return tmp_path / "session.toml"
 
 
+def run_alone(session: Path) -> Run:
+    """The session's run with its capture in one file."""
+    session.write_text(SESSION)
+    return run(session, Counting())
+
+
+def shifted_nmea(log: bytes, seconds: int) -> bytes:
+    """The log with every time of day later by whole seconds, which stay within the minute's hour."""
+
+    def later(sentence: re.Match[bytes]) -> bytes:
+        h, m, s = int(sentence[2][:2]), int(sentence[2][2:4]), int(sentence[2][4:6]) + seconds
+        body = sentence[1] + b"%02d%02d%02d" % (h, m + s // 60, s % 60) + sentence[3]
+        return b"$%s*%02X" % (body, functools.reduce(operator.xor, body))
+
+    return re.sub(rb"\$(\w{2}(?:GGA|RMC|GST),)(\d{6})([^*]*)\*..", later, log)
+
+
 def test_a_session_places_all_points(session: Path) -> None:
     sink = Counting()
     found = run(session, sink)
@@ -53,7 +73,41 @@ def test_clocks_without_overlap_are_an_error_with_both_spans_and_the_offset(sess
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 32400.0\n[crs]"))
     with pytest.raises(InputError, match="no time in common") as caught:
         run(session, Counting())
-    assert "lidar_minus_gnss_s" in caught.value.remedy
+    assert "lidar_minus_gnss_s = 0.0" in caught.value.remedy
+    assert "32400" in caught.value.what
+
+
+def test_a_log_in_gps_time_is_found_out_and_its_cure_works(session: Path) -> None:
+    log = session.with_name("gnss.nmea")
+    log.write_bytes(shifted_nmea(log.read_bytes(), 18))
+    with pytest.raises(InputError) as caught:
+        run(session, Counting())
+    assert "lidar_minus_gnss_s = -18.0" in caught.value.remedy
+    session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -18.0\n[crs]"))
+    assert run(session, Counting()).tally.points_without_pose == 0
+
+
+def test_scans_in_a_gap_of_the_positions_are_told_as_such(session: Path) -> None:
+    log = session.with_name("gnss.nmea")
+    lines = log.read_bytes().splitlines(keepends=True)
+    log.write_bytes(b"".join(line for line in lines if not b",012341" <= line[6:13] <= b",012345"))
+    with pytest.raises(InputError, match="have a gap"):
+        run(session, Counting())
+
+
+def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
+    capture = session.with_name("capture.pcap")
+    whole = capture.read_bytes()
+    half = 24 + 1264 * 750
+    capture.with_name("first.pcap").write_bytes(whole[:half])
+    capture.with_name("second.pcap").write_bytes(whole[:24] + whole[half:])
+    session.write_text(SESSION.replace('"capture.pcap"', '"first.pcap", "second.pcap"'))
+    right = run(session, Counting())
+    assert right.tally.points == run_alone(session).tally.points
+    session.write_text(SESSION.replace('"capture.pcap"', '"second.pcap", "first.pcap"'))
+    with pytest.raises(InputError, match="Scan") as caught:
+        run(session, Counting())
+    assert caught.value.code == "scans-not-in-order"
 
 
 def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:

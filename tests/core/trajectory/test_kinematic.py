@@ -75,8 +75,7 @@ def test_gaps_stay_gaps() -> None:
     known = np.isfinite(poses.xyz_m[:, 0])
     assert known[kept].all()
     assert not known[~kept].any()
-    assert len(found.gaps) == 1
-    assert "gnss-gaps" in {notice.code for notice in found.notices}
+    assert len(found.trajectory.gaps_s) == 1
 
 
 def test_slow_positions_are_filled_in_so_that_curves_stay_curves() -> None:
@@ -136,6 +135,37 @@ def test_quality_gates_what_is_used() -> None:
         trajectory_from_gnss(track_of(truth, fix=fix), FRAME, LEVER_M, (Fix.DGPS,))
     with pytest.raises(InputError, match=r"run\.fixes"):
         fixes_from_labels(("rtk",))
+
+
+@pytest.mark.parametrize("noise_m", [0.003, 0.02])
+def test_noise_between_epochs_is_what_the_positions_show_whatever_their_quality(noise_m: float) -> None:
+    """Positions of a bad quality whose error drifts keep the path's shape: the noise is not taken from the quality."""
+    truth = drive(*FISHTAIL)
+    fix = np.full(len(truth.t_s), int(Fix.DGPS))
+    found = trajectory_from_gnss(track_of(truth, noise_m, fix=fix), FRAME, LEVER_M, None).trajectory
+    off = wrap_deg(found.attitude_deg()[2] - (90.0 - np.degrees(truth.yaw_rad)))
+    moving = np.abs(truth.speed_mps) > 0.2
+    assert np.median(np.abs(off[moving])) < 3.0
+    assert np.median(found.sigma[:, 0]) > 0.3
+    judged = np.abs(truth.speed_mps) > 0.3
+    assert (found.motion[judged] == np.sign(truth.speed_mps[judged])).mean() > 0.97
+
+
+def test_positions_too_far_apart_in_time_are_told_or_refused() -> None:
+    truth = drive((40, 1.0, 0))
+    slow = trajectory_from_gnss(track_of(truth)[::10], FRAME, LEVER_M, None)
+    assert "gnss-rate" in {notice.code for notice in slow.notices}
+    with pytest.raises(RefusedError, match=r"every 5\.0 s"):
+        trajectory_from_gnss(track_of(truth)[::50], FRAME, LEVER_M, None)
+
+
+def test_why_positions_cannot_be_used_is_told() -> None:
+    truth = drive((15, 1.0, 0))
+    n = len(truth.t_s)
+    with pytest.raises(InputError, match="height above the ellipsoid"):
+        trajectory_from_gnss(track_of(truth, height_m=np.full(n, np.nan)), FRAME, LEVER_M, None)
+    with pytest.raises(InputError, match="1 of its 1 epochs"):
+        trajectory_from_gnss(track_of(truth)[:1], FRAME, LEVER_M, None)
 
 
 def test_a_crs_of_another_country_is_refused() -> None:
