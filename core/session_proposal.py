@@ -14,7 +14,6 @@ import numpy as np
 from furrowmap.core.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.examination import Examined, time_matches
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
-from furrowmap.core.readers.source import look
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.session import SCHEMA
@@ -34,7 +33,8 @@ _ANTENNA: Final = """\
 # xyz_m = [1.85, 0.0, 1.62]
 """
 _OPTIONAL: Final = """\
-# The tool, for what it has worked: width, and the middle of its line in the vehicle frame.
+# The tool: width, and the middle of its line in the vehicle frame. Kept for the worked ground, which this version does
+# not compute yet.
 # [implement]
 # kind = "rotary tiller"
 # width_m = 1.70
@@ -187,7 +187,7 @@ def _missing(crs: CrsChoice | None, *, lidar: bool, gnss: bool, poses: bool) -> 
         "no-antenna": "Where the GNSS antenna is: [antenna] xyz_m. Until then it counts as at the vehicle's origin."
         if not poses
         else "",
-        "no-implement": "The tool: [implement]. Without it no worked area can be told.",
+        "no-implement": "The tool: [implement]. Kept for the worked ground, which this version does not yet compute.",
     }
     return [Notice(code, text) for code, text in texts.items() if text]
 
@@ -270,7 +270,7 @@ def _described(recordings: Sequence[Examined]) -> list[str]:
 def _names(recordings: Sequence[Examined], folder: Path) -> str:
     """The recordings' paths from `folder` as a TOML list; empty text without any."""
     names = []
-    for path in (file.resolve() for recording in recordings for file in _files(recording)):
+    for path in (recording.path.resolve() for recording in recordings):
         if not path.is_relative_to(folder.resolve()):
             raise InputError(
                 f"{path} lies outside {folder}, where the session file is to stand.",
@@ -280,14 +280,6 @@ def _names(recordings: Sequence[Examined], folder: Path) -> str:
             )
         names.append(path.relative_to(folder.resolve()).as_posix())
     return _listed(names) if names else ""
-
-
-def _files(recording: Examined) -> list[Path]:
-    """The recording itself, or the files that its reader knows in the folder that it is: a session names only files."""
-    if not recording.path.is_dir():
-        return [recording.path]
-    inside = sorted(path for path in recording.path.iterdir() if path.is_file() and path.stat().st_size)
-    return [path for path in inside if recording.reader.recognise(look(path)) > 0]
 
 
 def _listed(names: Sequence[str]) -> str:

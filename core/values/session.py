@@ -413,12 +413,18 @@ def _is_date(text: str) -> bool:
 def resolve(session_file: Path, named: str) -> Path:
     """The path of a file that a session names: relative to the session file, and inside its folder.
 
+    A folder is as good as a file where it is a ROS 2 bag.
+
     Raises:
-        InputError: if the name leads out of the session's folder or the file is not there.
+        InputError: if the name leads out of the session's folder (or a file in a bag's folder does), or if the file is
+            not there.
     """
     folder = session_file.resolve().parent
     try:
         path = (folder / named).resolve()
+        inside = list(path.iterdir()) if path.is_dir() else []
+        is_bag = any(_of_a_bag(file) for file in inside)
+        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_bag else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
         raise InputError(
@@ -427,18 +433,23 @@ def resolve(session_file: Path, named: str) -> Path:
             "Correct the name in the session file; paths are relative to that file.",
             code="session-file-missing",
         ) from None
-    if not path.is_relative_to(folder):
+    if leads_out:
         raise InputError(
             f"{session_file}: {named!r} leads out of the session's folder.",
             "A session may only name files beside or below itself, so that a foreign one cannot read others.",
             "Put the session file at or above the recordings' folder, or copy the recording beside it.",
             code="session-path-outside",
         )
-    if not is_file:
+    if not is_file and not is_bag:
         raise InputError(
-            f"{session_file}: {named!r} is {'a folder' if is_folder else 'not there'}.",
+            f"{session_file}: {named!r} is {'a folder, and holds no bag' if is_folder else 'not there'}.",
             "A file that the session names is missing, so the work did not start.",
             "Correct the name in the session file; paths are relative to that file.",
             code="session-file-missing",
         )
     return path
+
+
+def _of_a_bag(file: Path) -> bool:
+    """Whether a file is named as ROS 2 names those in the folder of a bag."""
+    return file.name == "metadata.yaml" or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

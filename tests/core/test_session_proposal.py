@@ -139,7 +139,8 @@ def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data
     (shutil.copytree if original.is_dir() else shutil.copyfile)(original, tmp_path / bag)
     proposal, session = proposed(tmp_path, tmp_path / bag)
     assert session.recording.lidar == session.recording.gnss
-    assert resolve(tmp_path / "session.toml", session.recording.lidar[0]).is_file()
+    assert session.recording.lidar == (bag,)
+    assert resolve(tmp_path / "session.toml", bag) == (tmp_path / bag).resolve()
     assert session.crs.map == "EPSG:32634"
     assert codes(proposal) == {"no-mounting", "no-antenna", "no-implement"}
 

@@ -232,3 +232,17 @@ def test_resolve__stays_inside_the_sessions_folder(tmp_path: Path) -> None:
         with pytest.raises(InputError) as error:
             resolve(session, name)
         assert error.value.code == "session-file-missing", name
+
+
+@pytest.mark.parametrize("content", ["metadata.yaml", "bag_0.db3", "bag_0.mcap", "bag_0.db3.zstd"])
+def test_resolve__takes_the_folder_of_a_bag_whose_files_stay_inside(content: str, tmp_path: Path) -> None:
+    bag = tmp_path / "field" / "bag"
+    bag.mkdir(parents=True)
+    (bag / content).write_text("x")
+    session = tmp_path / "field" / "session.toml"
+    assert resolve(session, "bag") == bag.resolve()
+    (tmp_path / "secret.db3").write_text("x")
+    (bag / "bag_1.db3").symlink_to(tmp_path / "secret.db3")
+    with pytest.raises(InputError) as error:
+        resolve(session, "bag")
+    assert error.value.code == "session-path-outside"
