@@ -13,7 +13,7 @@ import msgspec
 import tomli_w
 
 from furrowmap.core.cloud.placed import PlacedScan
-from furrowmap.core.pipeline import run
+from furrowmap.core.pipeline import Inputs, run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.progress import Progress, silent
@@ -22,7 +22,7 @@ from furrowmap.exporters.copc.points import PointBatch
 from furrowmap.exporters.copc.writer import CopcWriter
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
-from furrowmap.exporters.report import write_report
+from furrowmap.exporters.report import FileRecord, file_records, write_report
 from furrowmap.exporters.run_report import report_of
 from furrowmap.exporters.staging import recover, staged_folder
 
@@ -42,7 +42,9 @@ def write_products(
 
     Args:
         session_file: the session.
-        folder: made if it is not there; products of the same session in it are replaced.
+        folder: made if it is not there; products of the same session in it are replaced. That is a session of the
+            same name with the same files, byte for byte: whoever tunes the mounting, the clock offset or the CRS and
+            runs again replaces the earlier result.
         overwrite: replace products of another session, too.
         progress: is told of the stages.
 
@@ -52,9 +54,9 @@ def write_products(
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
     """
-    _refuse_original(folder, session_file)
-    _refuse_foreign(folder, load_session(session_file), overwrite=overwrite)
     start = perf_counter()
+    _refuse_original(folder, session_file)
+    inputs = None if overwrite else _refuse_foreign(folder, session_file, progress)
     with staged_folder(folder) as staging:
         with _Cloud(staging / CLOUD) as cloud:
             found = run(session_file, cloud, progress)
@@ -64,8 +66,9 @@ def write_products(
         progress("writing layers", 0.0)
         write_field(staging / FIELD, found.tally.poses, found.frame.crs)
         (staging / SESSION).write_text(session_text(found.session), encoding="utf-8")
+        inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}
-        return write_report(staging / REPORT, report_of(found, session_file, timings, PRODUCTS))
+        return write_report(staging / REPORT, report_of(found, inputs, timings, PRODUCTS))
 
 
 class _Cloud:
@@ -143,27 +146,35 @@ def _refuse_original(folder: Path, session_file: Path) -> None:
         )
 
 
-def _refuse_foreign(folder: Path, session: Session, *, overwrite: bool) -> None:
+def _refuse_foreign(folder: Path, session_file: Path, progress: Progress) -> list[FileRecord] | None:
     """Keep the products of another session where they are.
 
+    Recorders give their files the same names every time, so the files' content decides.
+
+    Returns:
+        The records of the session's files, if there was something to compare them with.
+
     Raises:
-        RefusedError: if there are any and `overwrite` was not asked for.
+        RefusedError: if there are products of another session.
     """
-    if overwrite or not folder.is_dir():
-        return
+    if not folder.is_dir():
+        return None
     recover(folder)
     there = [name for name in PRODUCTS if (folder / name).exists()]
     if not there:
-        return
+        return None
+    session = load_session(session_file)
+    inputs = file_records(Inputs.of(session_file, session).all, session_file.resolve().parent, progress)
     try:
-        earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))["session"]
-        same = (earlier["name"], earlier["recording"]) == (session.name, plain(msgspec.to_builtins(session.recording)))
+        earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))
+        same = (earlier["session"]["name"], earlier["inputs"]) == (session.name, plain(inputs))
     except (OSError, ValueError, KeyError, TypeError):
         same = False
     if not same:
         raise RefusedError(
             f"{folder} holds {', '.join(there)} of another session.",
-            "They would be lost, so nothing was done.",
+            "They would be lost, so nothing was done: their report names another session or other recordings.",
             "Choose another folder with -o, or replace them with --overwrite.",
             code="output-exists",
         )
+    return inputs

@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.json_text import json_text, plain
 
 SCHEMA: Final = 1
+_BLOCK_BYTES: Final = 4 << 20
 
 
 @dataclass(frozen=True)
@@ -30,16 +32,29 @@ class FileRecord:
     bytes: int
     sha256: str
 
-    @classmethod
-    def of(cls, path: Path, name: str) -> FileRecord:
-        """The record of the file at `path`, read through in blocks.
 
-        Raises:
-            OSError: if it cannot be read.
-        """
+def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent) -> list[FileRecord]:
+    """The records of files, read through in blocks.
+
+    Args:
+        paths: of the files, below `root`.
+        root: to which their names are relative.
+        progress: is told of the stage "hashing inputs".
+
+    Raises:
+        OSError: if one cannot be read.
+    """
+    records = []
+    total, done = sum(path.stat().st_size for path in paths), 0
+    for path in paths:
+        digest, begun = hashlib.sha256(), done
         with path.open("rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256")
-            return cls(name, stream.tell(), digest.hexdigest())
+            while block := stream.read(_BLOCK_BYTES):
+                digest.update(block)
+                done += len(block)
+                progress("hashing inputs", min(1.0, done / max(total, 1)))
+        records.append(FileRecord(path.relative_to(root).as_posix(), done - begun, digest.hexdigest()))
+    return records
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock
 from furrowmap.exporters.json_text import json_text, plain
-from furrowmap.exporters.report import FileRecord, Report, write_report
+from furrowmap.exporters.report import FileRecord, Report, file_records, write_report
 
 KEYS = ["furrowmap", "schema", "session", "inputs", "figures", "accuracy", "observability", "clocks", "warnings"]
 
@@ -58,12 +58,20 @@ def test_report__has_the_keys_of_the_reference_in_order(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
 
 
-def test_file_record__agrees_with_the_standards_test_vector(tmp_path: Path) -> None:
-    # FIPS 180-4's second example of one million times "a" (NIST, SHA-256 example vectors).
-    path = tmp_path / "a"
-    path.write_bytes(b"a" * 1_000_000)
-    digest = "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"
-    assert FileRecord.of(path, "a") == FileRecord("a", 1_000_000, digest)
+def test_file_records__agree_with_the_standards_test_vector(tmp_path: Path) -> None:
+    # FIPS 180-4's example of one million times "a", and that of no byte at all (NIST, SHA-256 example vectors).
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive" / "a").write_bytes(b"a" * 1_000_000)
+    (tmp_path / "empty").touch()
+    shares: list[float] = []
+    records = file_records(
+        [tmp_path / "drive" / "a", tmp_path / "empty"], tmp_path, lambda _, share: shares.append(share)
+    )
+    assert records == [
+        FileRecord("drive/a", 1_000_000, "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"),
+        FileRecord("empty", 0, "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
+    ]
+    assert shares[-1] == 1.0
 
 
 @given(VALUES)

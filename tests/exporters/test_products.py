@@ -1,0 +1,71 @@
+"""The folder of a run: whose products it holds, and what its files tell."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.exporters.products import write_products
+
+SCANS_S = 1_453_364_282.341
+"""The capture's first return by its GPS time."""
+DRIVE_COLUMNS = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n"
+SESSION = """furrowmap = 1
+[recording]
+lidar = ["recording.pcap"]
+[crs]
+map = "EPSG:6677"
+[trajectory]
+files = ["drive.csv"]
+"""
+
+
+@pytest.fixture
+def session(shared_data: Path, tmp_path: Path) -> Path:
+    """A VLP-16's 0.4 s on a straight drive at 1 m/s eastward."""
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    shutil.copy(shared_data / "velodyne" / "vlp16_single_gps.pcap", folder / "recording.pcap")
+    rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
+    (folder / "drive.csv").write_text(DRIVE_COLUMNS + rows)
+    (folder / "session.toml").write_text(SESSION)
+    return folder / "session.toml"
+
+
+@pytest.mark.parametrize(
+    "addition",
+    ["[lidar]\nxyz_m = [0.0, 0.0, 2.1]\n", "[run]\nstanding = false\n"],
+    ids=["mounting", "standing"],
+)
+def test_write_products__replaces_those_of_the_same_files_run_otherwise(
+    session: Path, tmp_path: Path, addition: str
+) -> None:
+    write_products(session, tmp_path / "result")
+    session.write_text(SESSION + addition)
+    table, key, *_ = addition.replace("[", "").replace("]", "").split()
+    assert key in write_products(session, tmp_path / "result")["session"][table]
+
+
+def test_write_products__keeps_those_of_other_files_with_the_same_names(session: Path, tmp_path: Path) -> None:
+    before = write_products(session, tmp_path / "result")
+    drive = session.with_name("drive.csv")
+    drive.write_text(drive.read_text().replace(",271,", ",272,"))
+    cloud = (tmp_path / "result" / "cloud.copc.laz").read_bytes()
+    with pytest.raises(RefusedError, match="another session"):
+        write_products(session, tmp_path / "result")
+    assert (tmp_path / "result" / "cloud.copc.laz").read_bytes() == cloud
+    after = write_products(session, tmp_path / "result", overwrite=True)
+    assert [file["name"] for file in after["inputs"]] == [file["name"] for file in before["inputs"]]
+    assert [a == b for a, b in zip(after["inputs"], before["inputs"], strict=True)] == [True, False]
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_write_products__hashes_the_inputs_once_and_says_so(session: Path, tmp_path: Path, again: bool) -> None:
+    if again:
+        write_products(session, tmp_path / "result")
+    told: list[tuple[str, float]] = []
+    write_products(session, tmp_path / "result", progress=lambda stage, share: told.append((stage, share)))
+    assert [share for stage, share in told if stage == "hashing inputs"].count(1.0) == 1
