@@ -37,7 +37,7 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
     """The records of files, read through in blocks.
 
     Args:
-        paths: of the files, below `root`.
+        paths: of the files, below `root`; a folder (of a ROS 2 bag) stands for the files in it.
         root: to which their names are relative.
         progress: is told of the stage "hashing inputs".
 
@@ -45,8 +45,9 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
         OSError: if one cannot be read.
     """
     records = []
-    total, done = sum(path.stat().st_size for path in paths), 0
-    for path in paths:
+    files = [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
+    total, done = sum(file.stat().st_size for file in files), 0
+    for path in files:
         digest, begun = hashlib.sha256(), done
         with path.open("rb") as stream:
             while block := stream.read(_BLOCK_BYTES):
@@ -55,6 +56,10 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
                 progress("hashing inputs", min(1.0, done / max(total, 1)))
         records.append(FileRecord(path.relative_to(root).as_posix(), done - begun, digest.hexdigest()))
     return records
+
+
+def _files_in(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.is_file())
 
 
 @dataclass(frozen=True)

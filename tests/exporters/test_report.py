@@ -74,6 +74,14 @@ def test_file_records__agree_with_the_standards_test_vector(tmp_path: Path) -> N
     assert shares[-1] == 1.0
 
 
+def test_file_records__of_a_bags_folder_are_those_of_its_files(tmp_path: Path) -> None:
+    (tmp_path / "bag" / "within").mkdir(parents=True)
+    for name in ("metadata.yaml", "bag_0.db3"):
+        (tmp_path / "bag" / name).write_text(name)
+    names = [record.name for record in file_records([tmp_path / "bag"], tmp_path)]
+    assert names == ["bag/bag_0.db3", "bag/metadata.yaml"]
+
+
 @given(VALUES)
 def test_json_text__is_what_it_was_given_with_null_for_what_is_not_finite(value: Any) -> None:
     def expected(item: Any) -> Any:
