@@ -62,7 +62,7 @@ def recording(passes: int) -> Path:
     folder = cache / f"run_{passes}"
     if not (folder / "truth" / "figures.json").exists():
         print(f"simulating {passes} passes, once …", file=sys.stderr)
-        simulate(scenario_from(SCENARIO.format(passes=passes), "bench_run"), folder)
+        simulate(scenario_from(SCENARIO.format(passes=passes), "whole_run"), folder)
     return folder
 
 
