@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.values.errors import InputError, Notice
@@ -170,12 +170,7 @@ class Recognised:
         head = look(path)
         scores = sorted(((reader.recognise(head), reader.format, reader) for reader in readers()), key=lambda s: s[:2])
         if not scores or scores[-1][0] <= 0:
-            raise InputError(
-                f"{path}: of no kind that furrowmap reads ({_looks_like(head.data)}).",
-                "It is neither a known LiDAR or GNSS recording nor a trajectory.",
-                f"Known: {'; '.join(sorted(reader.title for reader in readers()))}.",
-                code="unknown-format",
-            )
+            raise _unknown(head)
         return cls(head, scores[-1][2])
 
 
@@ -211,17 +206,47 @@ def readers() -> tuple[type[Reader], ...]:
     return tuple(found)
 
 
+_STRANGERS: Final = {
+    b"LASF": "a LAS or LAZ point cloud",
+    b"# .PCD": "a PCD point cloud",
+    b"PK\x03\x04": "a zip archive",
+    b"SQLite format 3": "an SQLite database",
+    b"\x89PNG": "a PNG picture",
+    b"%PDF": "a PDF document",
+    b"II*\x00": "a TIFF picture",
+}
+_RECEIVERS_OWN: Final = {
+    b"\xb5\x62": "a u-blox receiver's own messages (UBX)",
+    b"$@": "a Septentrio receiver's own messages (SBF)",
+    b"\xd3\x00": "corrections or raw observations (RTCM 3)",
+    b"% ": "a solution of RTKLIB (.pos)",
+}
+"""What files of formats that are not read begin with; the second kind has positions that can be exported."""
+
+
+def _unknown(head: Head) -> InputError:
+    """The error of a file that no reader knows, with a word on what it may be."""
+    known = f"Known: {'; '.join(sorted(reader.title for reader in readers()))}."
+    if head.path.is_dir():
+        return InputError(
+            f"{head.path} is a folder, and holds no bag.",
+            "Of folders only those of ROS 2 bags are read as a whole (metadata.yaml with .db3 or .mcap files).",
+            f"Name the files in it. {known}",
+            code="unknown-format",
+        )
+    own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
+    cure = "Export NMEA (GGA, RMC, GST) from the receiver's or the processor's tool. " if own else ""
+    return InputError(
+        f"{head.path}: of no kind that furrowmap reads ({f'it looks like {own}' if own else _looks_like(head.data)}).",
+        "It is neither a known LiDAR or GNSS recording nor a trajectory.",
+        f"{cure}{known}",
+        code="unknown-format",
+    )
+
+
 def _looks_like(data: bytes) -> str:
     """A few words on content that nobody recognised."""
-    known = {
-        b"LASF": "a LAS or LAZ point cloud",
-        b"PK\x03\x04": "a zip archive",
-        b"SQLite format 3": "an SQLite database",
-        b"\x89PNG": "a PNG picture",
-        b"%PDF": "a PDF document",
-        b"II*\x00": "a TIFF picture",
-    }
-    for start, words in known.items():
+    for start, words in _STRANGERS.items():
         if data.startswith(start):
             return f"it looks like {words}"
     printable = sum(32 <= b < 127 or b in b"\r\n\t" for b in data[:4096])

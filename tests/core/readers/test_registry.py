@@ -69,6 +69,33 @@ def test_binary_logs__with_a_stray_sentence_are_no_nmea(shared_data: Path) -> No
 
 
 @pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gnss/walk_f9p/walk.ubx", "UBX"),
+        ("gnss/sbf/x5pvt.sbf", "SBF"),
+        ("gnss/pos/static_rtk.pos", "RTKLIB"),
+        ("gnss/pos/car_f9p_rtklibpy_weektow.pos", "RTKLIB"),
+    ],
+)
+def test_receivers_own_formats__are_named_with_the_way_to_nmea(name: str, words: str, shared_data: Path) -> None:
+    error = refused(shared_data / name)
+    assert words in error.what
+    assert "Export NMEA (GGA, RMC, GST)" in error.remedy
+
+
+def test_other_formats__are_named(shared_data: Path, tmp_path: Path) -> None:
+    assert "a PCD point cloud" in refused(shared_data / "velodyne/vlp16_dual_truth.pcd").what
+    (tmp_path / "base.rtcm3").write_bytes(bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98"))
+    assert "RTCM 3" in refused(tmp_path / "base.rtcm3").what
+
+
+def test_folder__without_a_bag_is_told_as_one(tmp_path: Path) -> None:
+    (tmp_path / "field").mkdir()
+    error = refused(tmp_path / "field")
+    assert (error.code, "is a folder, and holds no bag" in error.what) == ("unknown-format", True)
+
+
+@pytest.mark.parametrize(
     ("name", "format_"),
     [
         ("tractor_loop/gnss.nmea", "nmea"),
