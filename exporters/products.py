@@ -19,7 +19,7 @@ from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
 from furrowmap.exporters.copc.points import PointBatch
-from furrowmap.exporters.copc.writer import CopcWriter
+from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
@@ -61,14 +61,14 @@ def write_products(
         with _Cloud(staging / CLOUD) as cloud:
             found = run(session_file, cloud, progress)
             written = perf_counter()
-            cloud.finish(progress)
+            summary = cloud.finish(progress)
         written = perf_counter() - written
         progress("writing layers", 0.0)
         write_field(staging / FIELD, found.tally.poses, found.frame.crs)
         (staging / SESSION).write_text(session_text(found.session), encoding="utf-8")
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}
-        return write_report(staging / REPORT, report_of(found, inputs, timings, PRODUCTS))
+        return write_report(staging / REPORT, report_of(found, summary, inputs, timings, PRODUCTS))
 
 
 class _Cloud:
@@ -106,10 +106,10 @@ class _Cloud:
             )
         )
 
-    def finish(self, progress: Progress) -> None:
+    def finish(self, progress: Progress) -> CopcSummary:
         """Sort, compress and write the points."""
         assert self._writer is not None
-        self._writer.close(progress)
+        return self._writer.close(progress)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

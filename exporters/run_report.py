@@ -14,16 +14,24 @@ from furrowmap.core.pipeline import Run
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.exporters.copc.writer import CopcSummary
 from furrowmap.exporters.report import FileRecord, Report
 
 STEP_M: Final = 0.1
 
 
-def report_of(found: Run, inputs: Sequence[FileRecord], timings_s: dict[str, float], products: Sequence[str]) -> Report:
+def report_of(
+    found: Run,
+    cloud: CopcSummary,
+    inputs: Sequence[FileRecord],
+    timings_s: dict[str, float],
+    products: Sequence[str],
+) -> Report:
     """The report of a run.
 
     Args:
         found: by the run.
+        cloud: what its writer wrote.
         inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
@@ -31,7 +39,7 @@ def report_of(found: Run, inputs: Sequence[FileRecord], timings_s: dict[str, flo
     return Report(
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
-        figures=_figures(found),
+        figures=_figures(found, cloud),
         accuracy=_accuracy(found.tally.poses),
         observability=_observability(found),
         clocks=_clocks(found),
@@ -41,7 +49,7 @@ def report_of(found: Run, inputs: Sequence[FileRecord], timings_s: dict[str, flo
     )
 
 
-def _figures(found: Run) -> dict[str, Any]:
+def _figures(found: Run, cloud: CopcSummary) -> dict[str, Any]:
     """Counts, times and lengths."""
     tally = found.tally
     distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
@@ -60,7 +68,7 @@ def _figures(found: Run) -> dict[str, Any]:
         "standing_s": round(standing_s, 1),
         "crs": found.frame.name,
         "heights": found.session.crs.heights,
-        "bounds_m": [[round(v, 3) for v in f(tally.poses.xyz_m, axis=0).tolist()] for f in (np.min, np.max)],
+        "bounds_m": [[round(v, 3) for v in corner] for corner in (cloud.low_m, cloud.high_m)],
     }
 
 

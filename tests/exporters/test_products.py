@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from datetime import datetime
 from pathlib import Path
 
+import laspy
+import numpy as np
 import pytest
 
 from furrowmap.core.values.errors import RefusedError
@@ -12,6 +15,7 @@ from furrowmap.exporters.products import write_products
 
 SCANS_S = 1_453_364_282.341
 """The capture's first return by its GPS time."""
+GPS_EPOCH_S, LEAP_S = 315_964_800, 17  # leap seconds in January 2016
 DRIVE_COLUMNS = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n"
 SESSION = """furrowmap = 1
 [recording]
@@ -69,3 +73,14 @@ def test_write_products__hashes_the_inputs_once_and_says_so(session: Path, tmp_p
     told: list[tuple[str, float]] = []
     write_products(session, tmp_path / "result", progress=lambda stage, share: told.append((stage, share)))
     assert [share for stage, share in told if stage == "hashing inputs"].count(1.0) == 1
+
+
+def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path) -> None:
+    session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 0.5\n[crs]"))
+    figures = write_products(session, tmp_path / "result")["figures"]
+    cloud = laspy.read(tmp_path / "result" / "cloud.copc.laz")
+    np.testing.assert_allclose(figures["bounds_m"], [cloud.xyz.min(0), cloud.xyz.max(0)], atol=1e-9)
+    for name, gps_s in (("start", cloud.gps_time.min()), ("end", cloud.gps_time.max())):
+        told_s = datetime.fromisoformat(figures[name]).timestamp()
+        assert told_s == pytest.approx(gps_s + 1e9 + GPS_EPOCH_S - LEAP_S, abs=0.001)
+    assert figures["distance_m"] == pytest.approx(0.387, abs=0.005)
