@@ -39,7 +39,10 @@ def field_layers(folder):
     path = Path(folder) / FIELD_LAYERS
     found = QgsProviderRegistry.instance().querySublayers(str(path)) if path.is_file() else []
     tables = (details for details in found if details.name() != "layer_styles")
-    return [QgsVectorLayer(details.uri(), details.name(), details.providerKey()) for details in tables]
+    layers = [QgsVectorLayer(details.uri(), details.name(), details.providerKey()) for details in tables]
+    for layer in layers:
+        layer.loadDefaultStyle()  # again: at its birth a layer takes the symbols of its style, but not its times
+    return layers
 
 
 def cloud_layers(folder):

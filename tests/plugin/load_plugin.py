@@ -71,7 +71,10 @@ def main(plugins_folder: str, results: str) -> None:
         "started": started,
         "unloaded": unloaded,
         "left": children,
-        "layers": [[layer.name(), layer.crs().authid(), layer.isValid()] for layer in layers],
+        "layers": [
+            [layer.name(), layer.crs().authid(), layer.isValid(), layer.temporalProperties().isActive()]
+            for layer in layers
+        ],
         "group": group.name(),
         "in_group": [node.name() for node in group.findLayers()],
         "refusal": refusal,

@@ -14,8 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import geopandas as gpd
+import numpy as np
 import pytest
+from pyproj import CRS
 from shapely import Point
+
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.exporters.geopackage import write_field
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -103,8 +108,23 @@ def test_plugin__loads_twenty_times_and_opens_the_results_of_a_run(
         archive.extractall(tmp_path / "plugins")
     results = tmp_path / "north field 圃場"
     results.mkdir()
-    table = gpd.GeoDataFrame({"scan": [0, 1]}, geometry=[Point(4000, 5000), Point(4001, 5000)], crs="EPSG:6677")
-    table.to_file(results / "field.gpkg", layer="trajectory")
+    two = np.arange(2)
+    write_field(
+        results / "field.gpkg",
+        ScanPoses(
+            scan=two,
+            t_s=1.78e9 + two,
+            xyz_m=np.array([[4000.0, 5000.0, 10.0], [4001.0, 5000.0, 10.0]]),
+            quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+            speed_mps=np.ones(2),
+            motion=np.ones(2, np.int8),
+            fix=np.full(2, 4, np.int8),
+            sigma=np.full((2, 6), np.nan),
+            heading_from=np.array(["course", "course"]),
+            points=np.array([10, 10]),
+        ),
+        CRS.from_user_input("EPSG:6677"),
+    )
 
     script = CHECKOUT / "tests" / "plugin" / "load_plugin.py"
     answer = json.loads(qgis.run("python3", script, tmp_path / "plugins", results).splitlines()[-1])
@@ -112,7 +132,9 @@ def test_plugin__loads_twenty_times_and_opens_the_results_of_a_run(
     assert answer["started"] == [["Open furrowmap results…"]] * 20
     assert answer["unloaded"] == [[]] * 20
     assert answer["left"] == []
-    assert answer["layers"] == [["trajectory", "EPSG:6677", True]]
+    assert answer["layers"] == [
+        ["trajectory", "EPSG:6677", True, True]
+    ]  # the last: it plays in the temporal controller
     assert (answer["group"], answer["in_group"]) == (results.name, ["trajectory"])
     assert "field.gpkg" in answer["refusal"]
 
