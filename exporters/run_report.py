@@ -12,7 +12,6 @@ import numpy as np
 
 from furrowmap.core.pipeline import Run
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.exporters.copc.writer import CopcSummary
 from furrowmap.exporters.report import FileRecord, Report
@@ -40,7 +39,7 @@ def report_of(
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
         figures=_figures(found, cloud),
-        accuracy=_accuracy(found.tally.poses),
+        accuracy=_accuracy(found),
         observability=_observability(found),
         clocks=_clocks(found),
         warnings=found.notices,
@@ -105,14 +104,15 @@ def _length_m(path: list[list[float]]) -> float:
     return length + math.dist(path[-1], last)
 
 
-def _accuracy(poses: ScanPoses) -> dict[str, Any]:
-    """The sigmas of the scans' poses: median and 95th percentile of each, null where unknown."""
-    out = {}
-    for i, name in enumerate(SIGMAS):
-        known = poses.sigma[:, i][np.isfinite(poses.sigma[:, i])]
-        quantiles = np.quantile(known, (0.5, 0.95)).tolist() if len(known) else (None, None)
+def _accuracy(found: Run) -> dict[str, Any]:
+    """The sigmas of the scans' poses: median and 95th percentile of each, null where unknown; and which are assumed."""
+    out: dict[str, Any] = {}
+    for name, sigma in zip(SIGMAS, found.tally.poses.sigma.T, strict=True):
+        known = sigma[np.isfinite(sigma)]
+        digits = 3 if name.endswith("_deg") else 4
+        quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
         out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
-    return out
+    return out | {"assumed": ["sigma_roll_deg", "sigma_pitch_deg"] if found.located.source == "gnss" else []}
 
 
 def _observability(found: Run) -> dict[str, Any]:

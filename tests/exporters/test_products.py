@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import shutil
 from datetime import datetime
 from pathlib import Path
@@ -84,3 +85,24 @@ def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path
         told_s = datetime.fromisoformat(figures[name]).timestamp()
         assert told_s == pytest.approx(gps_s + 1e9 + GPS_EPOCH_S - LEAP_S, abs=0.001)
     assert figures["distance_m"] == pytest.approx(0.387, abs=0.005)
+
+
+def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data: Path, tmp_path: Path) -> None:
+    with gzip.open(shared_data / "tractor_loop" / "recording.pcap.gz") as stream:
+        (tmp_path / "recording.pcap").write_bytes(stream.read(24 + 1264 * 300))
+    shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", tmp_path)
+    (tmp_path / "session.toml").write_text(
+        SESSION[: SESSION.index("[trajectory]")].replace("[crs]", 'gnss = ["gnss.nmea"]\n[crs]')
+    )
+    accuracy = write_products(tmp_path / "session.toml", tmp_path / "result")["accuracy"]
+    assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]
+    assert accuracy["sigma_roll_deg"] == {"median": 1.0, "p95": 1.0}
+    for name, told in accuracy.items():
+        digits = 3 if name.endswith("_deg") else 4
+        assert all(value > 0 and value == round(value, digits) for value in told.values()), name
+
+
+def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(session: Path, tmp_path: Path) -> None:
+    accuracy = write_products(session, tmp_path / "result")["accuracy"]
+    assert accuracy.pop("assumed") == []
+    assert {value for told in accuracy.values() for value in told.values()} == {None}
