@@ -98,7 +98,7 @@ class MapFrame:
             raise RefusedError(
                 f"{self.name} stretches the ground at the recording's place by a factor of {scale:.4f}.",
                 "Scans are placed in true metres, so the cloud would not fit its own track, and areas would be wrong.",
-                "Set `[crs] map` to a projected CRS of the place (UTM or a national one); `furrowmap init` proposes one.",
+                "Set `[crs] map` to a projected CRS of the place (UTM or a national one): see `furrowmap init`.",
                 code="crs-scale",
             )
 
