@@ -22,7 +22,7 @@ _UNITS: Final = {
 
 
 def figures(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Names and values as rows of a table; a table within becomes one line, or one for each table within that."""
+    """Names and values as rows of a table; a table within becomes one line, or one for each item if any is nested."""
     return [_figure(name, value) for name, value in values.items()]
 
 
@@ -64,7 +64,8 @@ def _told(value: Any) -> str:
     if isinstance(value, Mapping):
         if all(isinstance(item, Mapping) for item in value.values()):
             return "\n".join(f"{printable(str(name))}: {_told(item)}" for name, item in value.items())
-        return ", ".join(" ".join(_figure(str(name), item)) for name, item in value.items())
+        nested = any(isinstance(item, Mapping | list | tuple) for item in value.values())
+        return ("\n" if nested else ", ").join(" ".join(_figure(str(name), item)) for name, item in value.items())
     if isinstance(value, list | tuple):
         nested = any(isinstance(item, list | tuple) for item in value)
         return ("; " if nested else ", ").join(_told(item) for item in value)

@@ -13,7 +13,7 @@ import numpy as np
 
 from furrowmap.core.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.examination import Examined, time_matches
-from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, GivesPoses, GivesTrack, ReadOptions
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.session import SCHEMA
@@ -202,9 +202,11 @@ name = {_quoted(folder.resolve().name or "session")}
 
 
 def _recording(lidar: Sequence[Examined], gnss: Sequence[Examined], poses: Sequence[Examined], folder: Path) -> str:
-    lines = ["[recording]", *_described(lidar), f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}"]
+    scans = [(recording, recording.scan_clock) for recording in lidar]
+    lines = ["[recording]", *_described(scans), f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}"]
     if gnss or not poses:
-        lines += [*_described(gnss), f"gnss = {_names(gnss, folder) or _listed([UNKNOWN])}"]
+        positions = [(recording, recording.position_clock) for recording in gnss]
+        lines += [*_described(positions), f"gnss = {_names(gnss, folder) or _listed([UNKNOWN])}"]
     return "\n".join(lines)
 
 
@@ -234,7 +236,7 @@ coordinates = "as-recorded"
 
 
 def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
-    comments = "\n".join(_described(poses))
+    comments = "\n".join(_described([(recording, recording.position_clock) for recording in poses]))
     return f"""\
 # A trajectory from elsewhere takes the place of GNSS.
 [trajectory]
@@ -257,11 +259,10 @@ def _model(facts: Mapping[str, Any]) -> str | None:
     return str(model) if model else None
 
 
-def _described(recordings: Sequence[Examined]) -> list[str]:
-    """A comment on each recording."""
+def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:
+    """A comment on each recording, with the clock of what is taken from it."""
     lines = []
-    for recording in recordings:
-        clock = recording.scan_clock or recording.position_clock
+    for recording, clock in recordings:
         span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
         lines.append(f"# {printable(recording.path.name)}: {printable(recording.inspection.title)}{span}")
     return lines

@@ -25,6 +25,7 @@ from furrowmap.cli.words import figures, table
         ("gaps", {"count": 2, "longest_s": 5.1}, "gaps", "count 2, longest 5.1 s"),
         ("other_packets", {}, "other packets", "none"),
         ("topics", {"/a": {"messages": 1}, "/b": {"messages": 2}}, "topics", "/a: messages 1\n/b: messages 2"),
+        ("scans", {"points": 3, "gaps": {"count": 2, "s": 5}}, "scans", "points 3\ngaps count 2, s 5"),
         ("topic", "/\x1b[31mred", "topic", "/\\x1b[31mred"),
     ],
 )

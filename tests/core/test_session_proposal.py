@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from functools import reduce
 from operator import xor
@@ -140,6 +141,8 @@ def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data
     proposal, session = proposed(tmp_path, tmp_path / bag)
     assert session.recording.lidar == session.recording.gnss
     assert session.recording.lidar == (bag,)
+    said = {line.split(" = ")[0]: before for before, line in itertools.pairwise(proposal.text.splitlines())}
+    assert (said["lidar"].endswith("(recorder)"), said["gnss"].endswith("(gnss)")) == (True, True)
     assert resolve(tmp_path / "session.toml", bag) == (tmp_path / bag).resolve()
     assert session.crs.map == "EPSG:32634"
     assert codes(proposal) == {"no-mounting", "no-antenna", "no-implement"}

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.packets import PacketScans
 
 T = TypeVar("T")
-_POINT_TIMES: Final = "times of the points"
+_POINT_TIMES: Final = "stamps of the points, which place the scans in time"
 
 
 @dataclass

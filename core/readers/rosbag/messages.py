@@ -133,9 +133,9 @@ class FixLog:
             notices.append(
                 Notice(
                     "gnss-fix-guessed",
-                    f"{source}: NavSatFix knows only 'ground-based augmentation': {ground['fixed']} positions with a "
-                    f"stated horizontal sigma of at most {FIXED_SIGMA_M:.2f} m are taken as fixed, {ground['float']} "
-                    "with a larger or no sigma as float.",
+                    f"{source}: bags do not say whether RTK was fixed or float, only that corrections from the ground "
+                    f"were used. {ground['fixed']} positions that state an accuracy of {FIXED_SIGMA_M:.2f} m or better "
+                    f"(horizontal sigma) are taken as fixed, {ground['float']} with a worse or no accuracy as float.",
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices

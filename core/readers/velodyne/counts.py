@@ -141,7 +141,7 @@ class PacketCounts:
             notices.append(
                 Notice(
                     "pauses",
-                    f"{self.pauses:,} pauses of {self.shortest_pause_s:.4g} to {self.longest_pause_s:.4g} s,"
+                    f"{self.pauses:,} pauses of {_span(self.shortest_pause_s, self.longest_pause_s)} s,"
                     f" {self.paused_s:.1f} s in all: only a part was stored, or the sensor reports a sector only.",
                 )
             )
@@ -199,6 +199,12 @@ class PacketCounts:
                 )
             ]
         return []
+
+
+def _span(shortest_s: float, longest_s: float) -> str:
+    """Two lengths of time to the millisecond, or one where they are the same."""
+    ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (shortest_s, longest_s))
+    return " to ".join(ends)
 
 
 def _tally(values: ByteArray) -> dict[int, int]:
