@@ -35,7 +35,7 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
         report = write_products(session, folder, overwrite=overwrite, progress=progress)
     for warning in report["warnings"]:
         console.warn(Notice(warning["code"], warning["text"]))
-    console.answer(report, _words(report, folder))
+    console.answer({"folder": folder, **report}, _words(report, folder))
 
 
 def _words(report: dict[str, Any], folder: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -15,7 +16,7 @@ import tomli_w
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.pipeline import Inputs, run
 from furrowmap.core.trajectory.projection import MapFrame
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
 from furrowmap.exporters.copc.points import PointBatch
@@ -55,6 +56,7 @@ def write_products(
         FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
     """
     start = perf_counter()
+    origin = _way_to(session_file, folder)
     _refuse_original(folder, session_file)
     inputs = None if overwrite else _refuse_foreign(folder, session_file, progress)
     with staged_folder(folder) as staging:
@@ -65,10 +67,10 @@ def write_products(
         written = perf_counter() - written
         progress("writing layers", 0.0)
         write_field(staging / FIELD, found.tally.poses, found.frame.crs)
-        (staging / SESSION).write_text(session_text(found.session), encoding="utf-8")
+        (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}
-        return write_report(staging / REPORT, report_of(found, summary, inputs, timings, PRODUCTS))
+        return write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, PRODUCTS))
 
 
 class _Cloud:
@@ -118,11 +120,28 @@ class _Cloud:
             self._writer.__exit__(kind, error, trace)
 
 
-def session_text(session: Session) -> str:
-    """A session as a file: every key that has a value, the defaults too."""
+def session_text(session: Session, session_file: str) -> str:
+    """A session as a file: every key that has a value, the defaults too.
+
+    Args:
+        session: as it was understood.
+        session_file: the way to the file that it was read from, told in a comment.
+    """
     tables = {key: _without_none(value) for key, value in msgspec.to_builtins(session).items() if value is not None}
-    head = f"# As furrowmap {version('furrowmap')} understood the session; paths are relative to the original file.\n\n"
+    head = (
+        f"# As furrowmap {version('furrowmap')} understood the session in this file, seen from here:\n"
+        f"#   {printable(session_file)}\n"
+        "# Paths below are relative to that file: to run this one, put it into the same folder.\n\n"
+    )
     return head + tomli_w.dumps(tables)
+
+
+def _way_to(session_file: Path, folder: Path) -> str:
+    """The session file as seen from the products' folder; its name alone where no relative path leads there."""
+    try:
+        return Path(os.path.relpath(session_file.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        return session_file.name
 
 
 def _without_none(value: Any) -> Any:

@@ -67,6 +67,7 @@ class Report:
     """The content of `report.json`; every table may hold whatever JSON can, and numpy's numbers.
 
     Attributes:
+        session_file: the way to the file of the session, as seen from the products.
         session: the session as it was understood.
         inputs: the files that were read.
         figures: what came out, in SI units that the names state.
@@ -78,6 +79,7 @@ class Report:
         products: names of the files written.
     """
 
+    session_file: str
     session: Mapping[str, Any]
     inputs: Sequence[FileRecord]
     figures: Mapping[str, Any]

@@ -21,6 +21,7 @@ STEP_M: Final = 0.1
 
 def report_of(
     found: Run,
+    session_file: str,
     cloud: CopcSummary,
     inputs: Sequence[FileRecord],
     timings_s: dict[str, float],
@@ -30,12 +31,14 @@ def report_of(
 
     Args:
         found: by the run.
+        session_file: the way to the session from the products.
         cloud: what its writer wrote.
         inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
     """
     return Report(
+        session_file=session_file,
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
         figures=_figures(found, cloud),

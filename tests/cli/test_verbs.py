@@ -119,10 +119,14 @@ def test_run__writes_the_products_beside_the_session(session: Path, capsys: pyte
     assert pyogrio.read_info(folder / "field.gpkg", layer="trajectory")["features"] == 5
 
 
-def test_run__answers_with_the_report(session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run__answers_with_the_folder_and_the_report(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     status, out, _ = told(capsys, "run", session, "-o", tmp_path / "result", "--json", "--quiet")
     assert status == 0
-    assert json.loads(out) == json.loads((tmp_path / "result" / "report.json").read_text(encoding="utf-8"))
+    answer = json.loads(out)
+    assert answer.pop("folder") == str(tmp_path / "result")
+    assert answer == json.loads((tmp_path / "result" / "report.json").read_text(encoding="utf-8"))
 
 
 def test_run__keeps_the_products_of_another_session(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import shutil
 from datetime import datetime
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.session import load_session
 from furrowmap.exporters.products import write_products
 
 SCANS_S = 1_453_364_282.341
@@ -106,3 +108,25 @@ def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(sessio
     accuracy = write_products(session, tmp_path / "result")["accuracy"]
     assert accuracy.pop("assumed") == []
     assert {value for told in accuracy.values() for value in told.values()} == {None}
+
+
+def test_session_toml__beside_the_original_runs_to_the_same_cloud(session: Path, tmp_path: Path) -> None:
+    result = tmp_path / "some where" / "result"
+    report = write_products(session, result)
+    assert report["session_file"] == "../../drive/session.toml"
+    assert (result / report["session_file"]).samefile(session)
+    head = (result / "session.toml").read_text(encoding="utf-8").splitlines()[:3]
+    assert head[1] == "#   ../../drive/session.toml"
+    assert all(line.startswith("#") for line in head)
+    again = session.with_name("understood.toml")
+    shutil.copy(result / "session.toml", again)
+    repeated = write_products(again, tmp_path / "again")
+    assert repeated["session"] == report["session"]
+    assert (tmp_path / "again" / "cloud.copc.laz").read_bytes() == (result / "cloud.copc.laz").read_bytes()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows knows no such file names")
+def test_session_toml__cannot_be_added_to_by_the_name_of_the_original(session: Path, tmp_path: Path) -> None:
+    odd = session.rename(session.with_name("a\n[run]\nstanding = false\udcff.toml"))
+    write_products(odd, tmp_path / "result")
+    assert load_session(tmp_path / "result" / "session.toml").run.standing is True

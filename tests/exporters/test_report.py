@@ -16,7 +16,18 @@ from furrowmap.core.values.scan import Clock
 from furrowmap.exporters.json_text import json_text, plain
 from furrowmap.exporters.report import FileRecord, Report, file_records, write_report
 
-KEYS = ["furrowmap", "schema", "session", "inputs", "figures", "accuracy", "observability", "clocks", "warnings"]
+KEYS = [
+    "furrowmap",
+    "schema",
+    "session_file",
+    "session",
+    "inputs",
+    "figures",
+    "accuracy",
+    "observability",
+    "clocks",
+    "warnings",
+]
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
@@ -36,6 +47,7 @@ def strict_json(text: str) -> Any:
 
 def test_report__has_the_keys_of_the_reference_in_order(tmp_path: Path) -> None:
     report = Report(
+        session_file="../session.toml",
         session={"name": "圃場"},
         inputs=[FileRecord("recording.pcap", 3, "ab")],
         figures={"points": np.int64(7_977_874), "spread_m": float("nan"), "box_m": np.array([1.0, 2.0])},
