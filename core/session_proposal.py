@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from pyproj import Transformer
 
 from furrowmap.core.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.examination import Examined, time_matches
@@ -20,6 +22,9 @@ from furrowmap.core.values.session import SCHEMA
 
 UNKNOWN: Final = "FILL-IN"
 """What stands where a session cannot do without a word that could not be found out."""
+
+_SAME_PLACE_M: Final = 1000.0
+"""Distance below which two positions are the same place in the same CRS; in another one it is kilometres off."""
 
 _MOUNTING: Final = """\
 # Vehicle frame: origin on the ground below the middle of the rear axle; x forward, y left, z up, in metres.
@@ -150,7 +155,10 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
         if isinstance(reader, GivesTrack):
             track = reader.track()
             t_s, lon_deg, lat_deg = track.t_s, track.lon_deg, track.lat_deg
-        elif isinstance(reader, GivesPoses) and not (poses := reader.poses()).projected:
+        elif isinstance(reader, GivesPoses):
+            poses = reader.poses()
+            if poses.projected:
+                return _projected_beginning(recording, float(poses.position[0, 0]), float(poses.position[0, 1]))
             t_s, lon_deg, lat_deg = poses.t_s, poses.position[:, 0], poses.position[:, 1]
         else:
             return _Beginning()
@@ -163,6 +171,26 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
         crs=choose_crs(float(lon_deg[known[0]]), float(lat_deg[known[0]])),
         date=iso_utc(float(t_s[0])).partition("T")[0] if near_s is not None else None,
     )
+
+
+def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginning:
+    """The CRS of eastings and northings that begin with these, if their file tells longitude and latitude as well.
+
+    A CRS in which the place lies elsewhere is not proposed: the trajectory would be taken for one in that CRS.
+    """
+    place = recording.inspection.facts.get("place")
+    if place is None:
+        return _Beginning()
+    crs = choose_crs(place["lon_deg"], place["lat_deg"])
+    if crs is None:
+        return _Beginning()
+    there_m = Transformer.from_crs("EPSG:4326", crs.code, always_xy=True).transform(place["lon_deg"], place["lat_deg"])
+    if math.dist(there_m, (e_m, n_m)) > _SAME_PLACE_M:
+        return _Beginning(
+            fault=f"{recording.path.name} holds eastings and northings that are not those of {crs.code}, in whose area "
+            "its latitudes and longitudes lie: state the CRS that they are in."
+        )
+    return _Beginning(crs=crs)
 
 
 def _crs_found(crs: CrsChoice | None) -> list[Notice]:

@@ -109,6 +109,19 @@ def test_trajectory__replaces_gnss(capture: Path, tmp_path: Path) -> None:
     assert "no-antenna" not in codes(proposal)
 
 
+@pytest.mark.parametrize(("shift_m", "crs"), [(0.0, "EPSG:32634"), (5e4, UNKNOWN)])
+def test_trajectory_in_the_map__is_placed_by_its_longitudes_and_latitudes(
+    shift_m: float, crs: str, tmp_path: Path
+) -> None:
+    # 52.3 N 21 E lies on UTM 34's central meridian, where easting is 500 km by definition.
+    path = tmp_path / "poses.csv"
+    rows = "".join(f"{1453364280 + i},{5e5 + shift_m},5794291,110,0,0,90,52.3,21\n" for i in range(5))
+    path.write_text("time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg,lat_deg,lon_deg\n" + rows)
+    proposal, session = proposed(tmp_path, path)
+    assert session.crs.map == crs
+    assert ("no-place" in codes(proposal)) == (crs == UNKNOWN)
+
+
 def test_recordings_apart__are_told_with_the_offset_that_would_fit(capture: Path, tmp_path: Path) -> None:
     log = nmea(tmp_path / "gnss.nmea")
     log.write_text("".join(sentence(line[1:-3].replace(",08", ",17")) for line in log.read_text().splitlines()))

@@ -101,6 +101,9 @@ class PoseCsv:
         told, clocks = raw.tell(self.options, self.notices)
         unused = [name for name in header.names if name not in header.columns]
         facts: dict[str, Any] = {"columns": list(header.columns), "unused_columns": unused, **told}
+        place = _place(header, self.paths[0]) if header.projected else None
+        if place is not None:
+            facts["place"] = place
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
 
     def _read(self, path: Path) -> tuple[_Header, RawPoses]:
@@ -261,6 +264,22 @@ def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:
         raise _bad_field(piece, header, path, line) from None
     values: FloatArray = frame[index].to_numpy()
     return values
+
+
+def _place(header: _Header, path: Path) -> dict[str, float] | None:
+    """Longitude and latitude of the first row, where they stand beside easting and northing."""
+    if not {"lon_deg", "lat_deg"} <= set(header.names):
+        return None
+    with Source(path) as source:
+        pieces = _pieces(source)
+        next(pieces)
+        row = next(pieces, b"").partition(b"\n")[0].decode("latin-1").split(header.separator)
+    try:
+        place = {name: float(row[header.names.index(name)]) for name in ("lat_deg", "lon_deg")}
+    except (ValueError, IndexError):
+        return None
+    plausible = all(WITHIN[name][0] <= value <= WITHIN[name][1] for name, value in place.items())
+    return place if plausible else None
 
 
 def _bad_field(piece: bytes, header: _Header, path: Path, line: int) -> InputError:

@@ -304,7 +304,7 @@ def test_capture_without_a_velodyne__is_refused_with_what_is_in_it(tmp_path: Pat
 def test_model__stated_in_the_options_is_used_and_checked(tmp_path: Path) -> None:
     path = write_pcap(tmp_path / "a.pcap", recording())
     assert inspected(path, ReadOptions(model="Puck Hi-Res")).facts["model"] == "Puck Hi-Res"
-    with pytest.raises(InputError, match="`lidar.model` is 'OS1'"):
+    with pytest.raises(InputError, match=r"`lidar\.model` is 'OS1'"):
         inspected(path, ReadOptions(model="OS1"))
 
 
