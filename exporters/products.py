@@ -12,6 +12,8 @@ from typing import Any, Final, Self
 
 import msgspec
 import tomli_w
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.pipeline import Inputs, run
@@ -87,7 +89,7 @@ class _Cloud:
         """Open the file, now that its CRS and local origin are known."""
         self._writer = CopcWriter(
             self._path,
-            crs_wkt=frame.crs.to_wkt("WKT1_GDAL"),
+            crs_wkt=las_wkt(frame.crs),
             origin_m=origin_m,
             extra=(("scan", "uint32", "scan (revolution) number"),),
         ).__enter__()
@@ -118,6 +120,14 @@ class _Cloud:
     ) -> None:
         if self._writer is not None:
             self._writer.__exit__(kind, error, trace)
+
+
+def las_wkt(crs: CRS) -> str:
+    """The WKT of a cloud's CRS: WKT 1, as LAS 1.4 asks for; WKT 2 where WKT 1 has no words for the projection."""
+    try:
+        return crs.to_wkt("WKT1_GDAL")
+    except CRSError:
+        return crs.to_wkt("WKT2_2019")
 
 
 def session_text(session: Session, session_file: str) -> str:

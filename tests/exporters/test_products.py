@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import shutil
 from datetime import datetime
@@ -11,10 +12,11 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+from pyproj import CRS
 
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.session import load_session
-from furrowmap.exporters.products import write_products
+from furrowmap.exporters.products import las_wkt, write_products
 
 SCANS_S = 1_453_364_282.341
 """The capture's first return by its GPS time."""
@@ -130,3 +132,19 @@ def test_session_toml__cannot_be_added_to_by_the_name_of_the_original(session: P
     odd = session.rename(session.with_name("a\n[run]\nstanding = false\udcff.toml"))
     write_products(odd, tmp_path / "result")
     assert load_session(tmp_path / "result" / "session.toml").run.standing is True
+
+
+@pytest.mark.parametrize(
+    "crs", ["EPSG:6677+6695", CRS("EPSG:6677").to_3d().to_wkt()], ids=["with a vertical CRS", "with heights"]
+)
+def test_cloud__states_the_horizontal_crs_of_one_with_heights(session: Path, tmp_path: Path, crs: str) -> None:
+    session.write_text(SESSION.replace('"EPSG:6677"', json.dumps(crs)))
+    write_products(session, tmp_path / "result")
+    with laspy.open(tmp_path / "result" / "cloud.copc.laz") as cloud:
+        assert cloud.header.parse_crs().to_epsg(min_confidence=20) == 6677
+
+
+def test_las_wkt__is_wkt_1_or_where_that_lacks_the_projection_wkt_2() -> None:
+    assert las_wkt(CRS("EPSG:6677")).startswith("PROJCS[")
+    # Krovak's modified projection has no name in WKT 1.
+    assert CRS.from_wkt(las_wkt(CRS("EPSG:5516"))) == CRS("EPSG:5516")
