@@ -23,8 +23,9 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
-from furrowmap.core.trajectory.from_gnss import fixes_from_labels, trajectory_from_gnss
+from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice

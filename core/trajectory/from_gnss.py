@@ -15,48 +15,30 @@ from numpy.typing import NDArray
 
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
+from furrowmap.core.trajectory.positions import (
+    WHITE_FLOOR_M,
+    WHITE_SHARE,
+    judge_rate,
+    sigmas_m,
+    usable,
+    white_noise_m,
+    without_jumps,
+)
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.rotation import unwrap_deg, wrap_deg
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 
 FloatArray = NDArray[np.float64]
 
-ASSUMED_SIGMA_M: Final = {
-    Fix.FIXED: 0.015,
-    Fix.FLOAT: 0.30,
-    Fix.DGPS: 0.60,
-    Fix.PPS: 0.60,
-    Fix.SINGLE: 2.0,
-    Fix.ESTIMATED: 2.0,
-    Fix.MANUAL: 2.0,
-    Fix.SIMULATED: 0.015,
-}
-"""Horizontal standard deviation of a position whose receiver states none, by its quality."""
-HEIGHT_FACTOR: Final = 2.0
-"""Heights are this much worse than positions where the receiver does not say."""
-WHITE_SHARE: Final = 0.3
-"""How much of a position's error changes from epoch to epoch where the positions themselves do not show it."""
-WHITE_STEP_S: Final = 0.25
-"""Positions further apart than this differ by the vehicle's own accelerations, not by noise."""
-WHITE_EPOCHS: Final = 30
-WHITE_FLOOR_M: Final = 0.004
 SWAY_RAD: Final = np.radians(0.3)
 """A tractor on soil sways by a quarter of a degree; an antenna two metres up moves by a centimetre with it."""
 TILT_SIGMA_DEG: Final = 1.0
 """What taking a tractor on a field as level is off by, in roll and in pitch (one standard deviation)."""
-RATE_TOLD_S: Final = 0.25
-SLOWEST_STEP_S: Final = 2.0
-"""In more time than this between positions a tractor turns round."""
 KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
-JUMP_FLOOR_M: Final = 0.3
-JUMP_SIGMAS: Final = 6.0
-FASTEST_MPS: Final = 15.0
-HARDEST_MPS2: Final = 3.0
-"""A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
 ANTENNAS_SIGMA_DEG: Final = 0.5
 ANTENNAS_OFF_DEG: Final = 45.0
 """A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
@@ -93,22 +75,18 @@ def trajectory_from_gnss(
 
     Raises:
         InputError: if no position is left to use.
-        RefusedError: if the vehicle never moves and no second antenna shows its heading.
+        RefusedError: if the vehicle never moves and no second antenna shows its heading, or positions are too far
+            apart in time.
     """
     notices: list[Notice] = []
-    gated, unused = _gate(track, fixes, notices)
-    e, n = frame.project(gated.lon_deg, gated.lat_deg)
-    en = np.column_stack([e, n])
-    kept = ~_jumps(gated.t_s, en, _sigmas(gated)[:, 0])
-    if not kept.all():
-        unused["jump"] = int((~kept).sum())
-        notices.append(_jump_notice(gated.t_s[~kept], en[~kept]))
-        gated, en = gated[kept], en[kept]
+    gated, unused = usable(track, fixes, notices)
+    judge_rate(gated, notices)
+    en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
+    gated, en = without_jumps(gated, en, unused, notices)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
-    sigma = _sigmas(gated)
-    white = _white_m(gated, en, sigma[:, 0])
+    sigma = sigmas_m(gated)
+    white = white_noise_m(gated, en, sigma[:, 0])
     max_gap_s = longest_gap_s(gated.t_s)
-    _judge_rate(gated, notices)
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s)
 
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
@@ -163,126 +141,6 @@ def trajectory_from_gnss(
     )
 
 
-def _gate(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]) -> tuple[GnssTrack, dict[str, int]]:
-    """The positions of the qualities to use, and how many others there were."""
-    positioned = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg) & np.isfinite(track.height_m)
-    positioned &= track.fix != Fix.NONE
-    if fixes is None:
-        good = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED))
-        wanted = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED, Fix.FLOAT)) if good.any() else np.ones(len(track), bool)
-        if len(track) and not good.any():
-            best = Counter(Fix(f).label for f in track.fix[positioned].tolist()).most_common(1)
-            notices.append(
-                Notice(
-                    "gnss-quality",
-                    f"No position has a fixed solution (most are {best[0][0] if best else 'none'}): the cloud is "
-                    "placed as well as these positions are, which is decimetres to metres.",
-                )
-            )
-    else:
-        wanted = np.isin(track.fix, fixes)
-    use = positioned & wanted
-    unused = {Fix(f).label: c for f, c in sorted(Counter(track.fix[~use].tolist()).items())}
-    if use.sum() < 2:
-        raise _too_few(track, positioned, use)
-    return track[use], unused
-
-
-def _too_few(track: GnssTrack, positioned: NDArray[np.bool_], use: NDArray[np.bool_]) -> InputError:
-    """Why there are fewer than two positions to use."""
-    source = track.source or "The GNSS log"
-    placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
-    meaning = "Without positions nothing can be placed on the map."
-    if placed.sum() >= 2 and positioned.sum() < 2:
-        return InputError(
-            f"{source}: none of its {int(placed.sum())} positions has a height above the ellipsoid.",
-            "An altitude above the geoid alone does not place points at the right height.",
-            "Let the receiver write the geoid separation into GGA (fields 11 and 12), or convert the log.",
-            code="gnss-no-heights",
-        )
-    if positioned.sum() < 2:
-        return InputError(
-            f"{source}: {int(positioned.sum())} of its {len(track)} epochs have a position.",
-            meaning,
-            "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
-            code="gnss-no-positions",
-        )
-    found = Counter(Fix(f).label for f in track.fix[positioned].tolist())
-    words = ", ".join(f"{count} {label}" for label, count in found.most_common())
-    return InputError(
-        f"{source}: {int(use.sum())} of {len(track)} positions have a quality that is used (found: {words}).",
-        meaning,
-        'Set `[run] fixes = ["fixed", "float", "dgps", "single"]` to what is good enough for you.',
-        code="gnss-no-positions",
-    )
-
-
-def _judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
-    """Say so if positions are too far apart for a tractor's turns.
-
-    Raises:
-        RefusedError: if between two of them it might have turned round.
-    """
-    step_s = float(np.median(np.diff(track.t_s)))
-    if step_s > SLOWEST_STEP_S:
-        raise RefusedError(
-            f"{track.source or 'The GNSS log'}: positions come every {step_s:.1f} s.",
-            "A tractor turns by a right angle in that time, so headings between them would be invented.",
-            "Record at 5 to 10 positions a second, or give a [trajectory] from elsewhere.",
-            code="gnss-rate",
-        )
-    if step_s > RATE_TOLD_S:
-        notices.append(
-            Notice(
-                "gnss-rate",
-                f"Positions come every {step_s:.1f} s: in turns and at changes of direction headings are uncertain by "
-                "degrees. Five to ten a second make them good.",
-            )
-        )
-
-
-def _white_m(track: GnssTrack, en_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
-    """Noise (n,) from position to position, by quality: what the positions themselves show, no more than their sigma.
-
-    Third differences of positions in equal steps are free of speed and acceleration; white noise makes their variance
-    20 times its own (the sum of the squares of 1, 3, 3, 1). Their median deviation stands above jumps.
-    """
-    white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m)
-    step = np.diff(track.t_s)
-    if len(step) < WHITE_EPOCHS or np.median(step) > WHITE_STEP_S:
-        return white
-    third = np.abs(np.diff(en_m, 3, axis=0)).mean(axis=1)
-    even = np.abs(step - np.median(step)) < 0.1 * np.median(step)
-    same = (track.fix[3:] == track.fix[:-3]) & even[2:] & even[1:-1] & even[:-2]
-    for fix in np.unique(track.fix):
-        chosen = third[same & (track.fix[3:] == fix)]
-        if len(chosen) >= WHITE_EPOCHS:
-            # The mean of two absolute normal deviates has its median at 0.77 of their standard deviation.
-            shown = float(np.median(chosen)) / 0.77 / np.sqrt(20.0)
-            mine = track.fix == fix
-            white[mine] = np.clip(shown, WHITE_FLOOR_M, np.maximum(sigma_m[mine], WHITE_FLOOR_M))
-    return white
-
-
-def _jumps(t_s: FloatArray, en_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
-    """Positions (n,) that no drive leads to from the median of their neighbours."""
-    n = len(t_s)
-    if n < 7:
-        return np.zeros(n, bool)
-    around = np.clip(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, n - 1)
-    median = np.median(en_m[around], axis=1)
-    dt = t_s[around] - t_s[:, None]
-    reach = 0.5 * HARDEST_MPS2 * (dt**2).max(axis=1) + FASTEST_MPS * np.abs(dt.mean(axis=1))
-    return np.asarray(np.hypot(*(en_m - median).T) > reach + np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * sigma_m))
-
-
-def _jump_notice(t_s: FloatArray, en_m: FloatArray) -> Notice:
-    places = ", ".join(
-        f"{iso_utc(t)} at {e:.1f}, {n:.1f}" for t, (e, n) in zip(t_s[:3].tolist(), en_m[:3].tolist(), strict=True)
-    )
-    return Notice("gnss-jumps", f"Positions that jump away from their neighbours are not used ({len(t_s)}): {places}.")
-
-
 def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
     spans = " and ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
     return Notice(
@@ -290,17 +148,6 @@ def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
         f"Nothing but the longer way tells forward from reverse from {spans}; if the vehicle reversed there, the cloud "
         "is turned by 180°.",
     )
-
-
-def _sigmas(track: GnssTrack) -> FloatArray:
-    """(n, 2) standard deviations of a position's horizontal axes and of its height, stated or by quality."""
-    default = np.array([ASSUMED_SIGMA_M.get(Fix(f), 2.0) for f in track.fix.tolist()])
-    horizontal = np.hypot(track.sigma_e_m, track.sigma_n_m) / np.sqrt(2.0)
-    horizontal = np.where(np.isfinite(horizontal) & (horizontal > 0), horizontal, default)
-    vertical = np.where(
-        np.isfinite(track.sigma_h_m) & (track.sigma_h_m > 0), track.sigma_h_m, HEIGHT_FACTOR * horizontal
-    )
-    return np.column_stack([horizontal, vertical])
 
 
 def _antennas_heading(
@@ -448,21 +295,3 @@ def _with_tilt(sigma: FloatArray, lever_m: tuple[float, float, float]) -> FloatA
     out[:, 3:5] = TILT_SIGMA_DEG
     out[:, 5] = np.degrees(sigma[:, 3])
     return out
-
-
-def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
-    """The qualities that a session names.
-
-    Raises:
-        InputError: if a name is no quality.
-    """
-    known = {fix.label: fix for fix in Fix if fix is not Fix.NONE}
-    for label in labels:
-        if label not in known:
-            raise InputError(
-                f"The session's key `run.fixes` holds {label!r}.",
-                "That is no GNSS quality, so it is not clear which positions to use.",
-                f"Known: {', '.join(known)}.",
-                code="session-value",
-            )
-    return tuple(known[label] for label in labels)

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.reader import ReadOptions, open_recording
-from furrowmap.core.trajectory.from_gnss import fixes_from_labels, trajectory_from_gnss
+from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -121,6 +122,15 @@ def test_a_jump_is_left_out_and_told_with_its_place() -> None:
     assert found.unused["jump"] == 2
     assert "gnss-jumps" in {notice.code for notice in found.notices}
     np.testing.assert_allclose(found.trajectory.at(truth.t_s[65:75]).xyz_m[:, 1], PLACE_M[1], atol=0.03)
+
+
+def test_a_log_that_mostly_jumps_is_refused() -> None:
+    truth = drive((15, 1.0, 0))
+    track = track_of(truth)
+    lat = track.lat_deg + np.random.default_rng(2).normal(0, 1e-4, len(track))
+    shaken = GnssTrack.build(track.t_s, lon_deg=track.lon_deg, lat_deg=lat, height_m=track.height_m, fix=track.fix)
+    with pytest.raises(InputError, match="jump away"):
+        trajectory_from_gnss(shaken, FRAME, LEVER_M, None)
 
 
 def test_quality_gates_what_is_used() -> None:
