@@ -130,7 +130,7 @@ def trajectory_from_gnss(
         fix=gated.fix[grid.nearest],
         sigma=_with_tilt(path.sigma, lever_m),
         heading_from=np.where(
-            np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "course")
+            np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "gnss")
         ),
     )
     return GnssTrajectory(

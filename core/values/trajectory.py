@@ -65,7 +65,7 @@ class Trajectory:
         motion: (n,) int8, values of :class:`Motion`.
         fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 where it came from elsewhere.
         sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
-        heading_from: (n,) short words: what held the heading ('course', 'antennas', 'standing', 'file').
+        heading_from: (n,) short words: what held the heading ('gnss', 'antennas', 'standing', 'file').
         max_gap_s: between knots further apart than this there is no pose.
     """
 

@@ -67,7 +67,7 @@ def poses(truth: dict[str, np.ndarray]) -> ScanPoses:
         motion=truth["motion"],
         fix=truth["fix"],
         sigma=truth["sigma"],
-        heading_from=np.where(truth["scan"] % 2 == 0, "course", "antennas"),
+        heading_from=np.where(truth["scan"] % 2 == 0, "gnss", "antennas"),
         points=np.full(len(truth["scan"]), 25_000),
     )
 
@@ -93,7 +93,7 @@ def test_trajectory__is_read_back_as_it_was_given(field: Path, truth: dict[str, 
     assert [None if v != v else v for v in layer["fix"]] == [
         None if f == -1 else Fix(f).name.lower() for f in truth["fix"]
     ]
-    assert layer["heading_from"].tolist() == ["course" if s % 2 == 0 else "antennas" for s in truth["scan"]]
+    assert layer["heading_from"].tolist() == ["gnss" if s % 2 == 0 else "antennas" for s in truth["scan"]]
 
 
 def test_time__is_utc_to_the_millisecond_in_the_form_of_the_standard(field: Path, truth: dict[str, np.ndarray]) -> None:

@@ -120,7 +120,7 @@ def test_plugin__loads_twenty_times_and_opens_the_results_of_a_run(
             motion=np.ones(2, np.int8),
             fix=np.full(2, 4, np.int8),
             sigma=np.full((2, 6), np.nan),
-            heading_from=np.array(["course", "course"]),
+            heading_from=np.array(["gnss", "gnss"]),
             points=np.array([10, 10]),
         ),
         CRS.from_user_input("EPSG:6677"),
