@@ -68,7 +68,7 @@ class Console:
 def _stages_to_log() -> Progress:
     seen: set[str] = set()
 
-    def show(stage: str, share: float) -> None:  # noqa: ARG001
+    def show(stage: str, share: float) -> None:  # noqa: ARG001 (a listener's signature)
         if stage not in seen:
             seen.add(stage)
             log.info(stage)

@@ -27,7 +27,7 @@ log = logging.getLogger("furrowmap.cli")
 class Verbs(click.Group):
     """The verbs, each imported when it is asked for."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
         """Their names."""
         return list(VERBS)
 

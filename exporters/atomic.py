@@ -52,7 +52,7 @@ def remove_abandoned(folder: Path) -> None:
     """Remove the unfinished files in `folder` whose process, on this machine, is no more."""
     for left in folder.iterdir():
         match = _UNFINISHED.fullmatch(left.name)
-        if match and match["host"] == _host() and not _runs(int(match["process"])):
+        if match and match["host"] == _host() and not is_running(int(match["process"])):
             with suppress(OSError):
                 left.unlink()
 
@@ -61,7 +61,8 @@ def _host() -> str:
     return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
 
 
-def _runs(process: int) -> bool:
+def is_running(process: int) -> bool:
+    """Whether a process of this machine with that number is at work, as far as the system tells."""
     if process == os.getpid():
         return True
     if sys.platform == "win32":  # where a signal 0 would end it; but a file that somebody writes is not removed there

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from furrowmap.core.pipeline import Run
+from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.exporters.copc.writer import CopcSummary
 from furrowmap.exporters.report import FileRecord, Report
-
-STEP_M: Final = 0.1
 
 
 def report_of(
@@ -77,9 +75,6 @@ def _figures(found: Run, cloud: CopcSummary) -> dict[str, Any]:
 def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
     """Metres driven and seconds at a stand from one time to another, gaps left out.
 
-    The way goes by steps of at least :data:`STEP_M` and to the end of each drive, so that noise adds next to nothing,
-    at 100 poses a second neither.
-
     Args:
         trajectory: its own knots are taken: scans may pause where it goes on.
         begin_s: UTC, as `end_s`.
@@ -95,16 +90,7 @@ def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, fl
     step_s = np.diff(t_s)
     gap, still = step_s > trajectory.max_gap_s, standing[1:] & standing[:-1]
     drives = np.split(en_m, np.flatnonzero(gap | still) + 1)
-    return sum(_length_m(drive.tolist()) for drive in drives), float(step_s[still & ~gap].sum())
-
-
-def _length_m(path: list[list[float]]) -> float:
-    length, last = 0.0, path[0]
-    for position in path[1:]:
-        step = math.dist(position, last)
-        if step >= STEP_M:
-            length, last = length + step, position
-    return length + math.dist(path[-1], last)
+    return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())
 
 
 def _accuracy(found: Run) -> dict[str, Any]:

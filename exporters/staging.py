@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.exporters.atomic import is_running
 
 STAGING: Final = ".furrowmap-run"
 _OWNER: Final = "owner.json"
@@ -69,9 +70,11 @@ def recover(folder: Path) -> None:
     if not staging.is_dir():
         return
     owner = _read(staging / _OWNER)
-    if owner.get("host") == platform.node() and _alive(owner.get("process")) and owner.get("process") != os.getpid():
+    process = owner.get("process")
+    foreign = owner.get("host") == platform.node() and process != os.getpid()
+    if foreign and isinstance(process, int) and is_running(process):
         raise RefusedError(
-            f"{folder}: another run (process {owner['process']}) is writing there.",
+            f"{folder}: another run (process {process}) is writing there.",
             "Two runs into one folder would mix their products.",
             "Wait for the other run, or choose another folder with -o.",
             code="output-busy",
@@ -126,17 +129,3 @@ def _read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) else {}
-
-
-def _alive(process: object) -> bool:
-    if not isinstance(process, int) or process <= 0:
-        return False
-    if os.name == "nt":  # a signal 0 would end the process there
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

@@ -190,13 +190,11 @@ class _Grid:
         t_s: (m,) times.
         measured: (n,) index of each position's knot.
         nearest: (m,) index of the position before or at each knot.
-        gap_after: positions behind which there is a gap.
     """
 
     t_s: FloatArray
     measured: NDArray[np.intp]
     nearest: NDArray[np.intp]
-    gap_after: NDArray[np.intp]
 
     @classmethod
     def over(cls, t_s: FloatArray, max_gap_s: float) -> _Grid:
@@ -208,7 +206,7 @@ class _Grid:
         within = np.arange(len(nearest)) - measured[nearest]
         share = within / parts[nearest]
         knots = t_s[nearest] + share * np.append(step, 0.0)[nearest]
-        return cls(knots, measured, nearest, np.flatnonzero(step > max_gap_s))
+        return cls(knots, measured, nearest)
 
 
 def _chain(

@@ -28,6 +28,7 @@ WIDEST_WINDOW_S: Final = 5.0
 CERTAIN_WAY_M: Final = 10.0
 CERTAIN_SHARE: Final = 0.2
 """Nobody reverses this far at a stretch, or for nearly half of the way."""
+STEP_M: Final = 0.1
 LONGEST_GAP_S: Final = 1.0
 
 
@@ -111,6 +112,17 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
     return np.where((spread > 1e-9)[:, None], slope, 0.0)
 
 
+def length_m(en_m: FloatArray) -> float:
+    """Length of a path (n, 2) in steps of at least :data:`STEP_M` and on to its end: noise adds no way."""
+    path = en_m.tolist()
+    length, last = 0.0, path[0]
+    for position in path[1:]:
+        step = math.dist(position, last)
+        if step >= STEP_M:
+            length, last = length + step, position
+    return length + math.dist(path[-1], last)
+
+
 def _half_window_s(step_s: float, white_m: float) -> float:
     """Half a window whose straight-line fit leaves :data:`VELOCITY_SIGMA_MPS`: σ² = 12 σ_white² / (N³ step²)."""
     positions = (12.0 * (white_m / (VELOCITY_SIGMA_MPS * step_s)) ** 2) ** (1.0 / 3.0)
@@ -185,7 +197,7 @@ def _directions(
             groups[-1].append(i)
     doubtful = []
     for group in groups:
-        way = [_way_m(en_m, legs[i]) for i in group]
+        way = [length_m(en_m[legs[i][0] : legs[i][1] + 1]) for i in group]
         forward = sum(w * sign[i] for w, i in zip(way, group, strict=True))
         if forward < 0:
             for i in group:
@@ -226,14 +238,3 @@ def _enters(en_m: FloatArray, leg: tuple[int, int]) -> int:
     """Index near the leg's start by which it is a decimetre away from it."""
     away = np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[0]]).T) > 0.1
     return leg[0] + int(np.flatnonzero(away)[0]) if away.any() else (leg[0] + leg[1]) // 2
-
-
-def _way_m(en_m: FloatArray, leg: tuple[int, int]) -> float:
-    """Length of a leg by steps of at least a decimetre, so that noise adds no way."""
-    path = en_m[leg[0] : leg[1] + 1].tolist()
-    way, last = 0.0, path[0]
-    for position in path[1:]:
-        step = math.dist(position, last)
-        if step >= 0.1:
-            way, last = way + step, position
-    return way

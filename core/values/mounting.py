@@ -30,8 +30,3 @@ class Mounting:
     def rotation(self) -> NDArray[np.float64]:
         """Rotation matrix (3, 3), lidar to vehicle coordinates."""
         return mounting_rotation(*self.rpy_deg)
-
-    def to_vehicle(self, xyz_m: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Points (n, 3) of the lidar frame in the vehicle frame."""
-        points: NDArray[np.float64] = np.asarray(xyz_m, np.float64) @ self.rotation.T + np.asarray(self.xyz_m)
-        return points

@@ -192,10 +192,6 @@ class Session(_Part, frozen=True):
     trajectory: TrajectorySource | None = None
     run: Run = Run()
 
-    def changed(self, **tables: Any) -> Session:
-        """The session with some of its tables replaced."""
-        return msgspec.structs.replace(self, **tables)
-
 
 def load_session(path: Path) -> Session:
     """The session in the file `path`.

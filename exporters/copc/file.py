@@ -26,7 +26,6 @@ BATCH_POINTS: Final = 2_000_000
 """Points that wait until they are compressed together, on all cores."""
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
-INFO_OFFSET: Final = 375 + 54
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
 
 

@@ -42,16 +42,6 @@ def test_mounting_rotation__is_yaw_pitch_roll(roll: float, pitch: float, yaw: fl
     np.testing.assert_allclose(mounting_rotation(roll, pitch, yaw), expected, atol=1e-12)
 
 
-@given(ANGLES, ANGLES, ANGLES, st.lists(st.tuples(*[st.floats(-100, 100)] * 3), min_size=1))
-def test_mounting__takes_points_as_the_closed_form_does(
-    roll: float, pitch: float, yaw: float, points: list[tuple[float, float, float]]
-) -> None:
-    mounting = Mounting((-0.55, 0.1, 2.35), (roll, pitch, yaw))
-    rotation = about(2, yaw) @ about(1, pitch) @ about(0, roll)
-    expected = [rotation @ np.array(point) + [-0.55, 0.1, 2.35] for point in points]
-    np.testing.assert_allclose(mounting.to_vehicle(np.array(points)), expected, atol=1e-10)
-
-
 def test_mounting__at_the_back_looks_backwards_and_down() -> None:
     """The session of the sample recordings: azimuth 0 of the sensor looks 40° below the horizon, to the rear."""
     x, y, _ = Mounting(rpy_deg=(0.0, 40.0, 180.0)).rotation.T

@@ -189,10 +189,8 @@ def test_trajectory__replaces_gnss() -> None:
     assert session.trajectory.files == ("t.csv",)
 
 
-def test_changed__replaces_tables_and_leaves_the_session_as_it_was() -> None:
+def test_session__is_frozen() -> None:
     session = parse_session(LEAST)
-    other = session.changed(run=msgspec.structs.replace(session.run, standing=False))
-    assert (session.run.standing, other.run.standing) == (True, False)
     with pytest.raises(AttributeError):
         session.name = "other"  # type: ignore[misc]
 
