@@ -4,12 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck format bench docs clean
+.PHONY: help demo test setup lint typecheck format bench bench-sessions docs clean
 
 help:  ## this list
-	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
 demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show a map
 	$(BIN)/python scripts/demo.py
@@ -38,7 +39,10 @@ format: $(INSTALLED)  ## let ruff lay out the code
 	$(BIN)/ruff format
 
 bench: $(INSTALLED)  ## speed and memory
-	@for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python "$$file" || exit; done
+	@for file in $(filter-out $(SESSIONS),$(wildcard benchmarks/*.py)); do echo "== $$file"; $(BIN)/python "$$file" || exit; done
+
+bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
+	$(BIN)/python benchmarks/sessions.py
 
 clean:  ## remove everything that can be made again
 	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
