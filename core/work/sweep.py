@@ -1,0 +1,174 @@
+"""The tool's line carried along the trajectory while it is down and moves forward."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.values.session import Implement
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.trajectory import Motion, Trajectory
+from furrowmap.core.work.smoothing import smooth_spline
+
+FloatArray = NDArray[np.float64]
+
+LINE_EVERY_M: Final = 0.1
+SHORTEST_M: Final = 0.02
+"""Less way than this is a quiver of the machine, not work."""
+MARGIN_S: Final = 2.0
+"""How far beyond a pass its path is smoothed, so that the pass itself has no ends of a spline in it."""
+KNOT_EVERY_S: Final = 0.1
+"""Knots closer together are averaged: a vehicle's path bends by no millimetre within this time."""
+
+
+@dataclass(frozen=True)
+class PassTimes:
+    """When the tool was down without a break.
+
+    Attributes:
+        begin_s: UTC.
+        end_s: UTC.
+        begin_sigma_s: standard deviation of `begin_s`; nan where unknown.
+        end_sigma_s: standard deviation of `end_s`; nan where unknown.
+    """
+
+    begin_s: float
+    end_s: float
+    begin_sigma_s: float
+    end_sigma_s: float
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Successive places of the tool's line: one run forward of one pass.
+
+    Attributes:
+        t_s: (n,) UTC, strictly increasing, n of at least 2.
+        middle_m: (n, 3) middle of the line in the map frame.
+        half_m: (n, 2) from the middle to the line's left end, as seen from above.
+        way_m: (n,) driven since the run's beginning.
+        moving_s: time in which the vehicle moved.
+        begin_slip_m: standard deviation of the first line's place along the way, from the time of the transition; 0
+            where the run does not begin with one; nan where unknown.
+        end_slip_m: the same of the last line.
+    """
+
+    t_s: FloatArray
+    middle_m: FloatArray
+    half_m: FloatArray
+    way_m: FloatArray
+    moving_s: float
+    begin_slip_m: float
+    end_slip_m: float
+
+
+def pass_times(states: ToolStates) -> list[PassTimes]:
+    """The times of all passes: intervals of `down`, those that touch each other as one."""
+    passes: list[PassTimes] = []
+    for k in np.flatnonzero(states.state == ToolState.DOWN).tolist():
+        begin, sigma = float(states.begin_s[k]), float(states.begin_sigma_s[k])
+        if passes and passes[-1].end_s == begin:
+            last = passes.pop()
+            begin, sigma = last.begin_s, last.begin_sigma_s
+        passes.append(PassTimes(begin, float(states.end_s[k]), sigma, float(states.end_sigma_s[k])))
+    return passes
+
+
+def sweeps(trajectory: Trajectory, times: PassTimes, implement: Implement) -> Iterator[Sweep]:
+    """The runs forward of one pass, in the order of time; reversing and gaps of the trajectory part them."""
+    t = trajectory.t_s
+    first = max(0, int(np.searchsorted(t, times.begin_s - MARGIN_S)) - 1)
+    behind = min(len(t), int(np.searchsorted(t, times.end_s + MARGIN_S, side="right")) + 1)
+    gaps = first + 1 + np.flatnonzero(np.diff(t[first:behind]) > trajectory.max_gap_s)
+    for part in np.split(np.arange(first, behind), gaps - first):
+        if len(part) < 2 or t[part[0]] >= times.end_s or t[part[-1]] <= times.begin_s:
+            continue
+        yield from _Path(trajectory, slice(int(part[0]), int(part[-1]) + 1), implement).runs(times)
+
+
+class _Path:
+    """The smoothed way of the tool's line over knots without a gap."""
+
+    def __init__(self, trajectory: Trajectory, knots: slice, implement: Implement) -> None:
+        t = trajectory.t_s[knots]
+        middle, left = tool_line(trajectory, knots, implement)
+        side = np.hypot(left[:, 0], left[:, 1])
+        yaw = np.unwrap(np.arctan2(-left[:, 0], left[:, 1]))
+        self._origin = middle[0]
+        self._t0 = float(t[0])
+        table = _averaged(np.column_stack([t - self._t0, middle - self._origin, yaw, side]), KNOT_EVERY_S)
+        self._knots = table[:, 0]
+        self._place = smooth_spline(table[:, 0], table[:, 1:3])
+        self._yaw = smooth_spline(table[:, 0], table[:, 4:5])
+        self._height, self._side = table[:, 3], table[:, 5]
+        self._motion = trajectory.motion[knots][np.searchsorted(t, t[0] + table[:, 0], side="right") - 1]
+        self._half_width_m = 0.5 * implement.width_m
+
+    def runs(self, times: PassTimes) -> Iterator[Sweep]:
+        """The runs forward within a pass."""
+        begin = max(times.begin_s - self._t0, float(self._knots[0]))
+        end = min(times.end_s - self._t0, float(self._knots[-1]))
+        t = np.concatenate([[begin], self._knots[(self._knots > begin) & (self._knots < end)], [end]])
+        motion = self._motion[np.searchsorted(self._knots, t[:-1], side="right") - 1]
+        back = np.concatenate([[True], motion == Motion.REVERSE, [True]])
+        edges = np.flatnonzero(np.diff(back.astype(np.int8)))
+        for i, j in zip(edges[::2], edges[1::2], strict=True):
+            run, moving = t[i : j + 1], motion[i:j] == Motion.FORWARD
+            yaw = self._yaw(run)[:, 0]
+            step = np.diff(self._place(run), axis=0)
+            across = 0.5 * (yaw[1:] + yaw[:-1])
+            forward = np.where(moving, step[:, 0] * np.cos(across) + step[:, 1] * np.sin(across), 0.0)
+            way = np.concatenate([[0.0], np.cumsum(np.maximum(forward, 0.0))])
+            if way[-1] < SHORTEST_M:
+                continue
+            from_transition = run[0] == times.begin_s - self._t0
+            to_transition = run[-1] == times.end_s - self._t0
+            yield self._sweep(
+                run,
+                way,
+                float(np.diff(run)[moving].sum()),
+                times.begin_sigma_s if from_transition else 0.0,
+                times.end_sigma_s if to_transition else 0.0,
+            )
+
+    def _sweep(
+        self, run: FloatArray, way: FloatArray, moving_s: float, begin_sigma_s: float, end_sigma_s: float
+    ) -> Sweep:
+        ways = np.linspace(0.0, way[-1], max(2, int(np.ceil(way[-1] / LINE_EVERY_M)) + 1))
+        t = np.interp(ways, way, run)
+        yaw = self._yaw(t)[:, 0]
+        half = self._half_width_m * np.interp(t, self._knots, self._side)
+        height = np.interp(t, self._knots, self._height)
+        speed = np.hypot(*self._place.derivative()(t[[0, -1]]).T)
+        return Sweep(
+            t_s=t + self._t0,
+            middle_m=np.column_stack([self._place(t), height]) + self._origin,
+            half_m=half[:, None] * np.column_stack([-np.sin(yaw), np.cos(yaw)]),
+            way_m=ways,
+            moving_s=moving_s,
+            begin_slip_m=begin_sigma_s * float(speed[0]),
+            end_slip_m=end_sigma_s * float(speed[1]),
+        )
+
+
+def tool_line(trajectory: Trajectory, knots: slice, implement: Implement) -> tuple[FloatArray, FloatArray]:
+    """At knots of the trajectory the middle (n, 3) of the tool's line, and the vehicle's y axis (n, 3), in the map."""
+    rotation = Rotation.from_quat(trajectory.quaternion[knots], scalar_first=True)
+    x_m, y_m = implement.xy_m
+    return trajectory.xyz_m[knots] + rotation.apply([x_m, y_m, 0.0]), rotation.apply([0.0, 1.0, 0.0])
+
+
+def _averaged(table: FloatArray, every_s: float) -> FloatArray:
+    """Means of the rows (t_s, ...) of each `every_s`, the first and last row as they are."""
+    if len(table) < 3 or float(np.median(np.diff(table[:, 0]))) > 0.5 * every_s:
+        return table
+    inner = table[1:-1]
+    starts = np.flatnonzero(np.diff(np.floor(inner[:, 0] / every_s), prepend=-1.0))
+    count = np.diff(np.append(starts, len(inner)))
+    means = np.add.reduceat(inner, starts, axis=0) / count[:, None]
+    return np.concatenate([table[:1], means, table[-1:]])
