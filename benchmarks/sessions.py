@@ -1,6 +1,6 @@
 """`furrowmap run` on twenty simulated sessions: how far trajectories are from the truth, and whether sigmas say so.
 
-sessions.toml beside this file is the table of the sessions. They are simulated once (ten minutes, 2.4 GB) and kept in
+sessions.toml beside this file is the table of the sessions. They are simulated once (ten minutes, 1.8 GB) and kept in
 the user's cache folder, again when the table changed; of every result, field.gpkg and report.json are kept there.
 """
 
@@ -106,8 +106,8 @@ def run(recording: Path, *, keep: bool) -> Path:
     if not (keep and (kept / "field.gpkg").exists()):
         kept.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=kept) as folder:
-            command = [Path(sys.executable).with_name("furrowmap"), "run", recording / "session.toml"]
-            subprocess.run([*command, "-o", f"{folder}/out", "-q"], check=True, capture_output=True)
+            furrowmap, session = Path(sys.executable).with_name("furrowmap"), recording / "session.toml"
+            subprocess.run([furrowmap, "run", session, "-o", f"{folder}/out", "-q"], check=True, capture_output=True)
             for product in KEPT:
                 Path(folder, "out", product).replace(kept / product)
     return kept / "field.gpkg"
