@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.work.sweep import Sweep
 
 FloatArray = NDArray[np.float64]
 
-TOLERANCE_M: Final = 0.001
+TOLERANCE_M: Final = 0.003
 """Sides have as few vertices as leave them this near to the path (Douglas and Peucker's rule)."""
 LONGEST_M: Final = 25.0
 LARGEST_TURN_RAD: Final = np.radians(45.0)
@@ -30,7 +31,7 @@ class Ribbon:
         right: (l, 3) the other side.
     """
 
-    polygon: shapely.Geometry
+    polygon: BaseGeometry
     left: FloatArray
     right: FloatArray
 
@@ -43,7 +44,7 @@ def ribbons(sweep: Sweep) -> list[Ribbon]:
     found = []
     for piece in _pieces(sweep):
         sides = [_simplified(side[piece]) for side in (left, right)]
-        polygon: shapely.Geometry = shapely.Polygon(np.concatenate([sides[0], sides[1][::-1]])[:, :2])
+        polygon: BaseGeometry = shapely.Polygon(np.concatenate([sides[0], sides[1][::-1]])[:, :2])
         if not polygon.is_valid:
             polygon = _folded(left[piece, :2], right[piece, :2])
         found.append(Ribbon(polygon, *sides))
@@ -71,7 +72,7 @@ def _simplified(side: FloatArray) -> FloatArray:
     return shapely.get_coordinates(line, include_z=True)
 
 
-def _folded(left: FloatArray, right: FloatArray) -> shapely.Geometry:
+def _folded(left: FloatArray, right: FloatArray) -> BaseGeometry:
     """The ground under each step of the line, one end of which goes backwards."""
     steps = shapely.polygons(np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1))
     return shapely.union_all(shapely.make_valid(steps))

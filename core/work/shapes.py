@@ -5,11 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 SLIVER_M: Final = 0.002
 """What is thinner than this on average comes from where vertices lie, not from where the machine went."""
+
+MITRE_LIMIT: Final = 2.0
+"""Corners down to 60° stay corners when shapes grow or shrink."""
+
+
+def grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:
+    """The shape made wider (or, below 0, narrower) all round, its corners kept."""
+    return shapely.buffer(shape, by_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+
+def closed(shape: BaseGeometry, width_m: float) -> BaseGeometry:
+    """The shape with all gaps filled that are narrower than `width_m`: a morphological closing."""
+    return grown(grown(shape, 0.5 * width_m), -0.5 * width_m)
 
 
 def mean_width_m(polygon: shapely.Polygon) -> float:
@@ -17,7 +30,7 @@ def mean_width_m(polygon: shapely.Polygon) -> float:
     return float(2.0 * polygon.area / polygon.length) if polygon.length else 0.0
 
 
-def parts(shape: shapely.Geometry) -> list[shapely.Polygon]:
+def parts(shape: BaseGeometry) -> list[shapely.Polygon]:
     """The polygons of a geometry, from the largest to the smallest, without slivers and without holes that are."""
     found = [
         _without_sliver_holes(part)
@@ -27,7 +40,7 @@ def parts(shape: shapely.Geometry) -> list[shapely.Polygon]:
     return sorted(found, key=lambda part: -part.area)
 
 
-def joined(shapes: Iterable[shapely.Geometry]) -> shapely.MultiPolygon:
+def joined(shapes: Iterable[BaseGeometry]) -> shapely.MultiPolygon:
     """The union of polygons, without slivers."""
     return shapely.MultiPolygon(parts(shapely.union_all(list(shapes))))
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.smoothing import smooth_spline
+from furrowmap.core.work.smoothing import smooth_path
 
 FloatArray = NDArray[np.float64]
 
@@ -103,8 +103,8 @@ class _Path:
         self._t0 = float(t[0])
         table = _averaged(np.column_stack([t - self._t0, middle - self._origin, yaw, side]), KNOT_EVERY_S)
         self._knots = table[:, 0]
-        self._place = smooth_spline(table[:, 0], table[:, 1:3])
-        self._yaw = smooth_spline(table[:, 0], table[:, 4:5])
+        self._place = smooth_path(table[:, 0], table[:, 1:3])
+        self._yaw = smooth_path(table[:, 0], table[:, 4:5])
         self._height, self._side = table[:, 3], table[:, 5]
         self._motion = trajectory.motion[knots][np.searchsorted(t, t[0] + table[:, 0], side="right") - 1]
         self._half_width_m = 0.5 * implement.width_m

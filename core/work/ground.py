@@ -1,0 +1,276 @@
+"""The ground worked: passes, what they cover, where they overlap, what they missed, and the figures of it all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import Proj
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.session import Implement
+from furrowmap.core.values.tool_states import ToolStates
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.hours import Hours, hours
+from furrowmap.core.work.misses import missed
+from furrowmap.core.work.overlaps import overlapping
+from furrowmap.core.work.ribbon import Ribbon, ribbons
+from furrowmap.core.work.shapes import joined
+from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps
+from furrowmap.core.work.uncertainty import OutlineErrors
+from furrowmap.core.work.zones import zones
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Area:
+    """How much ground, seen from above.
+
+    Attributes:
+        grid_m2: in the map's plane.
+        ellipsoid_m2: on the ellipsoid: the map's scale at the place taken out.
+        sigma_m2: standard deviation of either, from positions, headings and times of transitions; nan where unknown.
+    """
+
+    grid_m2: float
+    ellipsoid_m2: float
+    sigma_m2: float
+
+
+@dataclass(frozen=True)
+class Pass:
+    """The ground worked from one lowering of the tool to its lifting.
+
+    Attributes:
+        number: 1 for the first.
+        times: when.
+        ground: what the tool's line swept while it moved forward; empty where no position is known.
+        area: of `ground`.
+        length_m: driven forward with the tool down.
+        width_m: of the tool.
+        speed_mps: mean while moving; nan where it did not move.
+        swept_m2: the areas of all its pieces added up, ground that it worked again counted again.
+    """
+
+    number: int
+    times: PassTimes
+    ground: shapely.MultiPolygon
+    area: Area
+    length_m: float
+    width_m: float
+    speed_mps: float
+    swept_m2: float
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """A place that two passes worked, or one pass twice.
+
+    Attributes:
+        pass_a: number of the earlier pass.
+        pass_b: number of the later one; `pass_a` where a pass came back to its own ground.
+        ground: the place.
+        area: of `ground`.
+    """
+
+    pass_a: int
+    pass_b: int
+    ground: shapely.Polygon
+    area: Area
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of some kind.
+
+    Attributes:
+        kind: of a miss `between passes` or `boundary`, of a zone `headland` or `body`.
+        ground: the place.
+        area: of `ground`.
+    """
+
+    kind: str
+    ground: shapely.Polygon
+    area: Area
+
+
+@dataclass(frozen=True)
+class WorkFigures:
+    """What an agronomist asks for.
+
+    Attributes:
+        worked: the ground worked, once however often.
+        swept_m2: width times way, all passes added up: what a machine's own counter counts.
+        overlap: the places of all pairs of passes, added up.
+        missed: all strips missed.
+        passes: how many.
+        length_m: driven forward with the tool down.
+        speed_mps: mean while working; nan where nothing was worked.
+        work_rate_ha_h: ground worked an hour in the field, turns and stops included; nan likewise.
+        hours: what the time was spent on.
+    """
+
+    worked: Area
+    swept_m2: float
+    overlap: Area
+    missed: Area
+    passes: int
+    length_m: float
+    speed_mps: float
+    work_rate_ha_h: float
+    hours: Hours
+
+
+@dataclass(frozen=True)
+class WorkedGround:
+    """All there is to know about the ground worked in a session.
+
+    Attributes:
+        passes: in the order of time.
+        coverage: their union.
+        overlaps: by pass and later pass.
+        misses: strips left, from the largest to the smallest.
+        zones: headland and body.
+        figures: sums and rates.
+    """
+
+    passes: tuple[Pass, ...]
+    coverage: shapely.MultiPolygon
+    overlaps: tuple[Overlap, ...]
+    misses: tuple[Place, ...]
+    zones: tuple[Place, ...]
+    figures: WorkFigures
+
+
+def worked_ground(
+    trajectory: Trajectory,
+    states: ToolStates,
+    implement: Implement,
+    frame: MapFrame,
+    boundary: BaseGeometry | None = None,
+) -> WorkedGround:
+    """The ground that the tool worked.
+
+    Args:
+        trajectory: of the vehicle frame, at any rate.
+        states: when the tool was down.
+        implement: width and place of the tool's line; taken as exact.
+        frame: the map.
+        boundary: the field in the map frame, if known; taken as exact.
+    """
+    times = pass_times(states)
+    work = [[(sweep, ribbons(sweep)) for sweep in sweeps(trajectory, when, implement)] for when in times]
+    runs = [(number, run) for number, pass_ in enumerate(work, start=1) for run in pass_]
+    grounds = [joined(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
+    coverage = joined(grounds)
+    shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
+    strips = missed(coverage, implement.width_m, boundary)
+    areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs]))
+    passes = tuple(
+        _pass(number, when, pass_, ground, area, implement)
+        for number, (when, pass_, ground, area) in enumerate(
+            zip(times, work, grounds, areas.of(grounds), strict=True), start=1
+        )
+    )
+    pairs = [(pair, place) for pair, places in shared.items() for place in places]
+    overlaps = tuple(
+        Overlap(*pair, place, area)
+        for (pair, place), area in zip(pairs, areas.of([place for _, place in pairs]), strict=True)
+    )
+    spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
+    worked, overlap, missing = areas.of(
+        [
+            coverage,
+            shapely.GeometryCollection([place for _, place in pairs]),
+            shapely.MultiPolygon([strip for _, strip in strips]),
+        ]
+    )
+    moving_s = sum(sweep.moving_s for _, (sweep, _) in runs)
+    length_m = sum(p.length_m for p in passes)
+    figures = WorkFigures(
+        worked=worked,
+        swept_m2=sum(p.swept_m2 for p in passes),
+        overlap=overlap,
+        missed=missing,
+        passes=len(passes),
+        length_m=length_m,
+        speed_mps=length_m / moving_s if moving_s else float("nan"),
+        work_rate_ha_h=0.36 * worked.ellipsoid_m2 / spent.field_s if spent.field_s else float("nan"),
+        hours=spent,
+    )
+    return WorkedGround(
+        passes=passes,
+        coverage=coverage,
+        overlaps=overlaps,
+        misses=areas.places(strips),
+        zones=areas.places(zones(trajectory, work, implement, boundary)),
+        figures=figures,
+    )
+
+
+def _pass(
+    number: int,
+    times: PassTimes,
+    runs: Sequence[tuple[Sweep, Sequence[Ribbon]]],
+    ground: shapely.MultiPolygon,
+    area: Area,
+    implement: Implement,
+) -> Pass:
+    length_m = float(sum(sweep.way_m[-1] for sweep, _ in runs))
+    moving_s = sum(sweep.moving_s for sweep, _ in runs)
+    return Pass(
+        number=number,
+        times=times,
+        ground=ground,
+        area=area,
+        length_m=length_m,
+        width_m=implement.width_m,
+        speed_mps=length_m / moving_s if moving_s else float("nan"),
+        swept_m2=float(sum(r.polygon.area for _, pieces in runs for r in pieces)),
+    )
+
+
+class _Areas:
+    """Measures shapes."""
+
+    def __init__(self, frame: MapFrame, errors: OutlineErrors) -> None:
+        self._frame = frame
+        self._errors = errors
+
+    def of(self, shapes: Sequence[BaseGeometry]) -> list[Area]:
+        """The areas of `shapes`."""
+        grid = shapely.area(np.asarray(shapes, object))
+        return [
+            Area(*values)
+            for values in zip(
+                grid.tolist(), self._on_ellipsoid(shapes).tolist(), self._errors.sigma_m2(shapes).tolist(), strict=True
+            )
+        ]
+
+    def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[Place, ...]:
+        """The places of `shapes`, each given with its kind."""
+        return tuple(
+            Place(kind, ground, area)
+            for (kind, ground), area in zip(shapes, self.of([ground for _, ground in shapes]), strict=True)
+        )
+
+    def _on_ellipsoid(self, shapes: Sequence[BaseGeometry]) -> FloatArray:
+        """Areas (n,) on the ellipsoid: each polygon's by the map's areal scale at its centroid.
+
+        Along a polygon the scale is linear to a part in 10⁸ per kilometre squared, so its value at the centroid is the
+        mean.
+        """
+        pieces, shape = shapely.get_parts(np.asarray(shapes, object), return_index=True)
+        middle = shapely.get_coordinates(shapely.centroid(pieces))
+        scale = np.ones(len(pieces))
+        if len(pieces):
+            factors = Proj(self._frame.crs).get_factors(*self._frame.to_lon_lat(*middle.T))
+            scale = np.asarray(factors.areal_scale, np.float64)
+        total: FloatArray = np.zeros(len(shapes))
+        np.add.at(total, shape, shapely.area(pieces) / scale)
+        return total

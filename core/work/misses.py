@@ -1,0 +1,46 @@
+"""Strips that the tool left between its passes, or between them and the field's boundary."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.work.shapes import closed, grown, parts
+
+THINNEST_M: Final = 0.02
+"""Less than this between two passes is not left standing by any tool."""
+SMALLEST_M2: Final = 0.01
+TOUCHES_M: Final = 0.005
+
+
+def missed(
+    coverage: shapely.MultiPolygon, width_m: float, boundary: BaseGeometry | None
+) -> list[tuple[str, shapely.Polygon]]:
+    """The strips missed, each with its kind: `between passes`, or `boundary` where the field's boundary is one side.
+
+    A strip is ground not worked that is narrower than the tool, so that no whole pass has room in it: what a closing
+    (widening all that is worked, or lies outside the field, by half the tool's width and narrowing it again) adds.
+    Wider ground was not missed, it has not been worked yet.
+
+    Args:
+        coverage: all ground worked.
+        width_m: of the tool.
+        boundary: the field, if known.
+    """
+    taken: BaseGeometry = coverage
+    if boundary is not None:
+        box = shapely.box(*shapely.union(coverage, boundary).bounds).buffer(2.0 * width_m, join_style="mitre")
+        taken = coverage.union(box.difference(boundary))
+    strips = closed(taken, width_m)
+    if boundary is not None:
+        strips = strips.intersection(boundary)
+    strips = strips.difference(coverage)
+    wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
+    return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
+
+
+def _kind(strip: shapely.Polygon, boundary: BaseGeometry | None) -> str:
+    at_boundary = boundary is not None and strip.distance(boundary.boundary) < TOUCHES_M
+    return "boundary" if at_boundary else "between passes"

@@ -1,0 +1,87 @@
+"""Headland and body of a field, told apart by where the machine turned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.values.session import Implement
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.ribbon import Ribbon
+from furrowmap.core.work.shapes import closed, parts
+from furrowmap.core.work.sweep import Sweep, tool_line
+
+FloatArray = NDArray[np.float64]
+
+TURN_RAD: Final = np.radians(60.0)
+"""Between two passes whose headings differ by less the tool was lifted, but the machine did not turn."""
+REACH_M: Final = 12.0
+REACH_WIDTHS: Final = 3.0
+"""No turn reaches further from the ends of its passes than the larger of these; what does is a drive elsewhere."""
+INSIDE_SHARE: Final = 0.5
+
+
+def zones(
+    trajectory: Trajectory,
+    passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]],
+    implement: Implement,
+    boundary: BaseGeometry | None,
+) -> list[tuple[str, shapely.Polygon]]:
+    """The field's zones, `headland` and `body`, each a list of places that do not overlap.
+
+    The headland is the ground that turns take up, and whatever was worked mostly on it; the body is all other ground
+    worked, with the strips left between its passes. Neither reaches over the field's boundary, where that is known.
+
+    Args:
+        trajectory: of the vehicle frame.
+        passes: for each pass, in the order of time, its runs with their ribbons.
+        implement: the tool.
+        boundary: the field, if known.
+    """
+    turning = shapely.union_all(list(_turns(trajectory, [runs for runs in passes if runs], implement)))
+    pieces = np.array([r.polygon for runs in passes for _, ribbons in runs for r in ribbons], object)
+    on_turns = _area_on(pieces, shapely.get_parts(turning)) > INSIDE_SHARE * shapely.area(pieces)
+    width_m = implement.width_m
+    body = closed(shapely.union_all(pieces[~on_turns]), width_m)
+    headland = closed(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
+    if boundary is not None:
+        body, headland = body.intersection(boundary), headland.intersection(boundary)
+    return [("body", part) for part in parts(body)] + [("headland", part) for part in parts(headland)]
+
+
+def _turns(
+    trajectory: Trajectory, passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]], implement: Implement
+) -> Iterator[BaseGeometry]:
+    """The ground that each turn between two passes takes up: the hull of the tool's way near the passes' ends."""
+    reach_m = max(REACH_M, REACH_WIDTHS * implement.width_m)
+    for before, after in pairwise(passes):
+        leaving, coming = before[-1][0], after[0][0]
+        turn = np.arctan2(*_cross_and_dot(leaving.half_m[-1], coming.half_m[0]))
+        if abs(turn) < TURN_RAD:
+            continue
+        knots = slice(*np.searchsorted(trajectory.t_s, [leaving.t_s[-1], coming.t_s[0]]).tolist())
+        ends = [leaving.middle_m[-1, :2], coming.middle_m[0, :2]]
+        way = np.concatenate([ends[:1], tool_line(trajectory, knots, implement)[0][:, :2], ends[1:]])
+        near = [np.hypot(*(way - end).T) <= reach_m for end in ends]
+        if np.hypot(*(ends[1] - ends[0])) <= 2.0 * reach_m:
+            near = [near[0] | near[1]]
+        for part in near:
+            yield shapely.MultiPoint(way[part]).convex_hull.buffer(0.5 * implement.width_m, join_style="mitre")
+
+
+def _area_on(pieces: NDArray[np.object_], places: NDArray[np.object_]) -> FloatArray:
+    """How much (n,) of each piece lies on places that do not overlap each other."""
+    piece, place = shapely.STRtree(places).query(pieces, predicate="intersects")
+    total: FloatArray = np.zeros(len(pieces))
+    np.add.at(total, piece, shapely.area(shapely.intersection(pieces[piece], places[place])))
+    return total
+
+
+def _cross_and_dot(a: FloatArray, b: FloatArray) -> tuple[float, float]:
+    return float(a[0] * b[1] - a[1] * b[0]), float(a @ b)
