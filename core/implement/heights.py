@@ -1,0 +1,204 @@
+"""The height of the tool, turn by turn of the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.implement.learning import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, TOP_M, Implement
+from furrowmap.core.implement.range_image import column_of
+from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, fit_height
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.scan import Scan
+
+FloatArray = NDArray[np.float64]
+
+_BEYOND_M: Final = 0.2
+"""Heights are looked for so far below the working and above the lifted position."""
+_BESIDE_M: Final = 0.8
+"""So far on both sides of the implement's box the soil beside it is looked at."""
+_SOIL_M: Final = 0.3
+"""Soil lies no farther from the session's plane."""
+_SOIL_BIN_M: Final = 0.01
+_FEWEST_SOIL: Final = 20
+
+
+@dataclass(frozen=True)
+class ToolHeights:
+    """What the turns of the sensor show of the tool; one turn lies between two passages of the column farthest from it.
+
+    Attributes:
+        t_s: (n,) UTC at which the tool was seen.
+        height_m: (n,) above its working position; nan where it was not seen.
+        seen: (n,) share of its usual points that were seen.
+        contrast: (n,) log-likelihood by which the best height is better than the best on the other side of the
+            threshold.
+        whole: (n,) bool, False where a recording's start, end or a pause cut the turn short.
+        soil_m: (n,) height of the soil beside it above the plane on which the vehicle stands; nan where not seen.
+        scan: (m,) int64 numbers of the scans with returns.
+        scan_begin_s: (m,) UTC of the first return of each.
+        scan_end_s: (m,) of the last one.
+    """
+
+    t_s: FloatArray
+    height_m: FloatArray
+    seen: FloatArray
+    contrast: FloatArray
+    whole: NDArray[np.bool_]
+    soil_m: FloatArray
+    scan: NDArray[np.int64]
+    scan_begin_s: FloatArray
+    scan_end_s: FloatArray
+
+
+class HeightWatch:
+    """Takes the scans of a recording one after another and measures the tool's height in each turn.
+
+    A scan is cut at azimuth 0, which may lie across the implement; its points are therefore sorted into turns that
+    begin and end where the sensor looks away from it, and a moving tool is not seen at two heights.
+
+    Args:
+        mounting: of the sensor.
+        implement: what to look for.
+        threshold_m: the height above the working position that parts down from up.
+    """
+
+    def __init__(self, mounting: Mounting, implement: Implement, threshold_m: float) -> None:
+        region, grid = implement.region, implement.template.grid
+        self._implement = implement
+        self._threshold_m = threshold_m
+        self._rotation = np.ascontiguousarray(mounting.rotation)
+        self._lever_m = np.asarray(mounting.xyz_m, np.float64)
+        self._ground, self._box = np.array(region.ground), np.array(region.box_m)
+        self._grid = np.array([grid.x_m, grid.z_m])
+        self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
+        self._soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
+        self._times = np.zeros((2, 2))
+        self._last_s = float("nan")
+        self._turns: list[tuple[float, float, float, float, bool, float]] = []
+        self._scans: list[tuple[int, float, float]] = []
+
+    def add(self, scan: Scan) -> None:
+        """The next scan of the recording."""
+        if not len(scan):
+            return
+        begin_s, end_s = float(scan.t_s[0]), float(scan.t_s[-1])
+        goes_on = abs(begin_s - self._last_s) < 0.25 * self._implement.region.turn_s
+        if not goes_on:
+            self._end_turn(whole=False)
+        self._last_s = end_s
+        self._scans.append((scan.number, begin_s, end_s))
+        region = self._implement.region
+        _gather(
+            np.ascontiguousarray(scan.xyz_m, np.float32),
+            np.ascontiguousarray(scan.laser, np.uint8),
+            np.ascontiguousarray(scan.t_s, np.float64),
+            self._rotation,
+            self._lever_m,
+            region.columns,
+            region.still_m,
+            region.split,
+            region.clockwise,
+            self._ground,
+            self._box,
+            self._grid,
+            self._views,
+            self._soil,
+            self._times,
+        )
+        self._end_turn(whole=goes_on)
+
+    def heights(self) -> ToolHeights:
+        """Everything measured so far, the turn under way included."""
+        self._end_turn(whole=False)
+        t_s, height, seen, contrast, whole, soil = np.array(self._turns, np.float64).reshape(-1, 6).T
+        scans = np.array([times for _, *times in self._scans]).reshape(-1, 2)
+        numbers = np.array([number for number, *_ in self._scans], np.int64)
+        return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, numbers, scans[:, 0], scans[:, 1])
+
+    def _end_turn(self, *, whole: bool) -> None:
+        """Note what the turn under way shows; what was seen behind the split is of the next one."""
+        points, total_s = self._times[0]
+        if points:
+            self._turns.append((total_s / points, *self._measured(self._views[0]), whole, _median(self._soil[0])))
+        for parts in (self._views, self._soil, self._times):
+            parts[0] = parts[1]
+            parts[1] = 0
+
+    def _measured(self, view: NDArray[np.float32]) -> tuple[float, float, float]:
+        """Height, share of points seen, contrast."""
+        implement = self._implement
+        low_m = implement.working_m - _BEYOND_M
+        fit, scores = fit_height(view, implement.template, low_m, implement.working_m + implement.lifted_m + _BEYOND_M)
+        seen = fit.explained / implement.points
+        best = int(np.argmax(scores))
+        there = float(view.sum())
+        if not (0 < best < len(scores) - 1 and fit.explained > max(0.1 * implement.points, FEWEST_POINTS / 2)):
+            return float("nan"), seen, 0.0
+        if fit.explained < 0.3 * there:
+            return float("nan"), seen, 0.0
+        height = fit.height_m - implement.working_m
+        across = round((implement.working_m + self._threshold_m - low_m) / CELL_Z_M)
+        other = scores[:across] if height > self._threshold_m else scores[across:]
+        return height, seen, float(scores[best] - other.max(initial=0.0))
+
+
+def _median(counts: NDArray[np.int64]) -> float:
+    """The median of the soil's heights, from their histogram."""
+    total = int(counts.sum())
+    if total < _FEWEST_SOIL:
+        return float("nan")
+    sums = np.cumsum(counts)
+    k = int(np.searchsorted(sums, 0.5 * total))
+    within = (0.5 * total - (sums[k] - counts[k])) / counts[k]
+    return float((k + within) * _SOIL_BIN_M - _SOIL_M)
+
+
+@numba.njit(cache=True, nogil=True)
+def _gather(  # type: ignore[no-untyped-def]
+    xyz_m, laser, t_s, rotation, lever_m, columns, still_m, split, clockwise, ground, box, grid, views, soil, times
+):  # fmt: skip
+    """Sort a scan's points into side view and soil of the turn under way (0) and of the next (1)."""
+    lasers, width = still_m.shape
+    _, view_columns, view_rows = views.shape
+    bins = soil.shape[1]
+    for i in range(len(xyz_m)):
+        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        column = column_of(px, py)
+        if not columns[column]:
+            continue
+        part = 0 if (column < split) == clockwise else 1
+        times[part, 0] += 1.0
+        times[part, 1] += t_s[i]
+        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
+        if not box[0] < x < box[1]:
+            continue
+        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
+        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2]
+        above = z - ground[0] - ground[1] * x - ground[2] * y
+        if not box[2] < y < box[3]:
+            if abs(above) < _SOIL_M and box[2] - _BESIDE_M < y < box[3] + _BESIDE_M:
+                soil[part, min(int((above + _SOIL_M) / _SOIL_BIN_M), bins - 1)] += 1
+            continue
+        if not CUT_M + CUT_PER_M * np.sqrt(x * x + y * y) < above < TOP_M:
+            continue
+        if laser[i] < lasers:
+            distance = np.sqrt(px * px + py * py + pz * pz)
+            still = False
+            for step in (-1, 0, 1):
+                still |= abs(still_m[laser[i], (column + step) % width] - distance) < AGREE_M
+            if still:
+                continue
+        u = (x - grid[0]) / CELL_X_M
+        v = (above - grid[1]) / CELL_Z_M - 0.5
+        if u < 0.0 or v < 0.0:
+            continue
+        view_column, row = int(u), int(v)
+        if view_column < view_columns and row < view_rows - 1:
+            share = v - row
+            views[part, view_column, row] += 1.0 - share
+            views[part, view_column, row + 1] += share
