@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +15,7 @@ from furrowmap.core.work.sweep import Sweep
 
 FloatArray = NDArray[np.float64]
 
-TOLERANCE_M: Final = 0.003
+TOLERANCE_M: Final = 0.002
 """Sides have as few vertices as leave them this near to the path (Douglas and Peucker's rule)."""
 LONGEST_M: Final = 25.0
 LARGEST_TURN_RAD: Final = np.radians(45.0)
@@ -57,7 +58,9 @@ def _pieces(sweep: Sweep) -> list[slice]:
     last = len(yaw) - 1
     pieces, begin = [], 0
     while begin < last:
-        reach = int(np.searchsorted(sweep.way_m, sweep.way_m[begin] + LONGEST_M, side="right"))
+        rest_m = float(sweep.way_m[-1] - sweep.way_m[begin])
+        length_m = rest_m / math.ceil(rest_m / LONGEST_M)  # equal pieces, none of them a stub
+        reach = int(np.searchsorted(sweep.way_m, sweep.way_m[begin] + length_m, side="right"))
         turned = np.abs(yaw[begin:reach] - yaw[begin]) > LARGEST_TURN_RAD
         end = begin + int(np.argmax(turned)) if turned.any() else reach - 1
         end = min(max(end, begin + 1), last)

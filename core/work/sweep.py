@@ -144,7 +144,7 @@ class _Path:
         yaw = self._yaw(t)[:, 0]
         half = self._half_width_m * np.interp(t, self._knots, self._side)
         height = np.interp(t, self._knots, self._height)
-        speed = np.hypot(*self._place.derivative()(t[[0, -1]]).T)
+        speed = np.hypot(*self._place(run[[0, -1]], 1).T)
         return Sweep(
             t_s=t + self._t0,
             middle_m=np.column_stack([self._place(t), height]) + self._origin,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Final
@@ -58,7 +59,7 @@ def zones(
 def _turns(
     trajectory: Trajectory, passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]], implement: Implement
 ) -> Iterator[BaseGeometry]:
-    """The ground that each turn between two passes takes up: the hull of the tool's way near the passes' ends."""
+    """The ground that each turn between two passes takes up: the hull of the tool's line near the passes' ends."""
     reach_m = max(REACH_M, REACH_WIDTHS * implement.width_m)
     for before, after in pairwise(passes):
         leaving, coming = before[-1][0], after[0][0]
@@ -66,13 +67,15 @@ def _turns(
         if abs(turn) < TURN_RAD:
             continue
         knots = slice(*np.searchsorted(trajectory.t_s, [leaving.t_s[-1], coming.t_s[0]]).tolist())
-        ends = [leaving.middle_m[-1, :2], coming.middle_m[0, :2]]
-        way = np.concatenate([ends[:1], tool_line(trajectory, knots, implement)[0][:, :2], ends[1:]])
-        near = [np.hypot(*(way - end).T) <= reach_m for end in ends]
-        if np.hypot(*(ends[1] - ends[0])) <= 2.0 * reach_m:
+        middle, left = (axis[:, :2] for axis in tool_line(trajectory, knots, implement))
+        half = 0.5 * implement.width_m * left
+        way = np.concatenate([leaving.middle_m[-1:, :2], middle, coming.middle_m[:1, :2]])
+        half = np.concatenate([leaving.half_m[-1:], half, coming.half_m[:1]])
+        near = [np.hypot(*(way - way[end]).T) <= reach_m for end in (0, -1)]
+        if math.dist(way[0], way[-1]) <= 2.0 * reach_m:
             near = [near[0] | near[1]]
         for part in near:
-            yield shapely.MultiPoint(way[part]).convex_hull.buffer(0.5 * implement.width_m, join_style="mitre")
+            yield shapely.MultiPoint(np.concatenate([(way + half)[part], (way - half)[part]])).convex_hull
 
 
 def _area_on(pieces: NDArray[np.object_], places: NDArray[np.object_]) -> FloatArray:

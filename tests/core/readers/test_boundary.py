@@ -1,0 +1,82 @@
+"""Field boundaries from vector files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import geopandas as gpd
+import numpy as np
+import pytest
+import shapely
+
+from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.values.errors import InputError
+
+FIELD = shapely.Polygon(
+    [(140.02, 36.87), (140.021, 36.87), (140.021, 36.871), (140.02, 36.871)],
+    [[(140.0204, 36.8704), (140.0206, 36.8704), (140.0206, 36.8706), (140.0204, 36.8706)]],
+)
+
+
+def test_geojson__is_read_with_its_holes_as_longitude_and_latitude(tmp_path: Path) -> None:
+    file = tmp_path / "圃場 1.geojson"
+    file.write_text(json.dumps(shapely.geometry.mapping(FIELD)))
+    assert read_boundary(file).equals(FIELD)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "driver"), [("gpkg", "GPKG"), ("fgb", "FlatGeobuf"), ("shp", "ESRI Shapefile"), ("geojson", "GeoJSON")]
+)
+@pytest.mark.parametrize("crs", ["EPSG:6668", "EPSG:6677"])
+def test_every_format_and_crs__gives_the_same_field(tmp_path: Path, suffix: str, driver: str, crs: str) -> None:
+    """JGD2011 in degrees, and its plane rectangular zone IX; GeoJSON is always in degrees."""
+    table = gpd.GeoDataFrame({"name": ["North"]}, geometry=[FIELD], crs="EPSG:6668")
+    file = tmp_path / f"field.{suffix}"
+    table.to_crs(crs if driver != "GeoJSON" else "EPSG:6668").to_file(file, driver=driver, engine="pyogrio")
+    field = read_boundary(file)
+    assert field.symmetric_difference(FIELD).area < 1e-9 * FIELD.area + 1e-12
+    assert field.area == pytest.approx(FIELD.area, rel=1e-5)
+
+
+def test_several_fields__are_one_and_other_geometries_do_not_count(tmp_path: Path) -> None:
+    other = shapely.transform(FIELD, lambda xy: xy + np.array([0.01, 0.0]))
+    shapes = [FIELD, other, shapely.Point(140.0, 36.0), shapely.LineString([(140, 36), (141, 37)])]
+    features = [{"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(s)} for s in shapes]
+    file = tmp_path / "fields.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    assert read_boundary(file).equals(shapely.union(FIELD, other))
+
+
+def test_sample__has_the_area_of_its_field(shared_data: Path) -> None:
+    field = read_boundary(shared_data / "tractor_loop" / "boundary.geojson")
+    figures = json.loads((shared_data / "tractor_loop" / "truth" / "figures.json").read_text())
+    local = gpd.GeoSeries([field], crs="EPSG:6668").to_crs("EPSG:6677")
+    assert local.area[0] == pytest.approx(figures["field_area_m2"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"", "neither"),
+        (b"\x89PNG\r\n", "neither"),
+        (b"<OGRVRTDataSource><OGRVRTLayer name='x'/></OGRVRTDataSource>", "neither"),
+        (b"{", "field.geojson"),
+        (b'{"type": "FeatureCollection", "features": []}', "none of them a polygon"),
+        (b'{"type": "Point", "coordinates": [140.0, 36.0]}', "none of them a polygon"),
+        (b'{"type": "Polygon", "coordinates": [[[0, 0], [0, 0], [0, 0], [0, 0]]]}', "empty"),
+        (b"SQLite format 3\0" + b"x" * 200, "field.geojson"),
+    ],
+)
+def test_no_boundary__is_told_with_the_file_and_the_reason(tmp_path: Path, content: bytes, why: str) -> None:
+    file = tmp_path / "field.geojson"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=why) as error:
+        read_boundary(file)
+    assert error.value.code == "boundary-unreadable"
+    assert "field.geojson" in error.value.what
+
+
+def test_missing_file__is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="No such file"):
+        read_boundary(tmp_path / "nothing.geojson")

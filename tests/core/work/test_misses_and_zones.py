@@ -1,0 +1,127 @@
+"""Strips missed, and headland against body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.session import Crs, Implement
+from furrowmap.core.work.boundary import boundary_on_map
+from furrowmap.core.work.ground import worked_ground
+from furrowmap.core.work.misses import missed
+from tests.core.trajectory.drives import drive
+from tests.core.work.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of
+
+
+def lane(south_m: float, width_m: float, west_m: float = 0.0, east_m: float = 100.0) -> shapely.Polygon:
+    return shapely.box(west_m, south_m, east_m, south_m + width_m)
+
+
+def cover(*lanes: shapely.Polygon) -> shapely.MultiPolygon:
+    return shapely.MultiPolygon(list(shapely.get_parts(shapely.union_all(lanes))))
+
+
+@pytest.mark.parametrize("gap_m", [0.05, 0.5, 1.6])
+def test_strip_between_lanes__is_missed_if_narrower_than_the_tool(gap_m: float) -> None:
+    ((kind, strip),) = missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), 1.7, None)
+    assert kind == "between passes"
+    assert strip.area == pytest.approx(100.0 * gap_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("gap_m", [0.01, 1.8, 5.0])
+def test_strip_between_lanes__is_none_if_wider_than_the_tool_or_a_finger(gap_m: float) -> None:
+    assert missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), 1.7, None) == []
+
+
+def test_lanes_that_end_at_different_places__miss_nothing_beside_the_longer_one() -> None:
+    assert missed(cover(lane(0.0, 1.7), lane(1.7, 1.7, 20.0, 70.0)), 1.7, None) == []
+
+
+def test_lane_between_two_longer_ones__misses_its_lacking_end() -> None:
+    ((_, strip),) = missed(cover(lane(0.0, 1.7), lane(1.6, 1.7, 0.0, 95.0), lane(3.2, 1.7)), 1.7, None)
+    assert strip.area == pytest.approx(5.0 * 1.5, rel=1e-6)
+
+
+def test_strip_along_the_boundary__is_told_as_such_and_stays_inside() -> None:
+    field = shapely.box(-0.5, -0.4, 100.0, 40.0)
+    strips = missed(cover(lane(0.0, 1.7)), 1.7, field)
+    assert {kind for kind, _ in strips} == {"boundary"}
+    assert sum(strip.area for _, strip in strips) == pytest.approx(0.4 * 100.5 + 0.5 * 1.7, rel=0.01)
+    assert all(field.buffer(1e-9).covers(strip) for _, strip in strips)
+
+
+def test_missed_island__is_between_passes_also_where_the_boundary_is_known() -> None:
+    worked = cover(shapely.box(0.0, 0.0, 50.0, 50.0).difference(shapely.box(20.0, 20.0, 30.0, 20.8)))
+    ((kind, strip),) = missed(worked, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
+    assert kind == "between passes"
+    assert strip.area == pytest.approx(8.0, rel=1e-6)
+
+
+def test_zones__turns_lie_in_the_headland_and_lanes_in_the_body() -> None:
+    turn_s = 13.0
+    truth = drive((50.0, 1.2, 0.0), (turn_s, 1.0, 15.0), (50.0, 1.2, 0.0), (turn_s, 1.0, -15.0), (50.0, 1.2, 0.0))
+    trajectory = trajectory_of(truth)
+    begins = [k * (50.0 + turn_s) for k in range(3)]
+    states = states_of(trajectory, *((b + 2.0, b + 48.0) for b in begins))
+    ground = worked_ground(trajectory, states, Implement(width_m=7.6, xy_m=(0.0, 0.0)), FRAME)
+    body = [z.ground for z in ground.zones if z.kind == "body"]
+    headland = [z.ground for z in ground.zones if z.kind == "headland"]
+    assert len(headland) == 2  # one at each end
+    assert shapely.union_all(body).intersection(ground.coverage).area == pytest.approx(ground.coverage.area, rel=1e-3)
+    assert shapely.union_all(headland).intersection(shapely.union_all(body)).area < 1e-6
+    t = truth.t_s - truth.t_s[0]
+    turning = shapely.points(truth.en_m[(t > 50.5) & (t < 50.0 + turn_s - 0.5)] + PLACE_M)
+    assert np.all(shapely.covers(shapely.union_all(headland), turning))
+
+
+def test_zones__a_pass_across_the_turns_is_headland() -> None:
+    """Three lanes, and a fourth pass over the ground on which the machine turned from the first to the second."""
+    turn = (13.0, 1.0, 15.0)
+    truth = drive(
+        (40.0, 1.2, 0.0),
+        turn,
+        (40.0, 1.2, 0.0),
+        (13.0, 1.0, -15.0),
+        (37.5, 1.2, 0.0),
+        (7.0, 1.0, -15.0),
+        (20.0, 1.2, 0.0),
+    )
+    trajectory = trajectory_of(truth)
+    states = states_of(trajectory, (2.0, 38.0), (55.0, 91.0), (108.0, 141.5), (150.0, 168.0))
+    ground = worked_ground(trajectory, states, Implement(width_m=3.0, xy_m=(0.0, 0.0)), FRAME)
+    headland = shapely.union_all([z.ground for z in ground.zones if z.kind == "headland"])
+    shares = [p.ground.intersection(headland).area / p.ground.area for p in ground.passes]
+    assert max(shares[:3]) < 0.15
+    assert shares[3] > 0.85
+
+
+def test_lifting_on_a_straight_way__is_no_turn() -> None:
+    trajectory = trajectory_of(drive((60.0, 1.2, 0.0)))
+    ground = worked_ground(
+        trajectory, states_of(trajectory, (5.0, 25.0), (35.0, 55.0)), Implement(1.7, (-1.0, 0.0)), FRAME
+    )
+    assert {z.kind for z in ground.zones} == {"body"}
+
+
+@pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])
+def test_sample__misses_and_zones_lie_in_the_field_beside_the_ground_worked(shared_data: Path, name: str) -> None:
+    truth = sample(shared_data / name)
+    field = boundary_on_map(read_boundary(truth.boundary_file), truth.frame)
+    ground = worked_ground(truth.trajectory, truth.states, truth.session.implement, truth.frame, field)
+    for place in (*ground.misses, *ground.zones):
+        assert field.buffer(1e-6).covers(place.ground)
+    assert all(m.ground.intersection(truth.coverage.union_all()).area < 0.02 for m in ground.misses)
+    assert {z.kind for z in ground.zones} == {"headland", "body"}
+
+
+def test_boundary_elsewhere__is_refused_with_its_place() -> None:
+    paris = shapely.box(2.3, 48.8, 2.4, 48.9)
+    with pytest.raises(InputError, match=r"48\.8500, 2\.3500") as error:
+        boundary_on_map(paris, map_frame(Crs(map="EPSG:6677")))
+    assert error.value.code == "boundary-elsewhere"
