@@ -20,7 +20,7 @@ from furrowmap.core.work.misses import missed
 from furrowmap.core.work.overlaps import overlapping
 from furrowmap.core.work.ribbon import Ribbon, ribbons
 from furrowmap.core.work.shapes import joined
-from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps
+from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps, tool_line, unknown_times
 from furrowmap.core.work.uncertainty import OutlineErrors
 from furrowmap.core.work.zones import zones
 
@@ -169,7 +169,8 @@ def worked_ground(
     grounds = [joined(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
     coverage = joined(grounds)
     shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
-    strips = missed(coverage, implement.width_m, boundary)
+    doubtful = _doubtful(trajectory, states, implement, times)
+    strips = missed(coverage, doubtful, implement.width_m, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs]))
     passes = tuple(
         _pass(number, when, pass_, ground, area, implement)
@@ -211,6 +212,26 @@ def worked_ground(
         zones=areas.places(zones(trajectory, work, implement, boundary)),
         figures=figures,
     )
+
+
+def _doubtful(
+    trajectory: Trajectory, states: ToolStates, implement: Implement, passes: Sequence[PassTimes]
+) -> BaseGeometry:
+    """Ground driven over while the tool's state was unknown, or its own place while it was down."""
+    unknown = [
+        ribbon.polygon
+        for when in unknown_times(states)
+        for sweep in sweeps(trajectory, when, implement)
+        for ribbon in ribbons(sweep)
+    ]
+    gaps = []
+    for begin_s, end_s in trajectory.gaps_s:
+        if any(when.begin_s < end_s and when.end_s > begin_s for when in passes):
+            knot = int(np.searchsorted(trajectory.t_s, begin_s))
+            middle, left = tool_line(trajectory, slice(knot, knot + 2), implement)
+            half = 0.5 * implement.width_m * left
+            gaps.append(shapely.MultiPoint(np.concatenate([middle + half, middle - half])[:, :2]).convex_hull)
+    return shapely.union_all([*unknown, *gaps])
 
 
 def _pass(

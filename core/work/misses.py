@@ -16,7 +16,7 @@ TOUCHES_M: Final = 0.005
 
 
 def missed(
-    coverage: shapely.MultiPolygon, width_m: float, boundary: BaseGeometry | None
+    coverage: shapely.MultiPolygon, doubtful: BaseGeometry, width_m: float, boundary: BaseGeometry | None
 ) -> list[tuple[str, shapely.Polygon]]:
     """The strips missed, each with its kind: `between passes`, or `boundary` where the field's boundary is one side.
 
@@ -26,6 +26,7 @@ def missed(
 
     Args:
         coverage: all ground worked.
+        doubtful: ground of which it is not known whether it was worked; no part of it is a miss.
         width_m: of the tool.
         boundary: the field, if known.
     """
@@ -36,7 +37,7 @@ def missed(
     strips = closed(taken, width_m)
     if boundary is not None:
         strips = strips.intersection(boundary)
-    strips = strips.difference(coverage)
+    strips = strips.difference(coverage.union(doubtful))
     wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
     return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
 

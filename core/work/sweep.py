@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -28,7 +29,7 @@ KNOT_EVERY_S: Final = 0.1
 
 @dataclass(frozen=True)
 class PassTimes:
-    """When the tool was down without a break.
+    """From when to when the tool kept its state.
 
     Attributes:
         begin_s: UTC.
@@ -79,8 +80,15 @@ def pass_times(states: ToolStates) -> list[PassTimes]:
     return passes
 
 
+def unknown_times(states: ToolStates) -> list[PassTimes]:
+    """The times between known states of which the tool's state is not known."""
+    known = np.flatnonzero(states.state != ToolState.UNKNOWN)
+    spans = zip(states.end_s[known[:-1]].tolist(), states.begin_s[known[1:]].tolist(), strict=True)
+    return [PassTimes(begin, end, math.nan, math.nan) for begin, end in spans if begin < end]
+
+
 def sweeps(trajectory: Trajectory, times: PassTimes, implement: Implement) -> Iterator[Sweep]:
-    """The runs forward of one pass, in the order of time; reversing and gaps of the trajectory part them."""
+    """The runs forward from `times.begin_s` to `times.end_s`; reversing and gaps of the trajectory part them."""
     t = trajectory.t_s
     first = max(0, int(np.searchsorted(t, times.begin_s - MARGIN_S)) - 1)
     behind = min(len(t), int(np.searchsorted(t, times.end_s + MARGIN_S, side="right")) + 1)

@@ -15,8 +15,10 @@ from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.ground import worked_ground
 from furrowmap.core.work.misses import missed
-from tests.core.trajectory.drives import drive
+from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of
+
+NOTHING = shapely.Polygon()
 
 
 def lane(south_m: float, width_m: float, west_m: float = 0.0, east_m: float = 100.0) -> shapely.Polygon:
@@ -29,28 +31,54 @@ def cover(*lanes: shapely.Polygon) -> shapely.MultiPolygon:
 
 @pytest.mark.parametrize("gap_m", [0.05, 0.5, 1.6])
 def test_strip_between_lanes__is_missed_if_narrower_than_the_tool(gap_m: float) -> None:
-    ((kind, strip),) = missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), 1.7, None)
+    ((kind, strip),) = missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None)
     assert kind == "between passes"
     assert strip.area == pytest.approx(100.0 * gap_m, rel=1e-6)
 
 
 @pytest.mark.parametrize("gap_m", [0.01, 1.8, 5.0])
 def test_strip_between_lanes__is_none_if_wider_than_the_tool_or_a_finger(gap_m: float) -> None:
-    assert missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), 1.7, None) == []
+    assert missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None) == []
 
 
 def test_lanes_that_end_at_different_places__miss_nothing_beside_the_longer_one() -> None:
-    assert missed(cover(lane(0.0, 1.7), lane(1.7, 1.7, 20.0, 70.0)), 1.7, None) == []
+    assert missed(cover(lane(0.0, 1.7), lane(1.7, 1.7, 20.0, 70.0)), NOTHING, 1.7, None) == []
 
 
 def test_lane_between_two_longer_ones__misses_its_lacking_end() -> None:
-    ((_, strip),) = missed(cover(lane(0.0, 1.7), lane(1.6, 1.7, 0.0, 95.0), lane(3.2, 1.7)), 1.7, None)
+    ((_, strip),) = missed(cover(lane(0.0, 1.7), lane(1.6, 1.7, 0.0, 95.0), lane(3.2, 1.7)), NOTHING, 1.7, None)
     assert strip.area == pytest.approx(5.0 * 1.5, rel=1e-6)
+
+
+def test_ground_in_doubt__is_no_miss() -> None:
+    lanes = cover(lane(0.0, 1.7), lane(2.0, 1.7))
+    ((_, strip),) = missed(lanes, shapely.box(30.0, -5.0, 100.0, 5.0), 1.7, None)
+    assert strip.area == pytest.approx(30.0 * 0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize("lost", ["positions", "positions at the end", "state"])
+def test_lane_lost_for_some_seconds__is_no_miss_between_its_neighbours(lost: str) -> None:
+    """Three lanes 0.8 m apart, the middle one with a gap of 5 s between its neighbours."""
+    turn = (13.0, 0.1047, 15.0)
+    truth = drive((30.0, 1.2, 0.0), turn, (30.0, 1.2, 0.0), (13.0, 0.1047, -15.0), (30.0, 1.2, 0.0))
+    t = truth.t_s - truth.t_s[0]
+    gap = {"positions": (55.0, 60.0), "positions at the end": (67.0, 72.0), "state": (0.0, 0.0)}[lost]
+    kept = (t <= gap[0]) | (t >= gap[1])
+    seen = Drive(truth.t_s[kept], truth.en_m[kept], truth.yaw_rad[kept], truth.speed_mps[kept])
+    trajectory = trajectory_of(seen)
+    down = [(2.0, 28.0), (45.0, 71.0), (88.0, 114.0)]
+    unknown = (0.0, 0.0)
+    if lost == "state":
+        down[1:2] = [(45.0, 55.0), (60.0, 71.0)]
+        unknown = (55.0, 60.0)
+    states = states_of(trajectory, *down, unknown_s=unknown)
+    ground = worked_ground(trajectory, states, Implement(0.82, (0.0, 0.0)), FRAME)
+    assert ground.misses == ()
 
 
 def test_strip_along_the_boundary__is_told_as_such_and_stays_inside() -> None:
     field = shapely.box(-0.5, -0.4, 100.0, 40.0)
-    strips = missed(cover(lane(0.0, 1.7)), 1.7, field)
+    strips = missed(cover(lane(0.0, 1.7)), NOTHING, 1.7, field)
     assert {kind for kind, _ in strips} == {"boundary"}
     assert sum(strip.area for _, strip in strips) == pytest.approx(0.4 * 100.5 + 0.5 * 1.7, rel=0.01)
     assert all(field.buffer(1e-9).covers(strip) for _, strip in strips)
@@ -58,7 +86,7 @@ def test_strip_along_the_boundary__is_told_as_such_and_stays_inside() -> None:
 
 def test_missed_island__is_between_passes_also_where_the_boundary_is_known() -> None:
     worked = cover(shapely.box(0.0, 0.0, 50.0, 50.0).difference(shapely.box(20.0, 20.0, 30.0, 20.8)))
-    ((kind, strip),) = missed(worked, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
+    ((kind, strip),) = missed(worked, NOTHING, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
     assert kind == "between passes"
     assert strip.area == pytest.approx(8.0, rel=1e-6)
 
