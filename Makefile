@@ -38,7 +38,8 @@ format: $(INSTALLED)  ## let ruff lay out the code
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
-bench: $(INSTALLED)  ## speed and memory
+bench: $(INSTALLED)  ## speed, memory and error, beside others
+	$(BIN)/python -m pip install -qq --constraint constraints.txt --group bench
 	@for file in $(filter-out $(SESSIONS),$(wildcard benchmarks/*.py)); do echo "== $$file"; $(BIN)/python "$$file" || exit; done
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth

@@ -128,6 +128,7 @@ def test_versions__every_dependency_is_pinned_without_an_address() -> None:
         *PROJECT["build-system"]["requires"],
         *PROJECT["project"]["dependencies"],
         *PROJECT["dependency-groups"]["dev"],
+        *PROJECT["dependency-groups"]["bench"],
     ]
     assert {canonicalize_name(Requirement(text).name) for text in wanted} - pinned == set()
 
