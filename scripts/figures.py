@@ -7,17 +7,23 @@ from pathlib import Path
 import matplotlib as mpl
 
 mpl.use("agg")
+import geopandas as gpd
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
+from shapely import affinity
 
-from furrowmap.core.readers.reader import GivesTrack, ReadOptions, open_recording
+from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.motion import local_velocity
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.session import load_session
+from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Motion
+from furrowmap.core.work.ground import worked_ground
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DATA = CHECKOUT.parent / "shared" / "data"
@@ -67,5 +73,45 @@ def initial_heading(name: str, picture: Path) -> None:
     figure.savefig(picture, dpi=110)
 
 
+def worked_ground_map(name: str, picture: Path) -> None:
+    """The ground worked as truth trajectory and truth states give it, with its overlaps, misses and zones."""
+    session = load_session(DATA / name / "session.toml")
+    assert session.implement is not None
+    frame = map_frame(session.crs)
+    reader = open_recording([DATA / name / "truth" / "trajectory.csv"], ReadOptions())
+    assert isinstance(reader, GivesPoses)
+    trajectory = trajectory_from_poses(reader.poses(), frame)
+    tool = pd.read_csv(DATA / name / "truth" / "implement.csv")
+    t_s, down = tool.time_unix_s.to_numpy(), (tool.state == "down").to_numpy()
+    change = 1 + np.flatnonzero(np.diff(down))
+    cuts = np.concatenate([t_s[:1], t_s[change], t_s[-1:]])
+    state = np.concatenate([down[:1], down[change]]).astype(np.int8)
+    zero = np.zeros(len(state))
+    states = ToolStates(cuts[:-1], cuts[1:], state, zero + 1.0, zero, zero)
+    ground = worked_ground(trajectory, states, session.implement, frame)
+
+    figure, axes = plt.subplots(figsize=(9, 4.6), layout="constrained")
+    headland = [place.ground for place in ground.zones if place.kind == "headland"]
+    overlaps, misses = [place.ground for place in ground.overlaps], [place.ground for place in ground.misses]
+    layers = [
+        (headland, "#e9dcc3", "none", "headland"),
+        ([one.ground for one in ground.passes], "#8fb08a", "#2c4a34", "passes"),
+        (overlaps, "#d1603d", "none", "overlaps"),
+        (misses, "#7a4fa3", "none", "missed"),
+    ]
+    e0, n0 = trajectory.xyz_m[:, :2].min(axis=0)
+    for shapes, face, edge, label in layers:
+        local = [affinity.translate(shape, -e0, -n0) for shape in shapes]
+        gpd.GeoSeries(local).plot(ax=axes, facecolor=face, edgecolor=edge, linewidth=0.8)
+        axes.plot([], [], "s", c=face, label=label)
+    axes.plot(*(trajectory.xyz_m[:, :2] - [e0, n0]).T, c="#555555", lw=0.7, label="rear axle")
+    axes.set(xlabel="m east", ylabel="m north", aspect="equal")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    figure.savefig(picture, dpi=110)
+
+
 if __name__ == "__main__":
     initial_heading("tractor_fishtail", IMAGES / "initial-heading.png")
+    worked_ground_map("tractor_fishtail", IMAGES / "worked-ground.png")

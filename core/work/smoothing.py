@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 ACCELERATION_PSD: Final = 0.01
 """Spectral density of a working vehicle's acceleration, (m/s²)²·s, and of its turning, (rad/s²)²·s.
 
-0.1 m/s² that last for a second; what a turn of 3 m at walking speed needs beyond it is bent by less than a millimetre.
+0.1 m/s² that last for a second. With 4 mm of noise a turn of 3 m at walking speed is bent by less than a millimetre.
 """
 _FOURTH_DIFFERENCE: Final = np.sqrt(70.0)
 """Standard deviation of fourth differences of white noise of 1."""

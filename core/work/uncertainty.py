@@ -61,12 +61,11 @@ class OutlineErrors:
         What several parts of one shape have in common is taken into account.
         """
         shape, place, normal = _outlines(shapes)
-        found, source = self._tree.query_nearest(
-            shapely.points(place), max_distance=NEAR_M, all_matches=False, return_distance=False
-        )
+        points = np.asarray(shapely.points(place), object)
+        found, source = self._sources(points)
         shape, place, normal = shape[found], place[found], normal[found]
         line = self._lines[source]
-        share = shapely.line_locate_point(line, shapely.points(place), normalized=True)
+        share = shapely.line_locate_point(line, points[found], normalized=True)
         t = self._begin_s[source] + share * (self._end_s[source] - self._begin_s[source])
         variance = np.zeros(len(shapes))
         order = np.lexsort((t, shape))
@@ -74,6 +73,14 @@ class OutlineErrors:
             _add_correlated(shape[order], t[order], effect[order], correlation_s, variance)
         self._add_transitions(shape, self._end[source], normal, variance)
         return np.sqrt(np.maximum(variance, 0.0))
+
+    def _sources(self, points: NDArray[np.object_]) -> tuple[IntArray, IntArray]:
+        """(which of `points`, index of the nearest line), for those that lie on a line."""
+        point, line = self._tree.query(points, predicate="dwithin", distance=NEAR_M)
+        order = np.lexsort((shapely.distance(points[point], self._lines[line]), point))
+        point, line = point[order], line[order]
+        nearest = np.diff(point, prepend=-1) > 0
+        return point[nearest], line[nearest]
 
     def _effects(self, t_s: FloatArray, place: FloatArray, normal: FloatArray) -> list[tuple[FloatArray, float]]:
         """What one standard deviation of easting, of northing and of heading at `t_s` adds to an area, each (n,)."""
