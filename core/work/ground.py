@@ -34,7 +34,8 @@ class Area:
     Attributes:
         grid_m2: in the map's plane.
         ellipsoid_m2: on the ellipsoid: the map's scale at the place taken out.
-        sigma_m2: standard deviation of either, from positions, headings and times of transitions; nan where unknown.
+        sigma_m2: standard deviation of either, from positions, headings, times of transitions, and ground of which it
+            is not known whether it was worked; nan where unknown.
     """
 
     grid_m2: float
@@ -169,13 +170,15 @@ def worked_ground(
     grounds = [joined(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
     coverage = joined(grounds)
     shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
-    doubtful = _doubtful(trajectory, states, implement, times)
+    gaps_s = trajectory.gaps_s
+    unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
+    doubtful = shapely.union_all([_unknown_ground(trajectory, states, implement), *unplaced])
     strips = missed(coverage, doubtful, implement.width_m, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs]))
     passes = tuple(
         _pass(number, when, pass_, ground, area, implement)
         for number, (when, pass_, ground, area) in enumerate(
-            zip(times, work, grounds, areas.of(grounds), strict=True), start=1
+            zip(times, work, grounds, areas.of(grounds, unplaced), strict=True), start=1
         )
     )
     pairs = [(pair, place) for pair, places in shared.items() for place in places]
@@ -184,9 +187,9 @@ def worked_ground(
         for (pair, place), area in zip(pairs, areas.of([place for _, place in pairs]), strict=True)
     )
     spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
-    worked, overlap, missing = areas.of(
+    (worked,) = areas.of([coverage], [doubtful])
+    overlap, missing = areas.of(
         [
-            coverage,
             shapely.GeometryCollection([place for _, place in pairs]),
             shapely.MultiPolygon([strip for _, strip in strips]),
         ]
@@ -214,24 +217,29 @@ def worked_ground(
     )
 
 
-def _doubtful(
-    trajectory: Trajectory, states: ToolStates, implement: Implement, passes: Sequence[PassTimes]
+def _unknown_ground(trajectory: Trajectory, states: ToolStates, implement: Implement) -> BaseGeometry:
+    """Ground driven over while the tool's state was unknown."""
+    return shapely.union_all(
+        [
+            ribbon.polygon
+            for when in unknown_times(states)
+            for sweep in sweeps(trajectory, when, implement)
+            for ribbon in ribbons(sweep)
+        ]
+    )
+
+
+def _unplaced_ground(
+    trajectory: Trajectory, gaps_s: FloatArray, times: PassTimes, implement: Implement
 ) -> BaseGeometry:
-    """Ground driven over while the tool's state was unknown, or its own place while it was down."""
-    unknown = [
-        ribbon.polygon
-        for when in unknown_times(states)
-        for sweep in sweeps(trajectory, when, implement)
-        for ribbon in ribbons(sweep)
-    ]
-    gaps = []
-    for begin_s, end_s in trajectory.gaps_s:
-        if any(when.begin_s < end_s and when.end_s > begin_s for when in passes):
-            knot = int(np.searchsorted(trajectory.t_s, begin_s))
-            middle, left = tool_line(trajectory, slice(knot, knot + 2), implement)
-            half = 0.5 * implement.width_m * left
-            gaps.append(shapely.MultiPoint(np.concatenate([middle + half, middle - half])[:, :2]).convex_hull)
-    return shapely.union_all([*unknown, *gaps])
+    """Where the tool may have been in gaps during a pass: between its last place before and its first after each."""
+    found = []
+    for begin_s in gaps_s[(gaps_s[:, 0] < times.end_s) & (gaps_s[:, 1] > times.begin_s), 0]:
+        knot = int(np.searchsorted(trajectory.t_s, begin_s))
+        middle, left = tool_line(trajectory, slice(knot, knot + 2), implement)
+        half = 0.5 * implement.width_m * left
+        found.append(shapely.MultiPoint(np.concatenate([middle + half, middle - half])[:, :2]).convex_hull)
+    return shapely.union_all(found)
 
 
 def _pass(
@@ -263,15 +271,17 @@ class _Areas:
         self._frame = frame
         self._errors = errors
 
-    def of(self, shapes: Sequence[BaseGeometry]) -> list[Area]:
-        """The areas of `shapes`."""
+    def of(self, shapes: Sequence[BaseGeometry], doubtful: Sequence[BaseGeometry] | None = None) -> list[Area]:
+        """The areas of `shapes`, each with the ground in `doubtful` that may belong to it but is not counted.
+
+        Any part of such ground is as likely as any other: a third of its square is added to the variance.
+        """
+        sigma = self._errors.sigma_m2(shapes)
+        if doubtful is not None:
+            sigma = np.hypot(sigma, shapely.area(shapely.difference(doubtful, shapes)) / np.sqrt(3.0))
         grid = shapely.area(np.asarray(shapes, object))
-        return [
-            Area(*values)
-            for values in zip(
-                grid.tolist(), self._on_ellipsoid(shapes).tolist(), self._errors.sigma_m2(shapes).tolist(), strict=True
-            )
-        ]
+        columns = (grid, self._on_ellipsoid(shapes), sigma)
+        return [Area(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
 
     def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[Place, ...]:
         """The places of `shapes`, each given with its kind."""

@@ -167,6 +167,21 @@ def test_gap_of_positions__is_not_worked_and_told() -> None:
     assert ground.figures.hours.unplaced_s == pytest.approx(5.0, abs=0.21)
 
 
+@pytest.mark.parametrize("gap_s", [(15.0, 20.0), (36.0, 39.5), (0.5, 39.5)])
+def test_gap_of_positions__makes_areas_as_uncertain_as_the_ground_in_it(gap_s: tuple[float, float]) -> None:
+    truth = drive((40.0, 1.2, 0.0))
+    t = truth.t_s - truth.t_s[0]
+    kept = (t < gap_s[0]) | (t > gap_s[1])
+    trajectory = trajectory_of(
+        Drive(truth.t_s[kept], truth.en_m[kept], truth.yaw_rad[kept], truth.speed_mps[kept]), sigma=(0.01,) * 6
+    )
+    ground = worked_ground(trajectory, states_of(trajectory, (2.0, 38.0)), TILLER, FRAME)
+    missing = 1.7 * way_and_turn(truth, 2.0, 38.0)[0] - ground.figures.worked.grid_m2
+    assert missing > 4.0
+    for area in (ground.figures.worked, ground.passes[0].area):
+        assert 0.4 * missing < area.sigma_m2 < 1.2 * missing
+
+
 def test_side_slope__narrows_the_tool_as_seen_from_above() -> None:
     level = trajectory_of(drive((30.0, 1.5, 0.0)))
     _, pitch, heading = level.attitude_deg()
