@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +15,7 @@ from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.sweep import PassTimes, pass_times
+from furrowmap.core.work.sweep import pass_numbers, pass_times
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def tool_paths(trajectory: Trajectory, states: ToolStates, implement: Implement)
     passes = pass_times(states)
     paths = []
     for state, begin_s, end_s in _stretches(states, trajectory.span_s):
-        number = _pass_at(passes, 0.5 * (begin_s + end_s)) if state is ToolState.DOWN else None
+        number = int(pass_numbers(passes, 0.5 * (begin_s + end_s))[0])
         first, behind = np.searchsorted(trajectory.t_s, [begin_s, end_s], side="left").tolist()
         first += int(trajectory.t_s[first] == begin_s)
         t = np.concatenate([[begin_s], trajectory.t_s[first:behind], [end_s]])
@@ -79,7 +79,7 @@ def tool_paths(trajectory: Trajectory, states: ToolStates, implement: Implement)
                 continue
             line = shapely.simplify(shapely.LineString(xyz[part]), LINE_TOLERANCE_M, preserve_topology=False)
             way_m = length_m(xyz[part, :2])
-            paths.append(ToolPath(state, number, float(t[part[0]]), float(t[part[-1]]), line, way_m))
+            paths.append(ToolPath(state, number or None, float(t[part[0]]), float(t[part[-1]]), line, way_m))
     return paths
 
 
@@ -88,11 +88,12 @@ def events(trajectory: Trajectory, states: ToolStates, implement: Implement) -> 
     found = [*_transitions(states), *_motion_changes(trajectory)]
     found += [("gap", float(begin_s), float("nan")) for begin_s in trajectory.gaps_s[:, 0]]
     found.sort(key=lambda event: event[1])
-    passes = pass_times(states)
-    places = tool_at(trajectory, implement, np.array([t_s for _, t_s, _ in found]))
+    times = np.array([t_s for _, t_s, _ in found])
+    numbers = pass_numbers(pass_times(states), times)
+    places = tool_at(trajectory, implement, times)
     return [
-        Event(kind, t_s, _pass_at(passes, t_s), sigma_s, (e, n, h))
-        for (kind, t_s, sigma_s), (e, n, h) in zip(found, places.tolist(), strict=True)
+        Event(kind, t_s, number or None, sigma_s, (e, n, h))
+        for (kind, t_s, sigma_s), number, (e, n, h) in zip(found, numbers.tolist(), places.tolist(), strict=True)
     ]
 
 
@@ -136,9 +137,3 @@ def _motion_changes(trajectory: Trajectory) -> Iterator[tuple[str, float, float]
     kinds = {Motion.STANDING: "stop", Motion.FORWARD: "start", Motion.REVERSE: "reverse"}
     for k in 1 + np.flatnonzero(np.diff(trajectory.motion)):
         yield kinds[Motion(int(trajectory.motion[k]))], float(trajectory.t_s[k]), float("nan")
-
-
-def _pass_at(passes: Sequence[PassTimes], t_s: float) -> int | None:
-    """Number of the pass at a time, its ends included."""
-    k = int(np.searchsorted([when.begin_s for when in passes], t_s, side="right"))
-    return k if k and t_s <= passes[k - 1].end_s else None
