@@ -9,9 +9,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.learning import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, TOP_M, Implement
+from furrowmap.core.implement.model import Implement
 from furrowmap.core.implement.range_image import column_of
 from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, fit_height
+from furrowmap.core.implement.views import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, FEWEST_SHARE, LEAST_GAIN, TOP_M
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 
@@ -136,10 +137,11 @@ class HeightWatch:
         fit, scores = fit_height(view, implement.template, low_m, implement.working_m + implement.lifted_m + _BEYOND_M)
         seen = fit.explained / implement.points
         best = int(np.argmax(scores))
-        there = float(view.sum())
-        if not (0 < best < len(scores) - 1 and fit.explained > max(0.1 * implement.points, FEWEST_POINTS / 2)):
-            return float("nan"), seen, 0.0
-        if fit.explained < 0.3 * there:
+        if not (
+            0 < best < len(scores) - 1
+            and fit.explained > max(FEWEST_POINTS, FEWEST_SHARE * implement.points)
+            and fit.gain > LEAST_GAIN * implement.gain * fit.explained
+        ):
             return float("nan"), seen, 0.0
         height = fit.height_m - implement.working_m
         across = round((implement.working_m + self._threshold_m - low_m) / CELL_Z_M)

@@ -13,7 +13,7 @@ from furrowmap.core.implement.range_image import COLUMNS, column_of
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 
-MOST_SCANS: Final = 400
+MOST_SCANS: Final = 320
 """So many scans are kept at most."""
 MOST_POINTS: Final = 16_384
 """So many points of a scan are kept at most."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, ndtr
 
 from furrowmap.core.implement.heights import ToolHeights
-from furrowmap.core.implement.learning import Implement
+from furrowmap.core.implement.model import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 FloatArray = NDArray[np.float64]
@@ -62,15 +62,6 @@ class ToolHistory:
     lifted_m: float
 
 
-def threshold_m(implement: Implement, working_depth_m: float | None) -> float:
-    """The height above the working position that parts down from up: the working depth, or half the travel.
-
-    A working depth that the tool does not clear when lifted cannot be meant from its working position.
-    """
-    half = 0.5 * implement.lifted_m
-    return working_depth_m if working_depth_m is not None and working_depth_m < 1.5 * half else half
-
-
 def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: float | None) -> ToolHistory:
     """States and transitions of the tool from its heights.
 
@@ -83,10 +74,10 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
         implement: as it was learned.
         working_depth_m: as the session states it.
     """
-    threshold = threshold_m(implement, working_depth_m)
+    threshold = implement.threshold_m(working_depth_m)
     height = _without_strays(heights.height_m)
     down = height < threshold
-    level = float(np.median(height[down])) if down.any() and implement.hidden != ToolState.DOWN else 0.0
+    level = float(np.median(height[down])) if down.any() and implement.levels.hidden != ToolState.DOWN else 0.0
     height = height - level
     confidence = _confidence(heights, height, threshold, implement)
     states = _states(heights, height, confidence, threshold, implement)
@@ -122,10 +113,10 @@ def _without_strays(height: FloatArray) -> FloatArray:
 
 def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, implement: Implement) -> FloatArray:
     """(n,) that the tool is on the side of the threshold on which it was measured; 0 where it was not seen."""
-    sigma = np.hypot(implement.jitter_m, _LEVEL_M)
+    sigma = np.hypot(implement.levels.jitter_m, _LEVEL_M)
     sure = ndtr(np.abs(height - threshold) / sigma) * expit(_WORTH * heights.contrast)
     unseen: FloatArray = np.zeros(len(height))
-    if implement.hidden != ToolState.UNKNOWN:
+    if implement.levels.hidden != ToolState.UNKNOWN:
         unseen = np.where(heights.whole, _UNSEEN, 0.0) * np.clip(1.0 - 4.0 * heights.seen, 0.0, 1.0)
     return np.where(np.isfinite(height), sure, unseen)
 
@@ -134,14 +125,14 @@ def _states(
     heights: ToolHeights, height: FloatArray, confidence: FloatArray, threshold: float, implement: Implement
 ) -> ToolStates:
     """Intervals of one state, with the times at which the tool passed the threshold."""
-    lower = min(0.25 * threshold, 3.0 * implement.jitter_m)
-    upper = min(0.25 * (implement.lifted_m - threshold), 3.0 * implement.jitter_m)
+    lower = min(0.25 * threshold, 3.0 * implement.levels.jitter_m)
+    upper = min(0.25 * (implement.lifted_m - threshold), 3.0 * implement.levels.jitter_m)
     beyond = np.full(len(height), ToolState.UNKNOWN, np.int8)
     beyond[height < threshold - lower] = ToolState.DOWN
     beyond[height > threshold + upper] = ToolState.UP
-    if implement.hidden != ToolState.UNKNOWN:
+    if implement.levels.hidden != ToolState.UNKNOWN:
         away = np.isnan(height) & (confidence > 0.5 * _UNSEEN)
-        beyond[_lasting(heights.t_s, away, _BLINK_S)] = implement.hidden
+        beyond[_lasting(heights.t_s, away, _BLINK_S)] = implement.levels.hidden
     known = np.flatnonzero(beyond != ToolState.UNKNOWN)
     if not len(known):
         return _tool_states([])
@@ -227,7 +218,8 @@ def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float
     i, j = seen[k], seen[k + 1]
     slope = (height[j] - height[i]) / (t[j] - t[i])
     at = float(t[i] + (threshold - height[i]) / slope)
-    return _End(at, float(np.hypot(implement.sigma_m, _LEVEL_M) / abs(slope)))
+    level_m = _LIFT_SIGMA_M if implement.levels.hidden == ToolState.DOWN else _LEVEL_M
+    return _End(at, float(np.hypot(implement.levels.sigma_m, level_m) / abs(slope)))
 
 
 def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float) -> _End:

@@ -84,10 +84,12 @@ class Fit:
     Attributes:
         height_m: of the tool; nan where there is no point to fit.
         explained: number of points that are the tool, by the template.
+        gain: log-likelihood gained.
     """
 
     height_m: float
     explained: float
+    gain: float
 
 
 def fit_height(view: NDArray[np.float32], template: Template, low_m: float, high_m: float) -> tuple[Fit, FloatArray]:
@@ -100,9 +102,9 @@ def fit_height(view: NDArray[np.float32], template: Template, low_m: float, high
     scores, explained = _scores(view, template.gain, template.odds, low, high)
     best = int(np.argmax(scores))
     if scores[best] <= 0.0:
-        return Fit(float("nan"), 0.0), scores
+        return Fit(float("nan"), 0.0, 0.0), scores
     height = low + best + vertex(scores, best)
-    return Fit(height * CELL_Z_M, float(explained[best])), scores
+    return Fit(height * CELL_Z_M, float(explained[best]), float(scores[best])), scores
 
 
 def vertex(scores: FloatArray, best: int) -> float:

@@ -1,0 +1,79 @@
+"""The two positions of a tool in its heights, and whether they are those of a tool at all."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.implement.model import Levels
+from furrowmap.core.implement.views import Heights, Views
+from furrowmap.core.values.tool_states import ToolState
+
+FloatArray = NDArray[np.float64]
+
+MOVED_M: Final = 0.10
+"""Less travel than this is taken for a frame that swings."""
+FEWEST_SCANS: Final = 3
+_NOISE_M: Final = 0.03
+"""Heights of successive scans that scatter by more are no heights of a tool."""
+_SHORTEST_S: Final = 1.5
+"""What changes between up and down more often than this, in the mean, is no tool."""
+_MOST_AWAY: Final = 0.7
+"""What is seen up and down both, but is away for a larger share of the time, is something that came by."""
+
+
+def find_levels(views: Views, heights: Heights) -> Levels | None:
+    """Lower and upper position; None where the heights are not those of something that is lifted and lowered."""
+    sure, height = heights.sure, heights.height_m
+    if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
+        return None
+    upper = sure & (height > _split(height[sure]))
+    lower = sure & ~upper
+    below, above, away = (int(np.count_nonzero(side)) for side in (lower, upper, ~sure))
+    if min(below, above) < FEWEST_SCANS or _dwell_s(views, upper, lower) < _SHORTEST_S:
+        return None
+    low, high = float(np.median(height[lower])), float(np.median(height[upper]))
+    if high - low < MOVED_M:
+        return None
+    sigma_low, sigma_high = _sigma(views, height, lower), _sigma(views, height, upper)
+    limit = min(_NOISE_M, (high - low) / 8.0)
+    if sigma_low < limit and sigma_high < limit and away < _MOST_AWAY * len(sure):
+        return Levels(low, high, ToolState.UNKNOWN, min(sigma_low, sigma_high), max(sigma_low, sigma_high))
+    # out of view in one state: the few heights on that side are those of the tool on its way
+    if sigma_high < limit and away > below and below < above:
+        return Levels(float(np.quantile(height[lower], 0.1)), high, ToolState.DOWN, sigma_high, sigma_high)
+    if sigma_low < limit and away > above and above < below:
+        return Levels(low, float(np.quantile(height[upper], 0.9)), ToolState.UP, sigma_low, sigma_low)
+    return None
+
+
+def _split(height: FloatArray) -> float:
+    """The height that parts `height` into two groups with the least variance within (Otsu 1979)."""
+    ordered = np.sort(height)
+    n = np.arange(1, len(ordered))
+    total, square = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
+    whole, whole_square = float(ordered.sum()), float((ordered**2).sum())
+    within = square - total**2 / n + (whole_square - square) - (whole - total) ** 2 / (len(ordered) - n)
+    k = int(np.argmin(within))
+    return float(0.5 * (ordered[k] + ordered[k + 1]))
+
+
+def _sigma(views: Views, height: FloatArray, side: NDArray[np.bool_]) -> float:
+    """Standard deviation of the heights on one side, by the differences of successive scans."""
+    first, second = views.pairs.T
+    step = (height[second] - height[first])[side[first] & side[second]]
+    return float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)) if len(step) else float("inf")
+
+
+def _dwell_s(views: Views, upper: NDArray[np.bool_], lower: NDArray[np.bool_]) -> float:
+    """How long the tool stays up or down in the mean, by how often it changes between successive scans."""
+    pairs = views.pairs
+    if not len(pairs):
+        return float("inf")
+    first, second = pairs.T
+    known = (upper | lower)[first] & (upper | lower)[second]
+    changes = np.count_nonzero(known & (upper[first] != upper[second]))
+    step_s = np.median([views.scans[b].begin_s - views.scans[a].begin_s for a, b in pairs.tolist()])
+    return float(step_s) * int(np.count_nonzero(known)) / max(int(changes), 1)
