@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Final, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
+from furrowmap.core.matching.adjustment import Tool
+from furrowmap.core.matching.matched import match
+from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.readers.reader import (
     ClockReading,
     GivesPoses,
@@ -25,7 +28,7 @@ from furrowmap.core.readers.reader import (
 )
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.positions import fixes_from_labels
+from furrowmap.core.trajectory.positions import Positions, fixes_from_labels
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
@@ -63,12 +66,16 @@ class Located:
         source: "gnss" or "file".
         positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
         notices: for the report.
+        antenna: the positions themselves; None for a trajectory from a file.
+        matching: what the report tells about scan matching; None where the scans were not matched.
     """
 
     trajectory: Trajectory
     source: str
     positions: dict[str, dict[str, int]]
     notices: tuple[Notice, ...]
+    antenna: Positions | None = None
+    matching: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -110,10 +117,13 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     located = locate(positions, session, frame)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
+    if located.antenna is not None:
+        located = matched_to_ground(located, open_lidar(inputs, session, near_s), session, progress)
+        watch.lap("matching")
     lidar = open_lidar(inputs, session, near_s)
     placer = _placer(located.trajectory, session)
     sink.begin(frame, placer.origin_m)
-    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress)
+    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "placing points")
     tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
@@ -201,7 +211,25 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     found = trajectory_from_gnss(positions.track(), frame, lever, fixes)
-    return Located(found.trajectory, "gnss", {"used": found.used, "unused": found.unused}, found.notices)
+    used = {"used": found.used, "unused": found.unused}
+    return Located(found.trajectory, "gnss", used, found.notices, found.positions)
+
+
+def matched_to_ground(located: Located, lidar: LidarReader, session: Session, progress: Progress = silent) -> Located:
+    """The trajectory improved by what the scans see of the ground; as it was where they see too little."""
+    assert located.antenna is not None
+    lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+    implement = session.implement
+    tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
+    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
+    returns = ground_returns(scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory)
+    matched = match(
+        returns, located.trajectory, located.antenna, lever, tool, lambda share: progress("matching scans", share)
+    )
+    if matched is None:
+        return located
+    notices = (*located.notices, *matched.notices)
+    return replace(located, trajectory=matched.trajectory, notices=notices, matching=matched.figures)
 
 
 def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
@@ -223,12 +251,12 @@ def _placer(trajectory: Trajectory, session: Session) -> Placer:
     return Placer(trajectory, session.lidar.mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
 
 
-def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress) -> Iterator[Scan]:
+def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress, stage: str) -> Iterator[Scan]:
     """The scans; tells `progress` how much of the recording has been read."""
     for scan in scans:
         yield scan
-        progress("placing points", reader.share_read)
-    progress("placing points", 1.0)
+        progress(stage, reader.share_read)
+    progress(stage, 1.0)
 
 
 def _refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> None:
@@ -304,7 +332,7 @@ def _session_notices(session: Session, located: Located) -> list[Notice]:
                 "[implement] and [field] are kept, but this version does not compute the ground worked.",
             )
         )
-    if located.source == "gnss":
+    if located.source == "gnss" and located.matching is None:
         notices.append(
             Notice(
                 "level-assumed",
@@ -312,14 +340,14 @@ def _session_notices(session: Session, located: Located) -> list[Notice]:
                 "vehicle leans.",
             )
         )
-        if session.antenna is None:
-            notices.append(
-                Notice(
-                    "antenna-unknown",
-                    "The session does not say where the antenna stands ([antenna] xyz_m): it is taken as the vehicle's "
-                    "origin, and heights are the antenna's.",
-                )
+    if located.source == "gnss" and session.antenna is None:
+        notices.append(
+            Notice(
+                "antenna-unknown",
+                "The session does not say where the antenna stands ([antenna] xyz_m): it is taken as the vehicle's "
+                "origin, and heights are the antenna's.",
             )
+        )
     if session.lidar.mounting.xyz_m == (0.0, 0.0, 0.0) and session.lidar.mounting.rpy_deg == (0.0, 0.0, 0.0):
         notices.append(
             Notice(

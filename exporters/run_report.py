@@ -101,13 +101,15 @@ def _accuracy(found: Run) -> dict[str, Any]:
         digits = 3 if name.endswith("_deg") else 4
         quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
         out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
-    return out | {"assumed": ["sigma_roll_deg", "sigma_pitch_deg"] if found.located.source == "gnss" else []}
+    located = found.located
+    assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if located.source == "gnss" and located.matching is None else []
+    return out | {"assumed": assumed, "matching": located.matching}
 
 
 def _observability(found: Run) -> dict[str, Any]:
     """What held each unknown of the poses."""
     words = Counter(found.tally.poses.heading_from.tolist())
-    level = "assumed level" if found.located.source == "gnss" else "file"
+    level = "file" if found.located.source == "file" else "ground" if found.located.matching else "assumed level"
     return {
         "position": found.located.source,
         "height": found.located.source,

@@ -25,12 +25,14 @@ VALUES = ["furrowmap.core.values"]
 READERS = [*VALUES, "furrowmap.core.readers"]
 TRAJECTORY = [*READERS, "furrowmap.core.trajectory"]
 CLOUD = [*TRAJECTORY, "furrowmap.core.cloud"]
+MATCHING = [*TRAJECTORY, "furrowmap.core.matching"]
 IMPLEMENT = [*CLOUD, "furrowmap.core.implement"]
 WORK = [*IMPLEMENT, "furrowmap.core.work"]
 MAY_IMPORT = {
     "furrowmap.core.values": VALUES,
     "furrowmap.core.readers": READERS,
     "furrowmap.core.trajectory": TRAJECTORY,
+    "furrowmap.core.matching": MATCHING,
     "furrowmap.core.cloud": CLOUD,
     "furrowmap.core.implement": IMPLEMENT,
     "furrowmap.core.work": WORK,
@@ -41,7 +43,7 @@ MAY_IMPORT = {
         "furrowmap.core.values.progress",
     ],
     # What composes the others stands directly in core; nobody there composes the simulator.
-    "furrowmap.core": [*WORK, *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py"))],
+    "furrowmap.core": [*MATCHING, *WORK, *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py"))],
     "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],
     "furrowmap.cli": ["furrowmap.core", "furrowmap.exporters", "furrowmap.cli"],
 }

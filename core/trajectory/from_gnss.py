@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
-    WHITE_FLOOR_M,
-    WHITE_SHARE,
+    Positions,
     judge_rate,
+    positions_of,
     sigmas_m,
     usable,
     white_noise_m,
@@ -51,12 +51,14 @@ class GnssTrajectory:
 
     Attributes:
         trajectory: of the vehicle frame.
+        positions: of the antenna, those that were used.
         used: positions used, by quality label.
         unused: positions left out, by reason.
         notices: for the report.
     """
 
     trajectory: Trajectory
+    positions: Positions
     used: dict[str, int]
     unused: dict[str, int]
     notices: tuple[Notice, ...]
@@ -102,7 +104,8 @@ def trajectory_from_gnss(
         notices.append(_direction_notice(gated.t_s, motions))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
-    chain, antenna = _chain(gated, en, sigma, white, heading_2, motions, lever_m, grid, max_gap_s)
+    positions = positions_of(gated, en, white, heading_2)
+    chain, antenna = _chain(positions, motions, lever_m, grid, max_gap_s)
     start_yaw = _start_yaw(gated.t_s, motions, heading_2, grid)
     start_en = np.column_stack([np.interp(grid.t_s, gated.t_s, en[:, k]) for k in range(2)])
     path = solve_path(chain, antenna, start_en, start_yaw)
@@ -135,6 +138,7 @@ def trajectory_from_gnss(
     )
     return GnssTrajectory(
         trajectory,
+        positions,
         {Fix(f).label: c for f, c in sorted(Counter(gated.fix.tolist()).items())},
         unused,
         tuple(notices),
@@ -210,11 +214,7 @@ class _Grid:
 
 
 def _chain(
-    track: GnssTrack,
-    en_m: FloatArray,
-    sigma_m: FloatArray,
-    white_m: FloatArray,
-    heading_deg: FloatArray,
+    positions: Positions,
     motions: Motions,
     lever_m: tuple[float, float, float],
     grid: _Grid,
@@ -229,26 +229,20 @@ def _chain(
         return out
 
     sway = SWAY_RAD * abs(lever_m[2])
-    drift = np.sqrt(np.maximum(sigma_m[:, 0] ** 2 - white_m**2, WHITE_FLOOR_M**2))
-    white_h = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m[:, 1])
-    drift_h = np.sqrt(np.maximum(sigma_m[:, 1] ** 2 - white_h**2, WHITE_FLOOR_M**2))
-    fix = track.fix[grid.nearest]
     gap = np.diff(grid.t_s) > max_gap_s
-    run = np.cumsum(np.diff(fix, prepend=fix[:1]) != 0)
     stretch = motions.stretch[grid.nearest]
     motion = motions.motion[grid.nearest]
     still = (motion[1:] == 0) & (motion[:-1] == 0)
     chain = Chain(grid.t_s, still & ~gap, gap, stretch)
-    yaw = np.radians(90.0 - heading_deg)
     antenna = Antenna(
-        en_m=spread(en_m),
-        height_m=spread(track.height_m),
-        white_m=np.hypot(white_m, sway)[grid.nearest],
-        white_h_m=white_h[grid.nearest],
-        drift_m=drift[grid.nearest],
-        drift_h_m=drift_h[grid.nearest],
-        drift_run=run,
-        yaw_rad=spread(yaw),
+        en_m=spread(positions.xyz_m[:, :2]),
+        height_m=spread(positions.xyz_m[:, 2]),
+        white_m=np.hypot(positions.white_m[:, 0], sway)[grid.nearest],
+        white_h_m=positions.white_m[grid.nearest, 2],
+        drift_m=positions.drift_m[grid.nearest, 0],
+        drift_h_m=positions.drift_m[grid.nearest, 2],
+        drift_run=positions.run[grid.nearest],
+        yaw_rad=spread(positions.yaw_rad),
         sigma_yaw_rad=float(np.radians(ANTENNAS_SIGMA_DEG)),
         lever_m=lever_m,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -41,6 +42,53 @@ JUMP_SIGMAS: Final = 6.0
 FASTEST_MPS: Final = 15.0
 HARDEST_MPS2: Final = 3.0
 """A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
+
+
+@dataclass(frozen=True)
+class Positions:
+    """The antenna's positions that are used, and how good they are.
+
+    Attributes:
+        t_s: (m,) UTC, increasing.
+        xyz_m: (m, 3) easting, northing, height.
+        white_m: (m, 3) noise from position to position.
+        drift_m: (m, 3) standard deviation of the slowly varying error.
+        run: (m,) counts the runs of equal quality, in which the slowly varying error is continuous.
+        fix: (m,) int8 quality.
+        yaw_rad: (m,) yaw that two antennas showed; nan elsewhere.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    white_m: FloatArray
+    drift_m: FloatArray
+    run: NDArray[np.intp]
+    fix: NDArray[np.int8]
+    yaw_rad: FloatArray
+
+
+def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, heading_deg: FloatArray) -> Positions:
+    """The positions of a track with their errors split into what changes from epoch to epoch and what stays.
+
+    Args:
+        track: (m,) positions to use.
+        en_m: (m, 2) easting and northing.
+        white_m: (m,) see :func:`white_noise_m`.
+        heading_deg: (m,) grid heading of two antennas, nan where there is none.
+    """
+    sigma = sigmas_m(track)
+    white_h = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma[:, 1])
+    white = np.column_stack([white_m, white_m, white_h])
+    drift = np.sqrt(np.maximum(sigma[:, [0, 0, 1]] ** 2 - white**2, WHITE_FLOOR_M**2))
+    return Positions(
+        t_s=track.t_s,
+        xyz_m=np.column_stack([en_m, track.height_m]),
+        white_m=white,
+        drift_m=drift,
+        run=np.cumsum(np.diff(track.fix, prepend=track.fix[:1]) != 0),
+        fix=track.fix,
+        yaw_rad=np.radians(90.0 - heading_deg),
+    )
 
 
 def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:

@@ -1,0 +1,380 @@
+"""From an approximate trajectory to the one that makes the ground agree with itself.
+
+Two stages. In the first, short windows of time are each matched to their own ground, on wide cells: whatever is wrong
+over a longer time cannot blur a window, so that a heading off by degrees comes right. In the second, the ground is
+that of the whole session, on fine cells: neighbouring passes and turns see the same soil. In either, steps that move
+the poses against held ground (:mod:`equations`) alternate with steps that move poses and ground together
+(:mod:`coarse`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
+from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
+from furrowmap.core.matching.equations import Held, hold, position_trust
+from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
+from furrowmap.core.matching.returns import REACH_M, GroundReturns
+from furrowmap.core.matching.surface import (
+    Passage,
+    Surface,
+    add_returns,
+    empty_surface,
+    layers,
+    passage_of,
+    tiles_over,
+)
+from furrowmap.core.trajectory.banded import NormalEquations
+from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+WINDOW_S: Final = 3.0
+WINDOW_CELL_M: Final = 0.3
+WINDOW_THIN: Final = 4
+"""Windows are matched with every fourth return."""
+WINDOW_ROUNDS: Final = (3, 10)
+"""At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
+TURNED: Final = np.radians(0.2)
+SESSION_CELLS_M: Final = (0.15, 0.1, 0.1)
+COARSE_EVERY: Final = 40
+"""Knots from one coarse knot to the next: a second."""
+COARSE_MOST: Final = 300
+"""Coarse knots of a whole session; in a longer one they lie further apart."""
+PATCH_M: Final = 1.0
+BLOCK_S: Final = 20.0
+GUARD_S: Final = 0.3
+TOOL_MARGIN_M: Final = 0.15
+"""Soil to either side of the implement that moves with it."""
+TOOL_CELL_M: Final = 0.1
+THREADS: Final = 2
+
+
+@dataclass(frozen=True)
+class Tool:
+    """The line at which an implement changes the soil.
+
+    Attributes:
+        xy_m: its middle in the vehicle frame.
+        half_width_m: half of its width.
+    """
+
+    xy_m: tuple[float, float]
+    half_width_m: float
+
+
+@dataclass
+class Problem:
+    """Everything that matching works on, and where it stands.
+
+    Attributes:
+        returns: of the ground.
+        positions: of the antenna.
+        lever_m: (3,) the antenna in the vehicle frame.
+        tool: None where no implement is known.
+        knots: whose poses are sought.
+        origin_m: (3,) local origin.
+        state: the poses as they are now.
+        trust: (n,) uint8 weights of the returns in the surface.
+        position_trust: (m,) weights of the positions.
+        relief: what the surface's slopes are worth.
+        sums: of the last measurement.
+        last: the last equations, for the sigmas.
+    """
+
+    returns: GroundReturns
+    positions: Positions
+    lever_m: FloatArray
+    tool: Tool | None
+    knots: Knots
+    origin_m: FloatArray
+    state: State
+    trust: NDArray[np.uint8]
+    position_trust: FloatArray
+    relief: Relief = field(default_factory=Relief)
+    sums: Sums | None = None
+    last: Last | None = None
+
+
+@dataclass(frozen=True)
+class Last:
+    """Equations at the end of :func:`solve`.
+
+    Attributes:
+        held: with the ground held.
+        coarse: the coarse knots.
+        centre_m: see :meth:`CoarseKnots.centres`.
+        together: with the ground free.
+    """
+
+    held: Held
+    coarse: CoarseKnots
+    centre_m: FloatArray
+    together: NormalEquations
+
+
+def problem_of(
+    returns: GroundReturns,
+    trajectory: Trajectory,
+    positions: Positions,
+    lever_m: tuple[float, float, float],
+    tool: Tool | None,
+) -> Problem:
+    """The problem at its start."""
+    knots = knots_over(returns.t_s)
+    origin = np.round(np.median(trajectory.xyz_m, axis=0))
+    return Problem(
+        returns,
+        positions,
+        np.asarray(lever_m, np.float64),
+        tool,
+        knots,
+        origin,
+        start_from(trajectory, knots, origin),
+        np.full(len(returns), 255, np.uint8),
+        np.ones(len(positions.t_s)),
+    )
+
+
+def solve(problem: Problem, progress: Callable[[float], None]) -> None:
+    """Bring the problem's state to where ground, GNSS and wheels agree best."""
+    least, most = WINDOW_ROUNDS
+    steps = 1 + 2 * least + 2 * len(SESSION_CELLS_M)
+    done = 0
+
+    def step_done() -> None:
+        nonlocal done
+        done += 1
+        progress(min(1.0, done / steps))
+
+    _window_step(problem, together=False)
+    step_done()
+    for number in range(most):
+        turned = _window_step(problem, together=True)
+        step_done()
+        _window_step(problem, together=False)
+        step_done()
+        if number + 1 >= least:
+            if turned < TURNED:
+                break
+            steps += 2
+    for cell_m in SESSION_CELLS_M:
+        for together in (True, False):
+            _session_step(problem, cell_m, together=together)
+            step_done()
+
+
+def _window_step(problem: Problem, *, together: bool) -> float:
+    """One step with the ground of short windows, which overlap by half; returns the largest turn of a heading."""
+    coarse = CoarseKnots.over(problem.knots, COARSE_EVERY, PATCH_M) if together else None
+    centre = coarse.centres(problem.knots, problem.state) if coarse is not None else np.zeros((0, 3))
+    reach = int(WINDOW_S / (COARSE_EVERY * STEP_S)) + 2
+    width = min(reach + 2, len(centre)) * SIZE
+    placing = _Placing.of(problem)
+    windows = [
+        (c, part)
+        for c, chain in enumerate(problem.knots.chains)
+        for part in _windows(problem.returns.t_s, chain, WINDOW_S, 0.5 * WINDOW_S)
+    ]
+
+    def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, NormalEquations]:
+        sums = Sums.of(len(problem.knots))
+        freed = NormalEquations(len(centre) * SIZE, max(width, 1))
+        for c, part in share:
+            part = slice(part.start, part.stop, WINDOW_THIN)
+            returns = placing.returns(c, part)
+            surface = empty_surface(tiles_over(returns.xyz_m, WINDOW_CELL_M))
+            add_returns(surface, returns.xyz_m, returns.layer, returns.half, returns.trust)
+            patches = _agree(problem, c, returns, surface, 0.5, sums, coarse)
+            if coarse is not None:
+                free_patches(freed, [patches], PATCH_M, centre)
+        return sums, freed
+
+    found = _in_threads(work, windows)
+    sums = found[0][0]
+    for other, _ in found[1:]:
+        sums = sums.plus(other)
+    problem.sums, problem.relief = sums, sums.relief()
+    held = _hold(problem, sums, sums.right_all if together else sums.right)
+    if coarse is None:
+        return _move(problem, held, held.equations.solve().values.reshape(-1, SIZE))
+    equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
+    for _, freed in found:
+        equations.band[: len(freed.band)] += freed.band
+        equations.right += freed.right
+    return _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
+
+
+def _session_step(problem: Problem, cell_m: float, *, together: bool) -> None:
+    """One step with the ground of the whole session."""
+    every = max(COARSE_EVERY, -(-len(problem.knots) // COARSE_MOST))
+    coarse = CoarseKnots.over(problem.knots, every, PATCH_M) if together else None
+    placing = _Placing.of(problem)
+    blocks = [
+        (c, part)
+        for c, chain in enumerate(problem.knots.chains)
+        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S)
+    ]
+    surface = _session_surface(placing, blocks, cell_m)
+
+    def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, list[Patches]]:
+        sums = Sums.of(len(problem.knots))
+        patches = [_agree(problem, c, placing.returns(c, part), surface, 1.0, sums, coarse) for c, part in share]
+        return sums, patches
+
+    found = _in_threads(work, blocks)
+    sums = found[0][0]
+    for other, _ in found[1:]:
+        sums = sums.plus(other)
+    problem.sums, problem.relief = sums, sums.relief()
+    held = _hold(problem, sums, sums.right_all if together else sums.right)
+    if coarse is None:
+        if problem.last is not None:
+            problem.last = replace(problem.last, held=held)
+        _move(problem, held, held.equations.solve().values.reshape(-1, SIZE))
+        return
+    centre = coarse.centres(problem.knots, problem.state)
+    equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
+    free_patches(equations, [p for _, patches in found for p in patches], PATCH_M, centre)
+    problem.last = Last(held, coarse, centre, equations)
+    _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
+
+
+def _session_surface(placing: _Placing, blocks: list[tuple[int, slice]], cell_m: float) -> Surface:
+    """The ground of all blocks."""
+    path = placing.problem.state.xyz_m[::20, :2]
+    ring = np.arange(-REACH_M, REACH_M + 0.1, 2.0)
+    aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
+    around = (path[:, None] + aside[np.hypot(*aside.T) < REACH_M + 2.0]).reshape(-1, 2)
+    surface = empty_surface(tiles_over(around, cell_m))
+    for c, part in blocks:
+        returns = placing.returns(c, part)
+        add_returns(surface, returns.xyz_m, returns.layer, returns.half, returns.trust)
+    return surface
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """Returns of a part of a chain, placed."""
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    layer: NDArray[np.int8]
+    half: NDArray[np.uint8]
+    trust: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class _Placing:
+    """What placing takes from the state, prepared once a step."""
+
+    problem: Problem
+    position_m: FloatArray
+    rotation: FloatArray
+    turn: FloatArray
+    passage: Passage | None
+
+    @classmethod
+    def of(cls, problem: Problem) -> _Placing:
+        state = problem.state
+        rotation = np.ascontiguousarray(state.rotation)
+        return cls(problem, np.ascontiguousarray(state.xyz_m), rotation, turns(rotation), _passage(problem))
+
+    def returns(self, chain: int, part: slice) -> _Placed:
+        source, chained = self.problem.returns, self.problem.knots.chains[chain]
+        t = np.array(source.t_s[part])
+        xyz = place(
+            t,
+            np.array(source.xyz_m[part]),
+            chained.first,
+            chained.begin_s,
+            STEP_S,
+            self.position_m,
+            self.rotation,
+            self.turn,
+        )
+        layer = layers(t, xyz, self.passage, GUARD_S)
+        trust = np.ascontiguousarray(self.problem.trust[part])
+        return _Placed(t, xyz, layer, np.array(source.half[part]), trust)
+
+
+def _agree(
+    problem: Problem,
+    c: int,
+    returns: _Placed,
+    surface: Surface,
+    share: float,
+    sums: Sums,
+    coarse: CoarseKnots | None,
+) -> Patches:
+    return agree(
+        problem.knots.chains[c],
+        returns.t_s,
+        returns.xyz_m,
+        returns.layer,
+        returns.half,
+        returns.trust,
+        surface,
+        np.ascontiguousarray(problem.state.xyz_m),
+        problem.relief,
+        share,
+        sums,
+        coarse.grids[c] if coarse is not None else CoarseGrid(0, 0, PATCH_M),
+    )
+
+
+def _passage(problem: Problem) -> Passage | None:
+    """When the implement passed over the ground, as the poses have it now."""
+    if problem.tool is None:
+        return None
+    every = slice(None, None, 2)
+    rotation = problem.state.rotation[every]
+    x, y = problem.tool.xy_m
+    middle = problem.state.xyz_m[every, :2] + x * rotation[:, :2, 0] + y * rotation[:, :2, 1]
+    return passage_of(
+        problem.knots.t_s[every], middle, rotation[:, :2, 1], problem.tool.half_width_m + TOOL_MARGIN_M, TOOL_CELL_M
+    )
+
+
+def _windows(t_s: FloatArray, chain: Chain, length_s: float, step_s: float) -> list[slice]:
+    """Parts of the returns of a chain in windows of time; the first begins early, so that all overlap alike."""
+    begins = np.arange(chain.begin_s - length_s + step_s, chain.end_s, step_s)
+    first = np.searchsorted(t_s, np.maximum(begins, chain.begin_s))
+    last = np.searchsorted(t_s, np.minimum(begins + length_s, chain.end_s))
+    return [slice(int(a), int(b)) for a, b in zip(first, last, strict=True) if b > a]
+
+
+def _in_threads(work: Callable[..., object], items: list[tuple[int, slice]]) -> list:  # type: ignore[type-arg]
+    """`work` on even shares of the items, each in a thread; the kernels release the interpreter's lock."""
+    cuts = np.linspace(0, len(items), THREADS + 1).astype(int)
+    shares = [items[a:b] for a, b in pairwise(cuts.tolist()) if b > a]
+    with ThreadPoolExecutor(THREADS) as pool:
+        return list(pool.map(work, shares))
+
+
+def _hold(problem: Problem, sums: Sums, right: FloatArray) -> Held:
+    return hold(
+        problem.knots,
+        problem.state,
+        sums,
+        right,
+        problem.positions,
+        problem.origin_m,
+        problem.lever_m,
+        problem.position_trust,
+    )
+
+
+def _move(problem: Problem, held: Held, step: FloatArray) -> float:
+    problem.position_trust = position_trust(held.misfit)
+    problem.state = problem.state.moved(step)
+    return float(np.abs(step[:, 5]).max())

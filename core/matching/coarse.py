@@ -1,0 +1,271 @@
+"""The slow part of the solution: poses and ground moved together.
+
+With the surface held fast, poses can follow it but never leave it: whatever tilt or heading the surface was built
+with stays. Here the ground moves as well. Corrections of the poses are twists (translation and rotation) at coarse
+knots in time, straight in between; the ground is cut into patches, each of which may move by a twist of its own. A
+patch's twist is eliminated (Schur complement), which leaves equations between the coarse knots that saw the patch: the
+bundle adjustment of Triggs et al. 2000 (Bundle Adjustment, a Modern Synthesis, section 6) with patches of ground for
+points. A twist of everything together costs nothing in them, so that GNSS alone decides it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.matching.agreement import CoarseGrid, Patches
+from furrowmap.core.matching.knots import STEP_S, Knots, State
+from furrowmap.core.trajectory.banded import NormalEquations
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SIZE: Final = 9
+"""Unknowns of a knot: position, rotation vector, drift of the GNSS positions."""
+LEVEL_RIDGE: Final = 1e-8
+"""Holds a smooth patch's place and yaw, as a share of what holds its height."""
+UPRIGHT_RIDGE: Final = 1e-12
+
+
+@dataclass(frozen=True)
+class CoarseKnots:
+    """The coarse knots of all chains.
+
+    Attributes:
+        grids: one for each chain.
+        count: of all coarse knots.
+        before: (n,) coarse knot before each knot.
+        share: (n,) of the way to the next one.
+    """
+
+    grids: tuple[CoarseGrid, ...]
+    count: int
+    before: IntArray
+    share: FloatArray
+
+    @classmethod
+    def over(cls, knots: Knots, every: int, patch_m: float) -> CoarseKnots:
+        """A coarse knot at every so many knots of each chain."""
+        grids, before, share, first = [], [], [], 0
+        for chain in knots.chains:
+            local = np.arange(chain.count)
+            grids.append(CoarseGrid(first, every, patch_m))
+            before.append(first + local // every)
+            share.append(local % every / every)
+            first += (chain.count - 1) // every + 2
+        return cls(tuple(grids), first, np.concatenate(before), np.concatenate(share))
+
+    def centres(self, knots: Knots, state: State) -> FloatArray:
+        """(count, 3) where the vehicle is at each coarse knot; a twist turns about that point."""
+        out = []
+        for chain, grid in zip(knots.chains, self.grids, strict=True):
+            part = slice(chain.first, chain.first + chain.count)
+            t = chain.begin_s + grid.every * STEP_S * np.arange((chain.count - 1) // grid.every + 2)
+            out.append(np.column_stack([np.interp(t, knots.t_s[part], state.xyz_m[part, k]) for k in range(3)]))
+        return np.concatenate(out)
+
+
+def coarse_equations(
+    fine: NormalEquations, coarse: CoarseKnots, centre_m: FloatArray, state: State, reach: int
+) -> NormalEquations:
+    """Normal equations of the coarse knots from those of all knots (Galerkin's projection).
+
+    Args:
+        fine: of all knots, the returns' part against the surface of both halves.
+        coarse: knots.
+        centre_m: see :meth:`CoarseKnots.centres`.
+        state: at which the equations hold.
+        reach: how many coarse knots apart two may be that a patch links.
+    """
+    width = min(reach + 2, coarse.count) * SIZE
+    equations = NormalEquations(coarse.count * SIZE, width)
+    _project(
+        fine.band,
+        fine.right,
+        coarse.before,
+        coarse.share,
+        np.ascontiguousarray(state.xyz_m),
+        centre_m,
+        equations.band,
+        equations.right,
+    )
+    return equations
+
+
+def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: float, centre_m: FloatArray) -> None:
+    """Let the patches of ground move: take what held the poses to fixed ground out of the equations.
+
+    Args:
+        equations: of the coarse knots; changed.
+        patches: of one surface; the same place in several of them is one patch.
+        patch_m: side of a patch.
+        centre_m: (count, 3) see :meth:`CoarseKnots.centres`.
+    """
+    place = np.concatenate([p.place for p in patches])
+    if not len(place):
+        return
+    interval = np.concatenate([p.interval for p in patches])
+    order = np.lexsort((interval, place[:, 2], place[:, 1], place[:, 0]))
+    place = place[order]
+    starts = np.flatnonzero(np.any(np.diff(place, axis=0, prepend=place[:1] - 1) != 0, axis=1))
+    _reduce(
+        starts,
+        place,
+        interval[order],
+        np.concatenate([p.early for p in patches])[order],
+        np.concatenate([p.late for p in patches])[order],
+        np.concatenate([p.right for p in patches])[order],
+        patch_m,
+        centre_m,
+        equations.band,
+        equations.right,
+    )
+
+
+def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: FloatArray) -> FloatArray:
+    """The step (n, 9) at all knots that a step (count · 9,) at the coarse ones makes."""
+    twist = step.reshape(-1, SIZE)
+    out = np.zeros((len(state.xyz_m), SIZE))
+    after = np.minimum(coarse.before + 1, coarse.count - 1)
+    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
+        part = twist[knot].copy()
+        part[:, :3] += np.cross(part[:, 3:6], state.xyz_m - centre_m[knot])
+        out += weight[:, None] * part
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _project(band, right, before, share, xyz_m, centre_m, coarse_band, coarse_right):  # type: ignore[no-untyped-def]
+    """Pᵀ (fine) P, where P's rows of a knot hold hat(s) · [I, [centre − x]ₓ; I; I] at two coarse knots."""
+    width = band.shape[0]
+    n = len(before)
+    reach = width // SIZE
+    count = len(centre_m)
+    weights = np.empty((n, 2))
+    matrices = np.zeros((n, 2, SIZE, SIZE))
+    for j in range(n):
+        weights[j, 0], weights[j, 1] = 1.0 - share[j], share[j]
+        for e in range(2):
+            c = min(before[j] + e, count - 1)
+            dx, dy, dz = xyz_m[j, 0] - centre_m[c, 0], xyz_m[j, 1] - centre_m[c, 1], xyz_m[j, 2] - centre_m[c, 2]
+            for a in range(SIZE):
+                matrices[j, e, a, a] = weights[j, e]
+            w = weights[j, e]
+            matrices[j, e, 0, 4], matrices[j, e, 0, 5] = w * dz, -w * dy
+            matrices[j, e, 1, 3], matrices[j, e, 1, 5] = -w * dz, w * dx
+            matrices[j, e, 2, 3], matrices[j, e, 2, 4] = w * dy, -w * dx
+            for a in range(SIZE):
+                if w == 0.0:
+                    continue
+                for b in range(SIZE):
+                    coarse_right[c * SIZE + b] += matrices[j, e, a, b] * right[j * SIZE + a]
+    block = np.empty((SIZE, SIZE))
+    for j in range(n):
+        for step in range(reach):
+            i = j + step
+            if i >= n:
+                break
+            nonzero = False
+            for a in range(SIZE):
+                for b in range(SIZE):
+                    row, column = i * SIZE + a, j * SIZE + b
+                    if row >= column:
+                        block[a, b] = band[row - column, column]
+                    else:
+                        block[a, b] = band[column - row, row]
+                    nonzero = nonzero or block[a, b] != 0.0
+            if not nonzero:
+                continue
+            for e in range(2):
+                if weights[i, e] == 0.0:
+                    continue
+                left = matrices[i, e].T.copy() @ block
+                for f in range(2):
+                    if weights[j, f] == 0.0:
+                        continue
+                    product = left @ matrices[j, f]
+                    _add_block(coarse_band, before[i] + e, before[j] + f, product, step > 0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_block(band, i, j, block, both):  # type: ignore[no-untyped-def]
+    """Add a block at (i, j) to the lower band, and its transpose at (j, i) too if it stands for `both`."""
+    for a in range(SIZE):
+        for b in range(SIZE):
+            row, column = i * SIZE + a, j * SIZE + b
+            if row >= column:
+                band[row - column, column] += block[a, b]
+            if both and column >= row:
+                band[column - row, row] += block[a, b]
+
+
+@numba.njit(cache=True, nogil=True)
+def _square(upper):  # type: ignore[no-untyped-def]
+    """The symmetric 6 × 6 matrix of its upper triangle."""
+    out = np.empty((6, 6))
+    e = 0
+    for a in range(6):
+        for b in range(a, 6):
+            out[a, b] = out[b, a] = upper[e]
+            e += 1
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band, coarse_right):  # type: ignore[no-untyped-def]
+    for group in range(len(starts)):
+        begin = starts[group]
+        end = starts[group + 1] if group + 1 < len(starts) else len(place)
+        knots = np.empty(2 * (end - begin), np.int64)
+        sums = np.zeros((2 * (end - begin), 6, 6))
+        whole = np.zeros((6, 6))
+        pull = np.zeros(6)
+        used = 0
+        for r in range(begin, end):
+            pull += right[r]
+            for e in range(2):
+                knot = interval[r] + e
+                part = _square(late[r] if e else early[r])
+                whole += part
+                if used and knots[used - 1] == knot:
+                    sums[used - 1] += part
+                elif used > 1 and knots[used - 2] == knot:
+                    sums[used - 2] += part
+                else:
+                    knots[used] = knot
+                    sums[used] = part
+                    used += 1
+        upright = whole[2, 2]
+        if upright <= 0.0:
+            continue
+        for a in range(6):
+            whole[a, a] += upright * (LEVEL_RIDGE if a < 2 or a == 5 else UPRIGHT_RIDGE)
+        inverse = np.linalg.inv(whole)
+        cx, cy = (place[begin, 0] + 0.5) * patch_m, (place[begin, 1] + 0.5) * patch_m
+        moved = np.empty((used * 6, 6))
+        for u in range(used):
+            c = knots[u]
+            dx, dy, dz = cx - centre_m[c, 0], cy - centre_m[c, 1], -centre_m[c, 2]
+            m = sums[u]
+            for b in range(6):
+                for a in range(3):
+                    moved[u * 6 + a, b] = m[a, b]
+                moved[u * 6 + 3, b] = m[3, b] + dy * m[2, b] - dz * m[1, b]
+                moved[u * 6 + 4, b] = m[4, b] + dz * m[0, b] - dx * m[2, b]
+                moved[u * 6 + 5, b] = m[5, b] + dx * m[1, b] - dy * m[0, b]
+        solved = moved @ inverse
+        product = solved @ moved.T
+        shift = solved @ pull
+        for u in range(used):
+            for a in range(6):
+                row = knots[u] * SIZE + a
+                coarse_right[row] -= shift[u * 6 + a]
+                for v in range(used):
+                    for b in range(6):
+                        column = knots[v] * SIZE + b
+                        if row >= column:
+                            band[row - column, column] -= product[u * 6 + a, v * 6 + b]

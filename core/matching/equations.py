@@ -1,0 +1,210 @@
+"""What GNSS, wheels and inertia say about the poses, beside what the ground says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.matching.agreement import Sums
+from furrowmap.core.matching.coarse import SIZE
+from furrowmap.core.matching.knots import STEP_S, Knots, State, turns
+from furrowmap.core.trajectory.banded import NormalEquations
+from furrowmap.core.trajectory.kinematic import CORRELATION_S, HUBER, SLIP
+from furrowmap.core.trajectory.positions import Positions
+
+FloatArray = NDArray[np.float64]
+
+ACCELERATION: Final = 0.5
+"""Of the vehicle over ground, in m/s per square root of a second (white acceleration); heaving is a little less."""
+HEAVE: Final = 0.4
+SWAY: Final = np.radians(12.0)
+"""Of roll and pitch, in rad/s per square root of a second: a quarter of a degree at 1 to 3 Hz has 15°/s^1.5."""
+TURNING: Final = np.radians(20.0)
+SLIP_FLOOR_M: Final = 0.0005
+SLIP_EVERY_S: Final = 0.1
+"""Slip is independent from one such interval to the next."""
+HEADING_CORRELATION_S: Final = 10.0
+HEADING_SIGMA: Final = np.radians(0.5)
+"""Of a two-antenna heading, whose error lasts for HEADING_CORRELATION_S."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """Normal equations, and how well the positions fit.
+
+    Attributes:
+        equations: of all knots.
+        misfit: (m,) horizontal residuals of the positions in standard deviations; nan where none of the knots is.
+    """
+
+    equations: NormalEquations
+    misfit: FloatArray
+
+
+def hold(
+    knots: Knots,
+    state: State,
+    sums: Sums,
+    right: FloatArray,
+    positions: Positions,
+    origin_m: FloatArray,
+    lever_m: FloatArray,
+    trust: FloatArray,
+) -> Held:
+    """Normal equations of all knots from the ground, GNSS, wheels and inertia.
+
+    Args:
+        knots: whose poses are sought.
+        state: where the equations are linearised.
+        sums: of the returns.
+        right: (n, 6) right-hand sides of the returns, one of the two in `sums`.
+        positions: of the antenna.
+        origin_m: local origin.
+        lever_m: (3,) the antenna in the vehicle frame.
+        trust: (m,) weights of the positions, 1 for a whole one.
+    """
+    equations = NormalEquations(len(knots) * SIZE, 3 * SIZE)
+    _add_ground(equations, knots, sums, right)
+    misfit = _add_positions(equations, knots, state, positions, origin_m, lever_m, trust)
+    _add_drift(equations, knots, state, positions)
+    _add_inertia(equations, knots, state)
+    _add_wheels(equations, knots, state)
+    return Held(equations, misfit)
+
+
+def position_trust(misfit: FloatArray) -> FloatArray:
+    """(m,) weights by Huber's function of residuals in standard deviations."""
+    known = np.nan_to_num(misfit)
+    return np.where(known > HUBER, HUBER / np.maximum(known, HUBER), 1.0)
+
+
+def _add_ground(equations: NormalEquations, knots: Knots, sums: Sums, right: FloatArray) -> None:
+    """A slice's pose is the mean of those of its two knots."""
+    k = knots.linked * SIZE
+    entry = 0
+    for a in range(6):
+        for b in range(a, 6):
+            quarter = 0.25 * sums.normal[knots.linked, entry]
+            entry += 1
+            for i, j in ((a, b), (SIZE + a, SIZE + b), (SIZE + a, b)):
+                low, high = min(i, j), max(i, j)
+                equations.band[high - low, k + low] += quarter
+            if a != b:
+                equations.band[SIZE + b - a, k + a] += quarter
+        half = 0.5 * right[knots.linked, a]
+        equations.right[k + a] += half
+        equations.right[k + SIZE + a] += half
+
+
+def _add_positions(
+    equations: NormalEquations,
+    knots: Knots,
+    state: State,
+    positions: Positions,
+    origin_m: FloatArray,
+    lever_m: FloatArray,
+    trust: FloatArray,
+) -> FloatArray:
+    """Antenna = origin + R · lever + drift. Returns the horizontal residuals in standard deviations."""
+    k, share, inside = knots.at(positions.t_s)
+    misfit = np.full(len(k), np.nan)
+    if not inside.any():
+        return misfit
+    k, share = k[inside], share[inside, None]
+    arm = state.rotation @ lever_m
+
+    def between(values: FloatArray) -> FloatArray:
+        return values[k] + share * (values[k + 1] - values[k])
+
+    turned = between(arm)
+    residual = positions.xyz_m[inside] - origin_m - between(state.xyz_m) - turned - between(state.drift_m)
+    white = positions.white_m[inside]
+    misfit[inside] = np.hypot(*(residual / white)[:, :2].T)
+    sigma = white / np.sqrt(trust[inside, None])
+    design = np.zeros((len(k), 3, 2 * SIZE))
+    for first, weight in ((0, 1.0 - share[:, 0]), (SIZE, share[:, 0])):
+        for axis in range(3):
+            one, two = (axis + 1) % 3, (axis + 2) % 3
+            design[:, axis, first + axis] = weight
+            design[:, axis, first + 3 + one] = weight * turned[:, two]
+            design[:, axis, first + 3 + two] = -weight * turned[:, one]
+            design[:, axis, first + 6 + axis] = weight
+    for chosen in _without_repeats(k):
+        for axis in range(3):
+            equations.add(k[chosen] * SIZE, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
+    _add_headings(equations, state, positions.yaw_rad[inside], k, positions.t_s[inside])
+    return misfit
+
+
+def _add_headings(
+    equations: NormalEquations, state: State, yaw_rad: FloatArray, k: NDArray[np.int64], t_s: FloatArray
+) -> None:
+    """Headings that two antennas show."""
+    shown = np.isfinite(yaw_rad)
+    if not shown.any():
+        return
+    k, t_s = k[shown], t_s[shown]
+    off = yaw_rad[shown] - np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
+    off = (off + np.pi) % (2 * np.pi) - np.pi
+    step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+    sigma = HEADING_SIGMA * np.sqrt(max(1.0, HEADING_CORRELATION_S / step_s))
+    for chosen in _without_repeats(k):
+        equations.add(k[chosen] * SIZE + 5, np.ones((len(chosen), 1)), off[chosen], np.full(len(chosen), sigma))
+
+
+def _without_repeats(k: NDArray[np.int64]) -> list[NDArray[np.intp]]:
+    """Indices of `k`, which does not decrease, in groups without equal values."""
+    begins = np.flatnonzero(np.diff(k, prepend=k[:1] - 1) != 0)
+    rank = np.arange(len(k)) - np.repeat(begins, np.diff(np.append(begins, len(k))))
+    return [np.flatnonzero(rank == r) for r in range(int(rank.max()) + 1)]
+
+
+def _add_drift(equations: NormalEquations, knots: Knots, state: State, positions: Positions) -> None:
+    """The slowly varying error of GNSS: a Gauss-Markov process that begins anew with each run of equal quality."""
+    nearest = np.clip(np.searchsorted(positions.t_s, knots.t_s), 0, len(positions.t_s) - 1)
+    spread, run = positions.drift_m[nearest], positions.run[nearest]
+    linked = knots.linked
+    same = linked[run[linked] == run[linked + 1]]
+    starts = np.setdiff1d(np.arange(len(knots)), same + 1)
+    kept = np.exp(-STEP_S / CORRELATION_S)
+    design = np.zeros((len(same), SIZE + 1))
+    design[:, 0], design[:, SIZE] = -kept, 1.0
+    for axis in range(3):
+        drift = state.drift_m[:, axis]
+        column = 6 + axis
+        equations.add(starts * SIZE + column, np.ones((len(starts), 1)), -drift[starts], spread[starts, axis])
+        sigma = spread[same, axis] * np.sqrt(1.0 - kept**2)
+        equations.add(same * SIZE + column, design, kept * drift[same] - drift[same + 1], sigma)
+
+
+def _add_inertia(equations: NormalEquations, knots: Knots, state: State) -> None:
+    """Velocities and rates of turn change as slowly as a heavy machine's on soil do."""
+    inner = knots.inner
+    design = np.zeros((len(inner), 2 * SIZE + 1))
+    design[:, 0], design[:, SIZE], design[:, 2 * SIZE] = 1.0, -2.0, 1.0
+    change = state.xyz_m[inner + 1] - 2.0 * state.xyz_m[inner] + state.xyz_m[inner - 1]
+    turn = np.einsum("kij,kj->ki", state.rotation, turns(np.ascontiguousarray(state.rotation)))
+    turned = turn[inner] - turn[inner - 1]
+    scale = STEP_S**1.5
+    for axis, strength in enumerate((ACCELERATION, ACCELERATION, HEAVE)):
+        equations.add((inner - 1) * SIZE + axis, design, -change[:, axis], np.full(len(inner), strength * scale))
+    for axis, strength in enumerate((SWAY, SWAY, TURNING)):
+        equations.add((inner - 1) * SIZE + 3 + axis, design, -turned[:, axis], np.full(len(inner), strength * scale))
+
+
+def _add_wheels(equations: NormalEquations, knots: Knots, state: State) -> None:
+    """The rear axle does not move sideways."""
+    linked = knots.linked
+    step = state.xyz_m[linked + 1] - state.xyz_m[linked]
+    left = 0.5 * (state.rotation[linked, :, 1] + state.rotation[linked + 1, :, 1])
+    sideways = np.einsum("ij,ij->i", step, left)
+    way = np.linalg.norm(step, axis=1)
+    by_turn = np.cross(left, step)
+    design = np.zeros((len(linked), SIZE + 6))
+    design[:, :3], design[:, SIZE : SIZE + 3] = -left, left
+    design[:, 3:6] = design[:, SIZE + 3 : SIZE + 6] = 0.5 * by_turn
+    sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / STEP_S), SLIP_FLOOR_M)
+    equations.add(linked * SIZE, design, -sideways, sigma)

@@ -1,0 +1,162 @@
+"""The unknowns of matching: poses at knots in time, close enough that the machine's sway is a line between two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STEP_S: Final = 0.025
+"""Distance of the knots: at 3 Hz and 0.25° of sway a straight line between them is within 0.007° of it."""
+PAUSE_S: Final = 5.0
+"""Where a recording pauses for longer, a new chain of knots begins."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Knots in equal steps of :data:`STEP_S`, one after another without a pause.
+
+    Attributes:
+        first: index of its first knot among all knots.
+        count: how many there are, at least 2.
+        begin_s: time of its first knot.
+    """
+
+    first: int
+    count: int
+    begin_s: float
+
+    @property
+    def end_s(self) -> float:
+        """Time of its last knot."""
+        return self.begin_s + (self.count - 1) * STEP_S
+
+
+@dataclass(frozen=True)
+class Knots:
+    """All chains of a recording.
+
+    Attributes:
+        chains: in the order of time.
+        t_s: (n,) times of all knots.
+    """
+
+    chains: tuple[Chain, ...]
+    t_s: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def linked(self) -> IntArray:
+        """Knots that have a next one in their chain."""
+        return np.concatenate([np.arange(c.first, c.first + c.count - 1) for c in self.chains])
+
+    @property
+    def inner(self) -> IntArray:
+        """Knots that have neighbours on both sides in their chain."""
+        return np.concatenate([np.arange(c.first + 1, c.first + c.count - 1) for c in self.chains])
+
+    def at(self, t_s: FloatArray) -> tuple[IntArray, FloatArray, NDArray[np.bool_]]:
+        """For each time the knot before it, the share of the way to the next, and whether a chain covers it."""
+        begin = np.array([c.begin_s for c in self.chains])
+        which = np.maximum(np.searchsorted(begin, t_s, side="right") - 1, 0)
+        first = np.array([c.first for c in self.chains])[which]
+        count = np.array([c.count for c in self.chains])[which]
+        place = (t_s - begin[which]) / STEP_S
+        inside = (place >= 0) & (place <= count - 1)
+        local = np.clip(np.floor(place), 0, count - 2)
+        return (first + local).astype(np.int64), np.where(inside, place - local, 0.0), inside
+
+
+@dataclass(frozen=True)
+class State:
+    """Values of the unknowns at the knots.
+
+    Attributes:
+        xyz_m: (n, 3) of the vehicle frame's origin, against the local origin.
+        rotation: (n, 3, 3) vehicle to map.
+        drift_m: (n, 3) slowly varying error of the GNSS positions: easting, northing, height.
+    """
+
+    xyz_m: FloatArray
+    rotation: FloatArray
+    drift_m: FloatArray
+
+    def moved(self, step: FloatArray) -> State:
+        """The state after a step (n, 9): position, rotation vector in the map's axes, drift."""
+        turn = Rotation.from_rotvec(step[:, 3:6]) * Rotation.from_matrix(self.rotation)
+        return State(self.xyz_m + step[:, :3], turn.as_matrix(), self.drift_m + step[:, 6:9])
+
+
+def knots_over(t_s: NDArray[np.float64]) -> Knots:
+    """Knots that cover the times (n,), which increase."""
+    begins = np.flatnonzero(np.diff(t_s, prepend=-np.inf) > PAUSE_S)
+    ends = np.append(begins[1:], len(t_s))
+    chains, first = [], 0
+    for begin, end in zip(begins, ends, strict=True):
+        count = int(np.ceil((t_s[end - 1] - t_s[begin]) / STEP_S)) + 2
+        chains.append(Chain(first, count, float(t_s[begin]) - 0.5 * STEP_S))
+        first += count
+    t = np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains])
+    return Knots(tuple(chains), t)
+
+
+def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> State:
+    """The state that a trajectory states, straight across its gaps and held at its ends."""
+    t = np.clip(knots.t_s, *trajectory.span_s)
+    xyz = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(3)])
+    k, share = np.clip(np.searchsorted(trajectory.t_s, t, side="right") - 1, 0, len(trajectory) - 2), None
+    share = (t - trajectory.t_s[k]) / (trajectory.t_s[k + 1] - trajectory.t_s[k])
+    start = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True)
+    rotation = (start * Rotation.from_rotvec(share[:, None] * trajectory.turn_rad[k])).as_matrix()
+    return State(xyz - origin_m, rotation, np.zeros((len(t), 3)))
+
+
+@numba.njit(cache=True, nogil=True)
+def turns(rotation):  # type: ignore[no-untyped-def]
+    """(n, 3) rotation vectors from each knot to the next in the earlier one's frame; the last is zero."""
+    n = len(rotation)
+    out = np.zeros((n, 3))
+    for k in range(n - 1):
+        d = rotation[k].T.copy() @ rotation[k + 1].copy()
+        cosine = min(1.0, max(-1.0, 0.5 * (d[0, 0] + d[1, 1] + d[2, 2] - 1.0)))
+        angle = np.arccos(cosine)
+        factor = 0.5 if angle < 1e-7 else 0.5 * angle / np.sin(angle)
+        out[k, 0] = factor * (d[2, 1] - d[1, 2])
+        out[k, 1] = factor * (d[0, 2] - d[2, 0])
+        out[k, 2] = factor * (d[1, 0] - d[0, 1])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def place(t_s, vehicle_m, first, begin_s, step_s, xyz_m, rotation, turn):  # type: ignore[no-untyped-def]
+    """Map coordinates (n, 3) of returns of one chain: straight between knots, small turns to first order."""
+    n = len(t_s)
+    out = np.empty((n, 3))
+    for i in range(n):
+        part = (t_s[i] - begin_s) / step_s
+        k = int(part)
+        share = part - k
+        k += first
+        px, py, pz = vehicle_m[i, 0], vehicle_m[i, 1], vehicle_m[i, 2]
+        wx, wy, wz = share * turn[k, 0], share * turn[k, 1], share * turn[k, 2]
+        px, py, pz = px + wy * pz - wz * py, py + wz * px - wx * pz, pz + wx * py - wy * px
+        for a in range(3):
+            out[i, a] = (
+                xyz_m[k, a]
+                + share * (xyz_m[k + 1, a] - xyz_m[k, a])
+                + rotation[k, a, 0] * px
+                + rotation[k, a, 1] * py
+                + rotation[k, a, 2] * pz
+            )
+    return out

@@ -1,0 +1,134 @@
+"""Scan matching from outside: scans and positions in, a better trajectory and what there is to say about it out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
+from furrowmap.core.matching.certainty import relief_heading_sigma, sigmas
+from furrowmap.core.matching.knots import STEP_S
+from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
+from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
+from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
+
+FloatArray = NDArray[np.float64]
+
+LEAST_RETURNS: Final = 20_000
+"""With fewer returns of the ground in the whole recording there is nothing to match."""
+BLIND_S: Final = 1.0
+"""Without returns of the ground for longer, poses rest on GNSS alone."""
+FIX_REACH_S: Final = 0.5
+SPEED_OVER_S: Final = 0.4
+
+
+@dataclass(frozen=True)
+class Matched:
+    """What matching made of a recording.
+
+    Attributes:
+        trajectory: of the vehicle frame.
+        figures: for the report.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    figures: dict[str, Any]
+    notices: tuple[Notice, ...]
+
+
+def match(
+    returns: GroundReturns,
+    start: Trajectory,
+    positions: Positions,
+    lever_m: tuple[float, float, float],
+    tool: Tool | None,
+    progress: Callable[[float], None],
+) -> Matched | None:
+    """The trajectory that makes the ground agree with itself, held in place by the positions.
+
+    Args:
+        returns: of the ground.
+        start: an approximate trajectory of the vehicle frame.
+        positions: of the antenna.
+        lever_m: the antenna in the vehicle frame.
+        tool: where an implement changes the soil; None if none is known.
+        progress: is told how much is done, 0 to 1.
+
+    Returns:
+        None where there is too little ground in the scans.
+    """
+    if len(returns) < LEAST_RETURNS:
+        return None
+    problem = problem_of(returns, start, positions, lever_m, tool)
+    solve(problem, progress)
+    trajectory = _trajectory(problem, start)
+    return Matched(trajectory, _figures(problem), ())
+
+
+def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
+    assert problem.sums is not None
+    assert problem.last is not None
+    state, knots, last = problem.state, problem.knots, problem.last
+    sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together)
+    speed = _speed(problem)
+    standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
+    motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
+    quaternion = Rotation.from_matrix(state.rotation).as_quat(scalar_first=True)
+    by_relief = relief_heading_sigma(problem.sums) < np.interp(knots.t_s, start.t_s, start.sigma[:, 5])
+    heading_from = np.where(by_relief, "relief", np.where(motion == Motion.STANDING, "standing", "gnss"))
+    return Trajectory(
+        t_s=knots.t_s,
+        xyz_m=state.xyz_m + problem.origin_m,
+        quaternion=same_hemisphere(quaternion),
+        speed_mps=np.where(standing, 0.0, speed),
+        motion=motion,
+        fix=_fix(problem.positions, knots.t_s),
+        sigma=sigma,
+        heading_from=heading_from,
+        max_gap_s=1.5 * STEP_S,
+    )
+
+
+def _speed(problem: Problem) -> FloatArray:
+    """Speed (n,) along the vehicle's x axis, over a short time to either side."""
+    out = np.empty(len(problem.knots))
+    width = max(1, round(SPEED_OVER_S / STEP_S))
+    for chain in problem.knots.chains:
+        part = slice(chain.first, chain.first + chain.count)
+        velocity = np.gradient(problem.state.xyz_m[part], STEP_S, axis=0)
+        along = np.einsum("ij,ij->i", velocity, problem.state.rotation[part, :, 0])
+        out[part] = uniform_filter1d(along, width, mode="nearest")
+    return out
+
+
+def _fix(positions: Positions, t_s: FloatArray) -> NDArray[np.int8]:
+    """The quality of the nearest position (n,); none where there is none near."""
+    after = np.clip(np.searchsorted(positions.t_s, t_s), 1, len(positions.t_s) - 1)
+    before_s, after_s = t_s - positions.t_s[after - 1], positions.t_s[after] - t_s
+    nearest = np.where(before_s < after_s, after - 1, after)
+    near = np.minimum(np.abs(before_s), np.abs(after_s)) <= max(FIX_REACH_S, float(np.median(np.diff(positions.t_s))))
+    return np.where(near, positions.fix[nearest], Fix.NONE).astype(np.int8)
+
+
+def _figures(problem: Problem) -> dict[str, Any]:
+    """What the report tells about matching."""
+    assert problem.sums is not None
+    tally = problem.sums.tally
+    return {
+        "residual_rms_m": round(float(np.sqrt(tally[6] / max(tally[5], 1.0))), 4),
+        "returns": len(problem.returns),
+        "returns_matched": int(tally[5]),
+        "relief_slope_rms": round(float(np.sqrt(problem.relief.variance)), 4),
+        "body_footprint_m2": round(float(problem.returns.body.sum()) * PIXEL_M**2, 2),
+        "positions_doubted": int((problem.position_trust < 1.0).sum()),
+    }

@@ -1,0 +1,193 @@
+"""Which returns take part in matching: those of the ground, off the vehicle's own body, thinned to an even rate."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.trajectory import Motion, Trajectory
+
+FloatArray = NDArray[np.float64]
+
+REACH_M: Final = 12.0
+"""Further away the rings lie metres apart and graze the ground."""
+GATE_M: Final = 0.30
+GATE_SLOPE: Final = 0.05
+"""Ground is what lies within GATE_M plus this share of the distance of the plane under the vehicle."""
+RATE_HZ: Final = 22_000.0
+"""Returns a second that are kept: beyond, neighbours on the soil repeat each other."""
+PIXEL_M: Final = 0.2
+PIXELS: Final = 80
+"""The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
+BODY_SHARE: Final = 0.2
+"""What stands above a place of the vehicle's frame in this share of the scans belongs to the vehicle or its tool."""
+BODY_MARGIN: Final = 2
+"""Pixels round the footprint that are left out as well."""
+
+
+@dataclass(frozen=True)
+class GroundReturns:
+    """Returns of the ground in the order of time.
+
+    Attributes:
+        t_s: (n,) float64 UTC by the trajectory's clock.
+        xyz_m: (n, 3) float32 in the vehicle frame.
+        half: (n,) uint8: 0 or 1, which of two independent halves of the scans a return belongs to.
+        body: (80, 80) bool: the vehicle's own footprint, rows to the left, columns forward, 0.2 m a pixel, the
+            vehicle's origin in the middle.
+    """
+
+    t_s: FloatArray
+    xyz_m: NDArray[np.float32]
+    half: NDArray[np.uint8]
+    body: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+def ground_returns(
+    scans: Iterable[Scan],
+    mounting: Mounting,
+    lidar_minus_gnss_s: float,
+    trajectory: Trajectory,
+    on_scan: Callable[[Scan], None] | None = None,
+) -> GroundReturns:
+    """The returns of the ground in a recording.
+
+    They are kept in a scratch file, not in memory. The vehicle's own body is learned on the way: what stands above
+    the ground at one place of the vehicle frame in a good part of the scans.
+
+    Args:
+        scans: in the order of time.
+        mounting: of the sensor.
+        lidar_minus_gnss_s: what the sensor's clock is ahead of the trajectory's.
+        trajectory: the first approximation; scans outside its span are left out, and scans at a stand teach nothing
+            about the body.
+        on_scan: sees each scan on its way.
+    """
+    rotation = np.ascontiguousarray(mounting.rotation)
+    lever = np.asarray(mounting.xyz_m, np.float64)
+    seen = np.zeros((PIXELS, PIXELS), np.int32)
+    idle = np.zeros_like(seen)
+    begin_s, end_s = trajectory.span_s
+    total = count = number = 0
+    stride, last_s = 1, -np.inf
+    scratch = tempfile.TemporaryFile(prefix="furrowmap-")  # noqa: SIM115 (lives as long as the arrays on it)
+    for scan in scans:
+        if on_scan is not None:
+            on_scan(scan)
+        if not len(scan):
+            continue
+        t_s = scan.t_s - lidar_minus_gnss_s
+        if t_s[0] < begin_s or t_s[-1] > end_s:
+            continue
+        moves = trajectory.motion[np.searchsorted(trajectory.t_s, t_s[0]) - 1] != Motion.STANDING
+        kept, candidates = _select(
+            np.ascontiguousarray(scan.xyz_m, np.float32),
+            np.ascontiguousarray(scan.column, np.uint16),
+            rotation,
+            lever,
+            stride,
+            seen if moves else idle,
+        )
+        count += moves
+        number += 1
+        duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
+        last_s = float(t_s[-1])
+        stride = max(1, round(candidates / (RATE_HZ * duration_s)))
+        record = np.empty(len(kept[0]), _RECORD)
+        record["t_s"] = t_s[kept[0]]
+        record["xyz_m"] = kept[1]
+        record["half"] = number % 2
+        scratch.write(record.tobytes())
+        total += len(record)
+    scratch.flush()
+    stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
+    body = _grown(seen >= max(1.0, BODY_SHARE * count))
+    return _without_body(stored, body)
+
+
+_RECORD: Final = np.dtype([("t_s", "<f8"), ("xyz_m", "<f4", (3,)), ("half", "u1")])
+
+
+def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundReturns:
+    """The stored returns off the body, each field an array on a scratch file of its own."""
+    step = 1 << 20
+    names = ("t_s", "xyz_m", "half")
+    files = {name: tempfile.TemporaryFile(prefix="furrowmap-") for name in names}  # noqa: SIM115 (as above)
+    total = 0
+    for begin in range(0, len(stored), step):
+        part = np.asarray(stored[begin : begin + step])
+        pixel = np.floor(part["xyz_m"][:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
+        inside = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
+        column, row = np.clip(pixel, 0, PIXELS - 1).T
+        part = part[~(inside & body[row, column])]
+        # Packets may come a little out of order; what follows relies on time.
+        part = part[np.argsort(part["t_s"], kind="stable")]
+        total += len(part)
+        for name in names:
+            files[name].write(np.ascontiguousarray(part[name]).tobytes())
+    if not total:
+        return GroundReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), body)
+    for file in files.values():
+        file.flush()
+    return GroundReturns(
+        np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
+        np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
+        np.memmap(files["half"], np.uint8, "r", shape=(total,)),
+        body,
+    )
+
+
+def _grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The footprint with its margin."""
+    out = body.copy()
+    for row, column in zip(*np.nonzero(body), strict=True):
+        out[
+            max(0, row - BODY_MARGIN) : row + BODY_MARGIN + 1, max(0, column - BODY_MARGIN) : column + BODY_MARGIN + 1
+        ] = True
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _select(xyz_m, column, rotation, lever_m, stride, seen):  # type: ignore[no-untyped-def]
+    """Indices and vehicle coordinates of every `stride`-th firing's ground returns, and how many there are in all.
+
+    `seen` counts the scans in which something stands above each pixel of the vehicle frame.
+    """
+    n = len(xyz_m)
+    index = np.empty(n, np.int64)
+    out = np.empty((n, 3), np.float32)
+    mark = np.zeros((PIXELS, PIXELS), np.bool_)
+    kept = candidates = 0
+    for i in range(n):
+        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
+        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
+        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2]
+        square = x * x + y * y
+        if not square < REACH_M * REACH_M:
+            continue
+        if abs(z) > GATE_M + GATE_SLOPE * np.sqrt(square):
+            if z > 0:
+                a = int(np.floor(y / PIXEL_M)) + PIXELS // 2
+                b = int(np.floor(x / PIXEL_M)) + PIXELS // 2
+                if 0 <= a < PIXELS and 0 <= b < PIXELS and not mark[a, b]:
+                    mark[a, b] = True
+                    seen[a, b] += 1
+            continue
+        candidates += 1
+        if column[i] % stride == 0:
+            index[kept] = i
+            out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z
+            kept += 1
+    return (index[:kept], out[:kept]), candidates

@@ -1,0 +1,237 @@
+"""The ground as matching knows it: a height grid in tiles, old soil and new, in two independent halves.
+
+Each return adds its height to the four nodes round it with bilinear weights. Where the implement has passed, soil
+seen before belongs to another layer than soil seen after, and what was seen in between to none. The returns of
+either half of the scans are matched to the other half's surface, so that no return meets its own noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+TILE_BITS: Final = 5
+TILE: Final = 1 << TILE_BITS
+"""Nodes along a side of a tile."""
+SHEETS: Final = 4
+"""Surfaces in a tile: 2 · layer + half; layer 0 is soil before the implement's first pass, 1 after its last."""
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Square tiles of a grid, of which only those in use take memory.
+
+    Attributes:
+        west: column of the first tile, counted in tiles from the local origin.
+        south: row of the first tile.
+        number: (rows, columns) int32 number of each tile, −1 where there is none.
+        cell_m: distance of the nodes.
+    """
+
+    west: int
+    south: int
+    number: NDArray[np.int32]
+    cell_m: float
+
+    @property
+    def count(self) -> int:
+        """How many tiles there are."""
+        return int(self.number.max(initial=-1)) + 1
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Heights above the local origin.
+
+    Attributes:
+        tiles: where the grid's nodes are.
+        height_m: (tiles, 4, 32, 32) float32 mean heights; see :data:`SHEETS`.
+        weight: (tiles, 4, 32, 32) float32 number of returns in them.
+    """
+
+    tiles: Tiles
+    height_m: NDArray[np.float32]
+    weight: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Passage:
+    """When the implement's line passed each cell.
+
+    Attributes:
+        tiles: where the cells are.
+        first_s: (tiles, 32, 32) float64 of the first time; +inf where it never passed.
+        last_s: (tiles, 32, 32) float64 of the last one; −inf where it never passed.
+    """
+
+    tiles: Tiles
+    first_s: FloatArray
+    last_s: FloatArray
+
+
+def tiles_over(en_m: FloatArray, cell_m: float) -> Tiles:
+    """Tiles that hold the points (n, 2) and the nodes round them."""
+    side = TILE * cell_m
+    low = np.floor(en_m.min(axis=0) / side).astype(np.int64) - 1
+    high = np.floor(en_m.max(axis=0) / side).astype(np.int64) + 1
+    used = np.zeros((high[1] - low[1] + 1, high[0] - low[0] + 1), np.bool_)
+    _touch(np.ascontiguousarray(en_m), cell_m, int(low[0]), int(low[1]), used)
+    number = np.where(used, np.cumsum(used).reshape(used.shape) - 1, -1).astype(np.int32)
+    return Tiles(int(low[0]), int(low[1]), number, cell_m)
+
+
+def passage_of(
+    t_s: FloatArray, tool_en_m: FloatArray, left_en: FloatArray, half_width_m: float, cell_m: float
+) -> Passage:
+    """When a line of `half_width_m` to either side passed over the ground.
+
+    Args:
+        t_s: (n,) times, closely enough that the line skips no cell.
+        tool_en_m: (n, 2) middle of the line.
+        left_en: (n, 2) unit vectors to its left.
+        half_width_m: half the width of the ground that changes.
+        cell_m: size of the cells.
+    """
+    reach = (half_width_m + cell_m) * left_en
+    tiles = tiles_over(np.concatenate([tool_en_m - reach, tool_en_m, tool_en_m + reach]), cell_m)
+    first = np.full((tiles.count, TILE, TILE), np.inf)
+    last = np.full((tiles.count, TILE, TILE), -np.inf)
+    _sweep(
+        np.ascontiguousarray(t_s),
+        np.ascontiguousarray(tool_en_m),
+        np.ascontiguousarray(left_en),
+        half_width_m,
+        cell_m,
+        tiles.west,
+        tiles.south,
+        tiles.number,
+        first,
+        last,
+    )
+    return Passage(tiles, first, last)
+
+
+def layers(t_s: FloatArray, en_m: FloatArray, passage: Passage | None, guard_s: float) -> NDArray[np.int8]:
+    """(n,) layer of each return: 0 old soil, 1 new, −1 soil that the implement changed again afterwards.
+
+    Args:
+        t_s: (n,).
+        en_m: (n, 2) or (n, 3) where the returns lie.
+        passage: None where no implement works.
+        guard_s: returns this near to a passage belong to no layer.
+    """
+    if passage is None:
+        return np.zeros(len(t_s), np.int8)
+    tiles = passage.tiles
+    out: NDArray[np.int8] = _layers(
+        t_s, en_m, guard_s, tiles.cell_m, tiles.west, tiles.south, tiles.number, passage.first_s, passage.last_s
+    )
+    return out
+
+
+def empty_surface(tiles: Tiles) -> Surface:
+    """A surface that nothing has been added to."""
+    height = np.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    weight = np.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    return Surface(tiles, height, weight)
+
+
+def add_returns(
+    surface: Surface,
+    xyz_m: FloatArray,
+    layer: NDArray[np.int8],
+    half: NDArray[np.uint8],
+    trust: NDArray[np.uint8],
+) -> None:
+    """Add returns to a surface; those without a tile are left out.
+
+    Args:
+        surface: gets the returns.
+        xyz_m: (n, 3) against the local origin.
+        layer: (n,) see :func:`layers`.
+        half: (n,) 0 or 1.
+        trust: (n,) weight, 255 for a whole return.
+    """
+    tiles = surface.tiles
+    _add(
+        xyz_m, layer, half, trust, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _touch(en_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
+    """Mark the tiles of the four nodes round each point."""
+    for i in range(len(en_m)):
+        x, y = int(np.floor(en_m[i, 0] / cell_m)), int(np.floor(en_m[i, 1] / cell_m))
+        for a in range(2):
+            for b in range(2):
+                used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
+
+
+@numba.njit(cache=True, nogil=True)
+def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  # type: ignore[no-untyped-def]
+    steps = int(np.ceil(half_m / (0.4 * cell_m)))
+    for i in range(len(t_s)):
+        for k in range(-steps, steps + 1):
+            share = half_m * k / steps
+            x = int(np.floor((en_m[i, 0] + share * left[i, 0]) / cell_m))
+            y = int(np.floor((en_m[i, 1] + share * left[i, 1]) / cell_m))
+            tile = number[(y >> TILE_BITS) - south, (x >> TILE_BITS) - west]
+            if tile < 0:
+                continue
+            a, b = y & TILE - 1, x & TILE - 1
+            first[tile, a, b] = min(first[tile, a, b], t_s[i])
+            last[tile, a, b] = max(last[tile, a, b], t_s[i])
+
+
+@numba.njit(cache=True, nogil=True)
+def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # type: ignore[no-untyped-def]
+    out = np.zeros(len(t_s), np.int8)
+    rows, columns = number.shape
+    for i in range(len(t_s)):
+        x, y = int(np.floor(en_m[i, 0] / cell_m)), int(np.floor(en_m[i, 1] / cell_m))
+        row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+        if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
+            continue
+        tile, a, b = number[row, column], y & TILE - 1, x & TILE - 1
+        if t_s[i] < first[tile, a, b] - guard_s:
+            out[i] = 0
+        elif t_s[i] > last[tile, a, b] + guard_s:
+            out[i] = 1
+        else:
+            out[i] = -1
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _add(xyz_m, layer, half, trust, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
+    rows, columns = number.shape
+    for i in range(len(xyz_m)):
+        if layer[i] < 0 or trust[i] == 0:
+            continue
+        whole = trust[i] / 255.0
+        u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
+        x, y = int(np.floor(u)), int(np.floor(s))
+        u -= x
+        s -= y
+        sheet = 2 * layer[i] + half[i]
+        for a in range(2):
+            for b in range(2):
+                row, column = ((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west
+                if not (0 <= row < rows and 0 <= column < columns):
+                    continue
+                tile = number[row, column]
+                share = whole * (u if a else 1.0 - u) * (s if b else 1.0 - s)
+                if tile < 0 or share <= 0.0:
+                    continue
+                p, q = (y + b) & TILE - 1, (x + a) & TILE - 1
+                weight[tile, sheet, p, q] += share
+                height[tile, sheet, p, q] += (
+                    share / weight[tile, sheet, p, q] * (xyz_m[i, 2] - height[tile, sheet, p, q])
+                )
