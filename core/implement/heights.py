@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from dataclasses import dataclass
 from typing import Final
 
@@ -65,13 +66,13 @@ class HeightWatch:
     Args:
         mounting: of the sensor.
         implement: what to look for.
-        threshold_m: the height above the working position that parts down from up.
+        working_depth_m: as the session states it.
     """
 
-    def __init__(self, mounting: Mounting, implement: Implement, threshold_m: float) -> None:
+    def __init__(self, mounting: Mounting, implement: Implement, working_depth_m: float | None) -> None:
         region, grid = implement.region, implement.template.grid
         self._implement = implement
-        self._threshold_m = threshold_m
+        self._threshold_m = implement.threshold_m(working_depth_m)
         self._rotation = np.ascontiguousarray(mounting.rotation)
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
         self._ground, self._box = np.array(region.ground), np.array(region.box_m)
@@ -80,8 +81,8 @@ class HeightWatch:
         self._soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
         self._times = np.zeros((2, 2))
         self._last_s = float("nan")
-        self._turns: list[tuple[float, float, float, float, bool, float]] = []
-        self._scans: list[tuple[int, float, float]] = []
+        self._turns = array("d")
+        self._scans = array("d")
 
     def add(self, scan: Scan) -> None:
         """The next scan of the recording."""
@@ -92,7 +93,7 @@ class HeightWatch:
         if not goes_on:
             self._end_turn(whole=False)
         self._last_s = end_s
-        self._scans.append((scan.number, begin_s, end_s))
+        self._scans.extend((scan.number, begin_s, end_s))
         region = self._implement.region
         _gather(
             np.ascontiguousarray(scan.xyz_m, np.float32),
@@ -116,16 +117,15 @@ class HeightWatch:
     def heights(self) -> ToolHeights:
         """Everything measured so far, the turn under way included."""
         self._end_turn(whole=False)
-        t_s, height, seen, contrast, whole, soil = np.array(self._turns, np.float64).reshape(-1, 6).T
-        scans = np.array([times for _, *times in self._scans]).reshape(-1, 2)
-        numbers = np.array([number for number, *_ in self._scans], np.int64)
-        return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, numbers, scans[:, 0], scans[:, 1])
+        t_s, height, seen, contrast, whole, soil = np.array(self._turns).reshape(-1, 6).T
+        number, begin_s, end_s = np.array(self._scans).reshape(-1, 3).T
+        return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, number.astype(np.int64), begin_s, end_s)
 
     def _end_turn(self, *, whole: bool) -> None:
         """Note what the turn under way shows; what was seen behind the split is of the next one."""
         points, total_s = self._times[0]
         if points:
-            self._turns.append((total_s / points, *self._measured(self._views[0]), whole, _median(self._soil[0])))
+            self._turns.extend((total_s / points, *self._measured(self._views[0]), whole, _median(self._soil[0])))
         for parts in (self._views, self._soil, self._times):
             parts[0] = parts[1]
             parts[1] = 0

@@ -44,6 +44,13 @@ _USUAL_LIFT_M: Final = 0.45
 their ends (ISO 730: 610 mm in category 1, 650 mm in category 2), and are not used to the last."""
 
 
+_NO_GROUND: Final = Notice(
+    "implement-no-ground",
+    "The ground near the vehicle is not where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it, so the "
+    "implement cannot be told from it. Whether it works is unknown throughout.",
+)
+
+
 def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
     """Find the implement in scans spread over a session.
 
@@ -52,6 +59,8 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
         hint: where to look; without it, all around the vehicle.
     """
     ground = ground_plane(scans)
+    if ground is None:
+        return Learned(None, (_NO_GROUND,))
     views = views_of(scans, ground, _hinted(hint) if hint is not None else _ANYWHERE)
     found = _find(views)
     box = _box_of(found) if found is not None else None
@@ -139,9 +148,9 @@ def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
 def _coarse(side: NDArray[np.float32]) -> FloatArray:
     """A side view in cells of 0.3 m × 0.1 m, as roots, so that many points of one place do not outweigh all others."""
     columns, rows = side.shape[0] // 3 * 3, side.shape[1] // 5 * 5
-    return np.sqrt(
-        side[:columns, :rows].reshape(columns // 3, 3, rows // 5, 5).sum(axis=(1, 3), dtype=np.float64)
-    ).ravel()
+    cells = side[:columns, :rows].reshape(columns // 3, 3, rows // 5, 5).sum(axis=(1, 3))
+    roots: FloatArray = np.sqrt(cells.ravel(), dtype=np.float64)
+    return roots
 
 
 def _from_reference(views: Views, reference: int) -> _Outcome | None:

@@ -16,9 +16,9 @@ FloatArray = NDArray[np.float64]
 MOVED_M: Final = 0.10
 """Less travel than this is taken for a frame that swings."""
 FEWEST_SCANS: Final = 3
-_NOISE_M: Final = 0.03
+_NOISE_M: Final = 0.04
 """Heights of successive scans that scatter by more are no heights of a tool."""
-_SHORTEST_S: Final = 1.5
+SHORTEST_S: Final = 1.5
 """What changes between up and down more often than this, in the mean, is no tool."""
 _MOST_AWAY: Final = 0.7
 """What is seen up and down both, but is away for a larger share of the time, is something that came by."""
@@ -32,7 +32,7 @@ def find_levels(views: Views, heights: Heights) -> Levels | None:
     upper = sure & (height > _split(height[sure]))
     lower = sure & ~upper
     below, above, away = (int(np.count_nonzero(side)) for side in (lower, upper, ~sure))
-    if min(below, above) < FEWEST_SCANS or _dwell_s(views, upper, lower) < _SHORTEST_S:
+    if min(below, above) < FEWEST_SCANS or _dwell_s(views, upper, lower) < SHORTEST_S:
         return None
     low, high = float(np.median(height[lower])), float(np.median(height[upper]))
     if high - low < MOVED_M:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from scipy.special import expit, ndtr
 
 from furrowmap.core.implement.heights import ToolHeights
+from furrowmap.core.implement.levels import SHORTEST_S
 from furrowmap.core.implement.model import Implement
+from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 FloatArray = NDArray[np.float64]
@@ -33,6 +35,13 @@ _LIFT_SIGMA_M: Final = 0.12
 """How well a working position is known that is never in view."""
 _UNSEEN: Final = 0.9
 """Confidence of the state in which the tool is out of view."""
+_COVERED: Final = 0.5
+"""Share of an interval's confidence that remains where the tool was covered for a while."""
+_UNCLEAR: Final = Notice(
+    "implement-unclear",
+    "What the scanner sees of the implement changes too often to be a tool that is lifted and lowered: whether it "
+    "works is unknown throughout.",
+)
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,7 @@ class ToolHistory:
         states: the same as intervals, with the transitions' times.
         threshold_m: the height above the working position below which the tool is down.
         lifted_m: height of the lifted tool.
+        notices: for the report.
     """
 
     scan: NDArray[np.int64]
@@ -60,6 +70,7 @@ class ToolHistory:
     states: ToolStates
     threshold_m: float
     lifted_m: float
+    notices: tuple[Notice, ...]
 
 
 def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: float | None) -> ToolHistory:
@@ -75,39 +86,46 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
         working_depth_m: as the session states it.
     """
     threshold = implement.threshold_m(working_depth_m)
-    height = _without_strays(heights.height_m)
+    height = _without_strays(heights.height_m, heights.whole)
     down = height < threshold
     level = float(np.median(height[down])) if down.any() and implement.levels.hidden != ToolState.DOWN else 0.0
     height = height - level
     confidence = _confidence(heights, height, threshold, implement)
     states = _states(heights, height, confidence, threshold, implement)
+    notices: tuple[Notice, ...] = ()
+    if len(states) > 3 and float((states.end_s - states.begin_s).mean()) < SHORTEST_S:
+        states, notices = _tool_states([]), (_UNCLEAR,)
     t = 0.5 * (heights.scan_begin_s + heights.scan_end_s)
     state, sure = states.at(t)
-    nearest = _nearest(heights.t_s, t)
+    reach_s = 4.0 * implement.region.turn_s
+    now = _interpolated(t, heights.t_s, np.where(confidence > 0.0, confidence, np.nan), reach_s)
     return ToolHistory(
         scan=heights.scan,
         t_s=t,
-        tool_height_m=_interpolated(t, heights.t_s, height, 4.0 * implement.region.turn_s),
-        soil_height_m=_interpolated(t, heights.t_s, heights.soil_m, 4.0 * implement.region.turn_s),
+        tool_height_m=_interpolated(t, heights.t_s, height, reach_s),
+        soil_height_m=_interpolated(t, heights.t_s, heights.soil_m, reach_s),
         state=state,
-        confidence=np.where(state == ToolState.UNKNOWN, 0.0, np.minimum(sure, confidence[nearest]))
-        if len(nearest)
-        else sure,
+        confidence=np.where(np.isfinite(now), np.minimum(sure, now), _COVERED * sure),
         states=states,
         threshold_m=threshold,
         lifted_m=implement.lifted_m - level,
+        notices=notices,
     )
 
 
-def _without_strays(height: FloatArray) -> FloatArray:
-    """Heights without those that differ from both their neighbours while these agree."""
+def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
+    """Heights without those that differ from both their neighbours while these agree.
+
+    A turn that was cut short shows a part of the tool only: there one neighbour is enough.
+    """
     known = np.flatnonzero(np.isfinite(height))
     out = height.copy()
-    if len(known) > 2:
-        before, here, after = height[known[:-2]], height[known[1:-1]], height[known[2:]]
-        off = np.minimum(np.abs(here - before), np.abs(here - after))
-        stray = (off > _STEP_M) & (np.abs(after - before) < off)
-        out[known[1:-1][stray]] = np.nan
+    if len(known):
+        step = np.abs(np.diff(height[known]))
+        off = np.minimum(np.append(np.inf, step), np.append(step, np.inf))
+        agree = np.zeros(len(known), bool)
+        agree[1:-1] = np.abs(height[known[2:]] - height[known[:-2]]) < off[1:-1]
+        out[known[(off > _STEP_M) & (agree | ~whole[known])]] = np.nan
     return out
 
 
@@ -242,15 +260,6 @@ def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, thre
     after_s = float(np.clip(beyond_m / speed, 0.0, _MOVE_S))
     at = border_s + (after_s if leaves else -after_s)
     return _End(at, float(np.hypot(_LIFT_SIGMA_M / speed, half_turn_s)))
-
-
-def _nearest(known_s: FloatArray, t_s: FloatArray) -> NDArray[np.intp]:
-    if not len(known_s):
-        return np.zeros(0, np.intp)
-    after = np.clip(np.searchsorted(known_s, t_s), 1, max(len(known_s) - 1, 1))
-    after = np.minimum(after, len(known_s) - 1)
-    before = np.maximum(after - 1, 0)
-    return np.where(t_s - known_s[before] < known_s[after] - t_s, before, after)
 
 
 def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray, reach_s: float) -> FloatArray:

@@ -7,6 +7,7 @@ the whole body, leaves the same picture where a reversible plough has turned ove
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numba
@@ -71,7 +72,7 @@ class Template:
         density = (1.0 - _ANYWHERE) * density + _ANYWHERE * density.mean(axis=0)
         return cls(grid, (density * density.size * (1.0 - CLUTTER) / CLUTTER).astype(np.float32))
 
-    @property
+    @cached_property
     def gain(self) -> NDArray[np.float32]:
         """(columns, rows) float32, log-likelihood that a point in the cell adds against clutter alone."""
         return np.log1p(self.odds)

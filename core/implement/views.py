@@ -32,6 +32,11 @@ FEWEST_SHARE: Final = 0.12
 """Nor does a smaller share of the points that usually show it."""
 LEAST_GAIN: Final = 0.55
 """Nor do points that are less like it, each, than this share of the usual."""
+_GROUND_SHARE: Final = 0.15
+"""Where a smaller share of the points near the vehicle lies in a plane, it is not the ground."""
+_GROUND_M: Final = 0.5
+_GROUND_SLOPE: Final = 0.25
+"""Nor is it where it lies further from the tyres, or at a larger slope, than a mounting is ever off."""
 _GROUND_POINTS: Final = 40_000
 
 
@@ -183,8 +188,8 @@ def views_of(scans: Sequence[NearScan], ground: Plane, box: Box) -> Views:
     return Views(scans, [scan.image(lasers) for scan in scans], views, ground, box, grid)
 
 
-def ground_plane(scans: Sequence[NearScan]) -> Plane:
-    """The plane on which the vehicle stands, as all scans together show it."""
+def ground_plane(scans: Sequence[NearScan]) -> Plane | None:
+    """The plane on which the vehicle stands, as all scans together show it; None if they show none at its height."""
     if not scans:
         return 0.0, 0.0, 0.0
     stride = 1 + sum(len(scan.range_m) for scan in scans) // _GROUND_POINTS
@@ -193,11 +198,11 @@ def ground_plane(scans: Sequence[NearScan]) -> Plane:
     plane = np.zeros(3)
     for tolerance_m in (0.5, 0.3, 0.15, 0.1):
         near = np.abs(xyz[:, 2] - basis @ plane) < tolerance_m
-        if np.count_nonzero(near) < 100:
-            break
+        if np.count_nonzero(near) < _GROUND_SHARE * len(xyz):
+            return None
         plane = np.linalg.lstsq(basis[near], xyz[near, 2], rcond=None)[0]
     a, b, c = plane.tolist()
-    return a, b, c
+    return (a, b, c) if abs(a) < _GROUND_M and np.hypot(b, c) < _GROUND_SLOPE else None
 
 
 @numba.njit(cache=True, nogil=True)
