@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -14,6 +14,7 @@ from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
+from furrowmap.core.field_work import FieldWork, ImplementWatch, field_boundary
 from furrowmap.core.matching.adjustment import Tool
 from furrowmap.core.matching.matched import match
 from furrowmap.core.matching.returns import ground_returns
@@ -88,6 +89,7 @@ class Run:
         frame: the map frame.
         located: the trajectory.
         tally: scans and points, and the scans' poses.
+        work: what the implement did.
         clocks: what the clocks in the scanner's recording said, the one that was used first.
         notices: everything worth knowing, in the order of the work.
         timings_s: seconds of each stage.
@@ -98,6 +100,7 @@ class Run:
     frame: MapFrame
     located: Located
     tally: Tally
+    work: FieldWork
     clocks: tuple[ClockReading, ...]
     notices: tuple[Notice, ...]
     timings_s: dict[str, float]
@@ -115,18 +118,28 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     inputs = Inputs.of(session_file, session)
     positions = open_positions(inputs, session)
     located = locate(positions, session, frame)
+    boundary = field_boundary(session_file, session, frame)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
+    implement = ImplementWatch(session)
+    lidar = open_lidar(inputs, session, near_s)
     if located.antenna is not None:
-        located = matched_to_ground(located, open_lidar(inputs, session, near_s), session, progress)
+        located = matched_to_ground(located, lidar, session, implement.look, progress)
         watch.lap("matching")
+    else:
+        for scan in _watched(lidar.scans(), lidar, progress, "reading scans"):
+            implement.look(scan)
+    implement.learn()
+    watch.lap("implement")
     lidar = open_lidar(inputs, session, near_s)
     placer = _placer(located.trajectory, session)
     sink.begin(frame, placer.origin_m)
-    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "placing points")
+    scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
     tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
+    work = implement.work(located.trajectory, frame, boundary)
+    watch.lap("work")
     notices = [
         *positions.notices,
         *located.notices,
@@ -134,8 +147,10 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
         *_session_notices(session, located),
         *_gap_notices(tally, located),
         *_tally_notices(tally),
+        *work.notices,
     ]
-    return Run(session, inputs.all, frame, located, tally, lidar.clocks, tuple(dict.fromkeys(notices)), watch.laps_s)
+    unique = tuple(dict.fromkeys(notices))
+    return Run(session, inputs.all, frame, located, tally, work, lidar.clocks, unique, watch.laps_s)
 
 
 @dataclass(frozen=True)
@@ -144,6 +159,7 @@ class Inputs:
 
     lidar: tuple[Path, ...]
     positions: tuple[Path, ...]
+    boundary: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
@@ -154,17 +170,17 @@ class Inputs:
         """
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
-        if session.field.boundary is not None:
-            resolve(session_file, session.field.boundary)
+        boundary = session.field.boundary
         return cls(
             tuple(resolve(session_file, name) for name in session.recording.lidar),
             tuple(resolve(session_file, name) for name in positions),
+            (resolve(session_file, boundary),) if boundary is not None else (),
         )
 
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file, the scanner's first, in the order in which the session names them."""
-        return self.lidar + self.positions
+        return self.lidar + self.positions + self.boundary
 
 
 def open_positions(inputs: Inputs, session: Session) -> Reader:
@@ -215,14 +231,25 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
     return Located(found.trajectory, "gnss", used, found.notices, found.positions)
 
 
-def matched_to_ground(located: Located, lidar: LidarReader, session: Session, progress: Progress = silent) -> Located:
-    """The trajectory improved by what the scans see of the ground; as it was where they see too little."""
+def matched_to_ground(
+    located: Located,
+    lidar: LidarReader,
+    session: Session,
+    on_scan: Callable[[Scan], None] | None = None,
+    progress: Progress = silent,
+) -> Located:
+    """The trajectory improved by what the scans see of the ground; as it was where they see too little.
+
+    `on_scan` sees each scan on its way.
+    """
     assert located.antenna is not None
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     implement = session.implement
     tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
     scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
-    returns = ground_returns(scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory)
+    returns = ground_returns(
+        scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
+    )
     matched = match(
         returns, located.trajectory, located.antenna, lever, tool, lambda share: progress("matching scans", share)
     )
@@ -324,13 +351,6 @@ def _session_notices(session: Session, located: Located) -> list[Notice]:
     if located.source == "file" and session.recording.gnss:
         notices.append(
             Notice("gnss-unused", "The trajectory comes from [trajectory]: the GNSS log is not used for it.")
-        )
-    if session.implement is not None or session.field.boundary is not None:
-        notices.append(
-            Notice(
-                "worked-ground-not-computed",
-                "[implement] and [field] are kept, but this version does not compute the ground worked.",
-            )
         )
     if located.source == "gnss" and located.matching is None:
         notices.append(

@@ -1,0 +1,147 @@
+"""The implement's part of a run: found in the scans, watched through them, and the ground that it worked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.model import Hint, Learned
+from furrowmap.core.implement.model import Implement as SeenImplement
+from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.states import ToolHistory, tool_history
+from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.boundary import boundary_on_map
+from furrowmap.core.work.depth import Depth, pass_depths
+from furrowmap.core.work.ground import WorkedGround, worked_ground
+from furrowmap.core.work.sweep import PassTimes, pass_numbers, pass_times
+from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
+
+_NO_WIDTH = Notice(
+    "implement-not-stated",
+    "The scanner sees an implement go up and down, but the session does not say how wide it is and where ([implement] "
+    "width_m, xy_m): the ground worked is not computed.",
+)
+
+
+@dataclass(frozen=True)
+class FieldWork:
+    """What a run found out about the implement and its work.
+
+    Attributes:
+        seen: the implement as the scans show it; None where they show none.
+        history: its states over time; None likewise.
+        boundary: of the field, in the map frame; None where the session names none.
+        ground: what was worked; None where no state of the tool is known, or not its width.
+        depths: of each pass of `ground`.
+        paths: of the tool; empty where `ground` is None, as `events`.
+        events: along them.
+        notices: for the report.
+    """
+
+    seen: SeenImplement | None = None
+    history: ToolHistory | None = None
+    boundary: BaseGeometry | None = None
+    ground: WorkedGround | None = None
+    depths: tuple[Depth, ...] = ()
+    paths: tuple[ToolPath, ...] = ()
+    events: tuple[Event, ...] = ()
+    notices: tuple[Notice, ...] = ()
+
+    @cached_property
+    def passes(self) -> list[PassTimes]:
+        """When the tool was down."""
+        return pass_times(self.history.states) if self.history is not None else []
+
+    def pass_at(self, t_s: ArrayLike) -> NDArray[np.intp]:
+        """Number (n,) of the pass at times (n,), 1 for the first; 0 between passes."""
+        return pass_numbers(self.passes, t_s)
+
+
+def field_boundary(session_file: Path, session: Session, frame: MapFrame) -> BaseGeometry | None:
+    """The boundary that a session names, in the map frame.
+
+    Raises:
+        InputError: if it cannot be read, or lies elsewhere.
+    """
+    if session.field.boundary is None:
+        return None
+    return boundary_on_map(read_boundary(resolve(session_file, session.field.boundary)), frame)
+
+
+class ImplementWatch:
+    """Watches the implement in two readings of a recording: one to find it, one to follow it.
+
+    Args:
+        session: says how the scanner is mounted, and where the implement is if it knows.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._near: NearScans | None = NearScans(session.lidar.mounting)
+        self._learned = Learned(None, ())
+        self._heights: HeightWatch | None = None
+
+    def look(self, scan: Scan) -> None:
+        """Take note of a scan of the first reading."""
+        assert self._near is not None
+        self._near.add(scan)
+
+    def learn(self) -> None:
+        """Find the implement, between the two readings."""
+        assert self._near is not None
+        stated, mounting = self._session.implement, self._session.lidar.mounting
+        hint = Hint(stated.xy_m, stated.width_m) if stated is not None else None
+        self._learned = learn_implement(self._near.scans, hint)
+        self._near = None
+        if self._learned.implement is not None:
+            depth_m = stated.working_depth_m if stated is not None else None
+            self._heights = HeightWatch(mounting, self._learned.implement, depth_m)
+
+    def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
+        """The scans of the second reading, looked at on their way."""
+        ahead_s = self._session.recording.lidar_minus_gnss_s
+        for scan in scans:
+            if self._heights is not None:
+                self._heights.add(replace(scan, t_s=scan.t_s - ahead_s) if ahead_s else scan)
+            yield scan
+
+    def work(self, trajectory: Trajectory, frame: MapFrame, boundary: BaseGeometry | None) -> FieldWork:
+        """What the tool did and which ground it worked, after the second reading."""
+        seen, notices, stated = self._learned.implement, self._learned.notices, self._session.implement
+        if seen is None or self._heights is None:
+            return FieldWork(boundary=boundary, notices=notices)
+        depth_m = stated.working_depth_m if stated is not None else None
+        history = tool_history(self._heights.heights(), seen, depth_m)
+        found = FieldWork(seen, history, boundary, notices=(*notices, *history.notices))
+        if not _known(history.states):
+            return found
+        if stated is None:
+            return replace(found, notices=(*found.notices, _NO_WIDTH))
+        ground = worked_ground(trajectory, history.states, stated, frame, boundary)
+        heights = (history.t_s, history.tool_height_m, history.soil_height_m)
+        return replace(
+            found,
+            ground=ground,
+            depths=pass_depths([p.times for p in ground.passes], *heights, depth_m),
+            paths=tuple(tool_paths(trajectory, history.states, stated)),
+            events=tuple(events(trajectory, history.states, stated)),
+        )
+
+
+def _known(states: ToolStates) -> bool:
+    """Whether any state is."""
+    return bool((states.state != ToolState.UNKNOWN).any())

@@ -1,0 +1,68 @@
+"""How deep the tool worked: its height against the soil beside it, pass by pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.work.sweep import PassTimes
+
+FloatArray = NDArray[np.float64]
+
+SETTLING_S: Final = 1.0
+"""At a pass's beginning and end the tool is still on its way."""
+FEWEST: Final = 5
+
+
+@dataclass(frozen=True)
+class Depth:
+    """The working depth of one pass.
+
+    Attributes:
+        depth_m: median; nan where unknown.
+        spread_m: standard deviation within the pass, robust; nan where unknown.
+    """
+
+    depth_m: float
+    spread_m: float
+
+
+def pass_depths(
+    passes: Sequence[PassTimes],
+    t_s: FloatArray,
+    tool_height_m: FloatArray,
+    soil_height_m: FloatArray,
+    working_depth_m: float | None,
+) -> tuple[Depth, ...]:
+    """The working depth of each pass.
+
+    The scanner sees how far the tool stands above or below the soil beside it, but not its tines in the soil: all
+    passes together are taken to have the working depth that the session states, and each pass to differ from it by
+    what is seen. Without a stated depth only the spread is known.
+
+    Args:
+        passes: in the order of time.
+        t_s: (n,) UTC of the heights, increasing.
+        tool_height_m: (n,) above the working position; nan where unknown.
+        soil_height_m: (n,) of the soil beside the tool in the vehicle's frame; nan where unknown.
+        working_depth_m: as the session states it.
+    """
+    sunk = [_within(when, t_s, soil_height_m - tool_height_m) for when in passes]
+    medians = [float(np.median(part)) if len(part) >= FEWEST else float("nan") for part in sunk]
+    known = np.isfinite(medians)
+    usual_m = float(np.median(np.array(medians)[known])) if known.any() else float("nan")
+    stated_m = working_depth_m if working_depth_m is not None else float("nan")
+    return tuple(
+        Depth(stated_m + median - usual_m, 1.4826 * float(np.median(np.abs(part - median))) if len(part) else median)
+        for part, median in zip(sunk, medians, strict=True)
+    )
+
+
+def _within(when: PassTimes, t_s: FloatArray, sunk_m: FloatArray) -> FloatArray:
+    """What is known of a pass, its ends left out."""
+    inside = (t_s > when.begin_s + SETTLING_S) & (t_s < when.end_s - SETTLING_S)
+    return sunk_m[inside & np.isfinite(sunk_m)]
