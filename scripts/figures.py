@@ -14,14 +14,19 @@ import pandas as pd
 from numpy.typing import NDArray
 from shapely import affinity
 
-from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
+from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.model import Hint
+from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.states import tool_history
+from furrowmap.core.readers.reader import GivesPoses, GivesScans, GivesTrack, ReadOptions, open_recording
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.motion import local_velocity
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.session import load_session
-from furrowmap.core.values.tool_states import ToolStates
+from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.ground import worked_ground
 
@@ -112,6 +117,61 @@ def worked_ground_map(name: str, picture: Path) -> None:
     figure.savefig(picture, dpi=110)
 
 
+def implement(name: str, depth_picture: Path, height_picture: Path) -> None:
+    """What the sensor sees of the implement up and down, its side view, and its height over a recording's time."""
+    session = load_session(DATA / name / "session.toml")
+    assert session.implement is not None
+    truth = np.genfromtxt(
+        DATA / name / "truth" / "implement.csv", delimiter=",", names=True, dtype=None, encoding="ascii"
+    )
+    true_s, true_m = truth["time_unix_s"], truth["tool_height_m"]
+    reader = open_recording([DATA / name / "recording.pcap.gz"], ReadOptions(near_s=float(true_s.mean())))
+    assert isinstance(reader, GivesScans)
+    scans = list(reader.scans())
+    mounting, depth_m = session.lidar.mounting, session.implement.working_depth_m
+    near = NearScans(mounting)
+    for scan in scans:
+        near.add(scan)
+    found = learn_implement(near.scans, Hint(session.implement.xy_m, session.implement.width_m)).implement
+    assert found is not None
+    watch = HeightWatch(mounting, found, depth_m)
+    for scan in scans:
+        watch.add(scan)
+    history = tool_history(watch.heights(), found, depth_m)
+
+    figure, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained", width_ratios=[2, 2, 1.3])
+    images = found.images
+    extent = (images.azimuth_deg[0], images.azimuth_deg[-1], -0.5, len(images.up_m) - 0.5)
+    for side, image, word in zip(axes, (images.up_m, images.down_m), ("up", "down"), strict=False):
+        shown = side.imshow(image, origin="lower", aspect="auto", extent=extent, cmap="YlGn_r", vmin=1.0, vmax=6.0)
+        side.contour(
+            images.azimuth_deg, np.arange(len(image)), images.implement, [0.5], colors="#a03c1e", linewidths=0.8
+        )
+        side.set(title=word, xlabel="azimuth, °", ylabel="laser")
+    figure.colorbar(shown, ax=axes[1], label="range, m")
+    grid = found.template.grid
+    x, z = grid.x_m + 0.1 * np.arange(grid.columns), grid.z_m + 0.02 * np.arange(grid.rows) + found.working_m
+    axes[2].pcolormesh(x, z, found.template.gain.T, cmap="Greens", shading="nearest")
+    axes[2].set(title="side view", xlabel="x, m", ylabel="height above ground, m", ylim=(0.1, 1.4))
+    figure.savefig(depth_picture, dpi=100)
+
+    begin = float(true_s[0])
+    figure, axis = plt.subplots(figsize=(9, 2.8), layout="constrained")
+    states = history.states
+    for k in range(len(states)):
+        colour = "#f3d9c4" if states.state[k] == ToolState.DOWN else "#ffffff"
+        axis.axvspan(states.begin_s[k] - begin, states.end_s[k] - begin, color=colour, lw=0)
+    axis.axhline(history.threshold_m, c="#9a9a9a", lw=0.8, ls="--")
+    axis.plot(true_s - begin, true_m, c="#9a9a9a", lw=3.0, label="truth")
+    axis.plot(history.t_s - begin, history.tool_height_m, c="#2c4a34", lw=1.0, label="found")
+    axis.set(xlabel="time, s", ylabel="tool above working position, m", xlim=(0, true_s[-1] - begin))
+    axis.legend(loc="upper right", ncols=2, frameon=False, fontsize=8)
+    for edge in ("top", "right"):
+        axis.spines[edge].set_visible(False)
+    figure.savefig(height_picture, dpi=100)
+
+
 if __name__ == "__main__":
     initial_heading("tractor_fishtail", IMAGES / "initial-heading.png")
+    implement("tractor_loop", IMAGES / "implement-seen.png", IMAGES / "implement-height.png")
     worked_ground_map("tractor_fishtail", IMAGES / "worked-ground.png")

@@ -10,18 +10,17 @@ implement may lead astray; the most likely outcome counts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.implement.found import USUAL_LIFT_M, Found, Outcome, described
 from furrowmap.core.implement.levels import FEWEST_SCANS, MOVED_M, find_levels
-from furrowmap.core.implement.model import Box, DepthImages, Hint, Implement, Learned, Levels, Region
+from furrowmap.core.implement.model import Box, Hint, Learned
 from furrowmap.core.implement.near_scans import NearScan
-from furrowmap.core.implement.range_image import COLUMNS, median_image
 from furrowmap.core.implement.template import CELL_X_M, Template
-from furrowmap.core.implement.views import FEWEST_POINTS, Heights, Views, ground_plane, views_of
+from furrowmap.core.implement.views import FEWEST_POINTS, Views, ground_plane, views_of
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
 
@@ -36,14 +35,6 @@ _CHOSEN: Final = 24
 """So many pairs of scans are chosen for being unlike each other, and as many evenly over the session."""
 _REFERENCES: Final = 6
 _ROUNDS: Final = 2
-_IMAGES: Final = 15
-_MARGIN: Final = 8
-"""Columns on both sides of the implement that are looked at beside its own."""
-_USUAL_LIFT_M: Final = 0.45
-"""How high a tool is lifted at the headland where nothing shows it: three-point linkages lift by 0.6 m and more at
-their ends (ISO 730: 610 mm in category 1, 650 mm in category 2), and are not used to the last."""
-
-
 _NO_GROUND: Final = Notice(
     "implement-no-ground",
     "The ground near the vehicle is not where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it, so the "
@@ -68,7 +59,7 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
         found = _find(views_of(scans, ground, box))
     if found is None or box is None:
         return Learned(None, (_nothing(views, hint),))
-    return Learned(_described(found), _out_of_view(found.levels.hidden))
+    return Learned(described(found), _out_of_view(found.levels.hidden))
 
 
 def _hinted(hint: Hint) -> Box:
@@ -76,38 +67,7 @@ def _hinted(hint: Hint) -> Box:
     return (x - 2.0, x + 1.2, y - half, y + half)
 
 
-@dataclass(frozen=True)
-class _Outcome:
-    """A template and what it finds in all scans.
-
-    Attributes:
-        views: of the scans.
-        image: range image of the reference scan.
-        template: of the reference's position.
-        still_m: as in :class:`~furrowmap.core.implement.model.Region`.
-        heights: of the scans.
-    """
-
-    views: Views
-    image: NDArray[np.float32]
-    template: Template
-    still_m: NDArray[np.float32]
-    heights: Heights
-
-    def likely(self, number: int) -> NDArray[np.bool_]:
-        """Which points of a scan are rather the implement than clutter."""
-        return self.views.likely(number, float(self.heights.height_m[number]), self.template, self.still_m)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """An outcome that is a tool, with its levels."""
-
-    outcome: _Outcome
-    levels: Levels
-
-
-def _find(views: Views) -> _Found | None:
+def _find(views: Views) -> Found | None:
     """What moves up and down, if anything does."""
     pairs = views.pairs[views.pairs[:, 0] % 2 == 0] if len(views) else views.pairs
     if len(pairs) < FEWEST_SCANS:
@@ -126,7 +86,7 @@ def _find(views: Views) -> _Found | None:
         better = _improved(views, outcome.image, heights.height_m, heights.sure)
         levels = find_levels(views, better.heights) if better is not None else None
         if better is not None and levels is not None:
-            return _Found(better, levels)
+            return Found(better, levels)
     return None
 
 
@@ -153,7 +113,7 @@ def _coarse(side: NDArray[np.float32]) -> FloatArray:
     return roots
 
 
-def _from_reference(views: Views, reference: int) -> _Outcome | None:
+def _from_reference(views: Views, reference: int) -> Outcome | None:
     """What moves against one scan; None if nothing does, or if the scan shows something on its way.
 
     A scan that is cut in the middle of the tool shows a moving one at two heights.
@@ -180,9 +140,7 @@ def _from_reference(views: Views, reference: int) -> _Outcome | None:
     return outcome
 
 
-def _improved(
-    views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]
-) -> _Outcome | None:
+def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]) -> Outcome | None:
     """What stands still, template, and heights anew, by the heights that are known; None if all are of one position."""
     middle = float(np.quantile(height[known], (0.02, 0.98)).mean())
     sides = [known & (height > middle), known & ~(height > middle)]
@@ -192,7 +150,7 @@ def _improved(
     steady = _steady(views, height)
     upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
     template = Template.of(views.grid, upper + lower)
-    return _Outcome(views, image, template, still, views.heights(template, still))
+    return Outcome(views, image, template, still, views.heights(template, still))
 
 
 def _steady(views: Views, height: FloatArray) -> NDArray[np.bool_]:
@@ -213,7 +171,7 @@ def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, stil
     return total / max(int(np.count_nonzero(chosen)), 1)
 
 
-def _box_of(found: _Found) -> Box | None:
+def _box_of(found: Found) -> Box | None:
     """A box around the implement: where most of the scans that show it best have points that are likely its own.
 
     None where no place is: what was found is scattered, and no implement.
@@ -257,7 +215,7 @@ def _out_of_view(hidden: ToolState) -> tuple[Notice, ...]:
     if hidden == ToolState.DOWN:
         text = (
             "The scanner sees the implement only when it is lifted. It is taken as down where it is out of view, and "
-            f"its working position as {_USUAL_LIFT_M:g} m below the lifted one: times and heights are rough. A scanner "
+            f"its working position as {USUAL_LIFT_M:g} m below the lifted one: times and heights are rough. A scanner "
             "that looks further down sees it at work."
         )
     elif hidden == ToolState.UP:
@@ -265,61 +223,3 @@ def _out_of_view(hidden: ToolState) -> tuple[Notice, ...]:
     else:
         return ()
     return (Notice("implement-out-of-view", text),)
-
-
-def _described(found: _Found) -> Implement:
-    """What is needed to see the implement in every scan, and to show it."""
-    outcome, views, levels = found.outcome, found.outcome.views, found.levels
-    sure = np.flatnonzero(outcome.heights.sure)
-    shows = np.zeros(outcome.image.shape, np.int32)
-    for number in sure.tolist():
-        likely, view = outcome.likely(number), views.views[number]
-        shows[view.laser[likely], view.column[likely]] += 1
-    implement = shows >= max(FEWEST_SCANS, len(sure) // 100)
-    first, count = _arc(np.flatnonzero(implement.any(axis=0)))
-    columns = np.zeros(COLUMNS, bool)
-    columns[(first - _MARGIN + np.arange(count + 2 * _MARGIN)) % COLUMNS] = True
-    region = Region(
-        ground=views.ground,
-        box_m=views.box_m,
-        columns=columns,
-        still_m=outcome.still_m,
-        split=(first + count + (COLUMNS - count) // 2) % COLUMNS,
-        clockwise=float(np.mean([scan.clockwise for scan in views.scans])) > 0.5,
-        turn_s=float(np.median([scan.end_s - scan.begin_s for scan in views.scans])),
-    )
-    shown = (first - 2 * _MARGIN + np.arange(min(count + 4 * _MARGIN, COLUMNS))) % COLUMNS
-    down, up = (
-        median_image(np.stack([views.images[k][:, shown] for k in _showing(found, state)]))
-        for state in (ToolState.DOWN, ToolState.UP)
-    )
-    azimuth = (shown[0] + 0.5 + np.arange(len(shown))) * (360.0 / COLUMNS)
-    low_m = levels.low_m
-    points, gain = outcome.heights.usual
-    return Implement(
-        region=region,
-        template=outcome.template,
-        levels=levels,
-        working_m=min(low_m, levels.high_m - _USUAL_LIFT_M) if levels.hidden == ToolState.DOWN else low_m,
-        points=points,
-        gain=gain,
-        images=DepthImages(up, down, implement[:, shown], azimuth),
-    )
-
-
-def _arc(at: NDArray[np.intp]) -> tuple[int, int]:
-    """First column and number of columns of the shortest arc that holds the columns `at`, given in their order."""
-    gaps = np.diff(np.append(at, at[0] + COLUMNS))
-    widest = int(np.argmax(gaps))
-    return int(at[(widest + 1) % len(at)]), COLUMNS - int(gaps[widest]) + 1
-
-
-def _showing(found: _Found, state: ToolState) -> list[int]:
-    """Numbers of a few scans with the implement in a state."""
-    heights, levels = found.outcome.heights, found.levels
-    if state == levels.hidden:
-        away = np.flatnonzero(~heights.sure)
-        return [int(k) for k in away[np.linspace(0, len(away) - 1, min(len(away), _IMAGES)).astype(np.intp)]]
-    level = levels.low_m if state == ToolState.DOWN else levels.high_m
-    off = np.where(heights.sure, np.abs(heights.height_m - level), np.inf)
-    return [int(k) for k in np.argsort(off, kind="stable")[:_IMAGES]]
