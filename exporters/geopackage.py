@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from importlib.resources import files
 from pathlib import Path
@@ -15,80 +15,62 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.values.gnss import Fix
+from furrowmap.core.field_work import FieldWork
 from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.trajectory import SIGMAS, Motion
 from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.field_layers import Layer, field_layers
 
-ObjectArray = NDArray[np.object_]
-
-TRAJECTORY: Final = "trajectory"
 _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
+_GEOMETRY: Final = "geom"
+_NOTHING: Final = FieldWork()
 
 
-def write_field(path: Path, poses: ScanPoses, crs: CRS) -> None:
+def write_field(path: Path, poses: ScanPoses, crs: CRS, work: FieldWork = _NOTHING) -> None:
     """Write `field.gpkg` with its layers and their styles.
 
     Args:
         path: of the file; an old one is replaced when the new one is whole.
         poses: the rows of the layer `trajectory`.
-        crs: of their coordinates.
+        crs: of all coordinates.
+        work: what the implement did.
 
     Raises:
         OSError: if the file cannot be written there.
     """
+    layers = field_layers(poses, work)
     with atomic_output(path) as unfinished:
-        _write_trajectory(unfinished, poses, crs)
-        _write_styles(unfinished, {TRAJECTORY: "geom"})
-        _check(unfinished, {TRAJECTORY: len(poses)})
+        for layer in layers:
+            _write(unfinished, layer, crs)
+        _write_styles(unfinished, [layer.name for layer in layers])
+        _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
-def _write_trajectory(path: Path, poses: ScanPoses, crs: CRS) -> None:
-    n = len(poses)
-    roll_deg, pitch_deg, heading_deg = poses.attitude_deg()
-    columns: dict[str, NDArray[Any]] = {
-        "scan": poses.scan,
-        "time": np.round(poses.t_s * 1000.0).astype(np.int64).view("datetime64[ms]"),
-        "t_s": poses.t_s,
-        "roll_deg": roll_deg,
-        "pitch_deg": pitch_deg,
-        "heading_deg": heading_deg,
-        "speed_mps": poses.speed_mps,
-        "motion": _labels(poses.motion, {int(motion): motion.label for motion in Motion}),
-        "fix": _labels(poses.fix, {int(fix): fix.label for fix in Fix}),
-        **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMAS)},
-        "heading_from": poses.heading_from.astype(object),
-    }
+def _write(path: Path, layer: Layer, crs: CRS) -> None:
+    columns = layer.columns
+    times = [name for name, values in columns.items() if values.dtype.kind == "M"]
+    with_height = layer.kind.startswith("2.5D")
     pyogrio.raw.write(
         path,
-        shapely.to_wkb(shapely.points(poses.xyz_m), output_dimension=3),
-        list(columns.values()),
+        shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2),
+        [np.ma.getdata(values) for values in columns.values()],
         list(columns),
-        layer=TRAJECTORY,
+        field_mask=[np.ma.getmaskarray(values) if np.ma.isMA(values) else None for values in columns.values()],
+        layer=layer.name,
         driver="GPKG",
-        geometry_type="2.5D Point",
+        geometry_type=layer.kind,
         crs=crs.to_wkt(),
-        gdal_tz_offsets={"time": np.full(n, _UTC_OFFSET, np.int8)},
-        layer_options={
-            "GEOMETRY_NAME": "geom",
-            "DESCRIPTION": "The vehicle frame's origin (on the ground below the rear axle) in the middle of each scan",
-        },
+        gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
+        layer_options={"GEOMETRY_NAME": _GEOMETRY, "DESCRIPTION": layer.description},
     )
 
 
-def _labels(codes: NDArray[np.int8], words: Mapping[int, str]) -> ObjectArray:
-    """The word of each code; None (NULL in the file) where it has none."""
-    known, index = np.unique(codes, return_inverse=True)
-    return np.array([words.get(int(code)) for code in known], dtype=object)[index]
-
-
-def _write_styles(path: Path, layers: Mapping[str, str]) -> None:
+def _write_styles(path: Path, layers: Sequence[str]) -> None:
     """Store each layer's style in the table where QGIS looks for it, as the one to open the layer with.
 
     Args:
         path: of the GeoPackage.
-        layers: name of each layer and of its geometry's column.
+        layers: the name of each.
     """
     n = len(layers)
     empty = np.full(n, "", dtype=object)
@@ -98,7 +80,7 @@ def _write_styles(path: Path, layers: Mapping[str, str]) -> None:
         "f_table_catalog": empty,
         "f_table_schema": empty,
         "f_table_name": names,
-        "f_geometry_column": np.array(list(layers.values()), dtype=object),
+        "f_geometry_column": np.full(n, _GEOMETRY, dtype=object),
         "styleName": names,
         "styleQML": np.array(styles, dtype=object),
         "styleSLD": empty,

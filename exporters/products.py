@@ -68,7 +68,7 @@ def write_products(
             summary = cloud.finish(progress)
         written = perf_counter() - written
         progress("writing layers", 0.0)
-        write_field(staging / FIELD, found.tally.poses, found.frame.crs)
+        write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import msgspec
 import numpy as np
 
+from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.copc.writer import CopcSummary
 from furrowmap.exporters.report import FileRecord, Report
 
@@ -69,6 +73,54 @@ def _figures(found: Run, cloud: CopcSummary) -> dict[str, Any]:
         "crs": found.frame.name,
         "heights": found.session.crs.heights,
         "bounds_m": [[round(v, 3) for v in corner] for corner in (cloud.low_m, cloud.high_m)],
+        "implement": _implement(found.work),
+        **(_worked(found.work.ground) if found.work.ground is not None else {}),
+    }
+
+
+def _implement(work: FieldWork) -> dict[str, Any] | None:
+    """What was seen of the tool; null where nothing was."""
+    history = work.history
+    if history is None:
+        return None
+    states = history.states
+    length_s = states.end_s - states.begin_s
+    sigma_s = states.begin_sigma_s[1:][states.begin_s[1:] == states.end_s[:-1]]
+    return {
+        **{f"{s.label}_s": round(float(length_s[states.state == s].sum()), 1) for s in (ToolState.DOWN, ToolState.UP)},
+        "transitions": len(sigma_s),
+        "transition_sigma_s": round(float(np.median(sigma_s)), 3) if len(sigma_s) else None,
+        "threshold_m": round(history.threshold_m, 3),
+        "lifted_m": round(history.lifted_m, 3),
+    }
+
+
+def _worked(ground: WorkedGround) -> dict[str, Any]:
+    """What an agronomist asks for."""
+    worked, hours = ground.figures, ground.figures.hours
+    zones = {
+        kind: sum(zone.area.grid_m2 for zone in ground.zones if zone.kind == kind) for kind in ("headland", "body")
+    }
+    return {
+        **_area("worked_area", worked.worked),
+        **_area("overlap_area", worked.overlap),
+        **_area("missed_area", worked.missed),
+        "swept_area_m2": round(worked.swept_m2, 3),
+        **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
+        "passes": worked.passes,
+        "worked_length_m": round(worked.length_m, 2),
+        "working_speed_mps": round(worked.speed_mps, 3),
+        "work_rate_ha_h": round(worked.work_rate_ha_h, 4),
+        "hours": {field.name: round(getattr(hours, field.name), 1) for field in fields(hours)},
+    }
+
+
+def _area(name: str, area: Area) -> dict[str, float]:
+    """An area in the map's plane, on the ellipsoid, and its standard deviation."""
+    return {
+        f"{name}_m2": round(area.grid_m2, 3),
+        f"{name}_ellipsoid_m2": round(area.ellipsoid_m2, 3),
+        f"{name}_sigma_m2": round(area.sigma_m2, 3),
     }
 
 

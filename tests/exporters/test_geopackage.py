@@ -27,7 +27,7 @@ JAPAN = CRS.from_epsg(6677)
 FIELDS = [
     *("scan", "time", "t_s", "roll_deg", "pitch_deg", "heading_deg", "speed_mps", "motion", "fix"),
     *("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg"),
-    "heading_from",
+    *("heading_from", "implement", "implement_confidence", "tool_height_m", "pass"),
 ]
 
 T0_S = 1_781_141_020.300  # 2026-06-11T01:23:40.300Z

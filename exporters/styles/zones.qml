@@ -1,0 +1,37 @@
+<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
+<!-- Headland hatched, body outlined. -->
+<qgis version="3.34.0" styleCategories="Symbology|MapTips">
+ <renderer-v2 type="categorizedSymbol" attr="zone" enableorderby="0" forceraster="0" symbollevels="0" referencescale="-1">
+  <categories>
+   <category value="headland" type="string" symbol="0" label="headland" render="true"/>
+   <category value="body" type="string" symbol="1" label="body of the field" render="true"/>
+  </categories>
+  <symbols>
+   <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleFill" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="color" type="QString" value="150,120,80,160"/>
+      <Option name="style" type="QString" value="b_diagonal"/>
+      <Option name="outline_color" type="QString" value="150,120,80,255"/>
+      <Option name="outline_style" type="QString" value="solid"/>
+      <Option name="outline_width" type="QString" value="0.2"/>
+      <Option name="outline_width_unit" type="QString" value="MM"/>
+     </Option>
+    </layer>
+   </symbol>
+   <symbol type="fill" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleFill" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="color" type="QString" value="214,196,150,70"/>
+      <Option name="style" type="QString" value="solid"/>
+      <Option name="outline_color" type="QString" value="150,120,80,255"/>
+      <Option name="outline_style" type="QString" value="solid"/>
+      <Option name="outline_width" type="QString" value="0.2"/>
+      <Option name="outline_width_unit" type="QString" value="MM"/>
+     </Option>
+    </layer>
+   </symbol>
+  </symbols>
+ </renderer-v2>
+ <mapTip enabled="1">&lt;b&gt;[% "zone" %]&lt;/b&gt;&lt;br&gt;[% format_number("area_m2", 1) %] m² ± [% format_number(2 * "area_sigma_m2", 1) %] m²</mapTip>
+</qgis>
