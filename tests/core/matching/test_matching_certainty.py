@@ -1,0 +1,78 @@
+"""Standard deviations against dense covariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.matching.agreement import Sums
+from furrowmap.core.matching.certainty import AROUND_S, relief_heading_sigma, sigmas
+from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
+from furrowmap.core.matching.equations import Held
+from furrowmap.core.matching.knots import STEP_S, State, knots_over
+from furrowmap.core.trajectory.banded import NormalEquations
+
+
+def random_chain(count: int, seed: int, scale: float) -> NormalEquations:
+    """Well-posed equations of a chain of knots."""
+    random = np.random.default_rng(seed)
+    equations = NormalEquations(count * SIZE, 2 * SIZE)
+    for _ in range(3 * SIZE):
+        first = np.arange(0, (count - 1) * SIZE, SIZE)
+        design = random.normal(size=(len(first), 2 * SIZE))
+        equations.add(first, design, random.normal(size=len(first)), np.full(len(first), scale))
+    return equations
+
+
+def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
+    knots = knots_over(np.array([0.0, 0.9]))
+    s = knots.t_s
+    rotation = Rotation.from_euler("ZYX", np.column_stack([0.5 + s, 0.05 * np.sin(s), 0.04 * np.cos(s)]))
+    state = State(np.column_stack([np.sin(s), s, 0.1 * s]), rotation.as_matrix(), np.zeros((len(s), 3)))
+    coarse = CoarseKnots.over(knots, 10, 1.0)
+    centre = coarse.centres(knots, state)
+    quick, slow = random_chain(len(knots), 1, 0.01), random_chain(coarse.count, 2, 0.02)
+    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow)
+
+    def covariance(equations: NormalEquations) -> np.ndarray:
+        n = equations.band.shape[1]
+        whole = np.zeros((n, n))
+        for offset, diagonal in enumerate(equations.band):
+            index = np.arange(n - offset)
+            whole[index + offset, index] = whole[index, index + offset] = diagonal[: n - offset]
+        return np.linalg.inv(whole)
+
+    ones = np.eye(coarse.count * SIZE)
+    projection = np.column_stack([fine_step(coarse, centre, state, one).reshape(-1) for one in ones])
+    of_slow = projection @ covariance(slow) @ projection.T
+    of_quick = np.diag(covariance(quick)).reshape(-1, SIZE)
+    for k in range(len(knots)):
+        pose = slice(k * SIZE, k * SIZE + 6)
+        both = of_slow[pose, pose] + np.diag(of_quick[k, :6])
+        np.testing.assert_allclose(found[k, :3], np.sqrt(np.diag(both)[:3]), rtol=1e-8)
+        turn = both[3:, 3:]
+        # Roll turns about the vehicle's x axis, pitch about its y axis, heading about the map's up.
+        axes = [state.rotation[k, :, 0], state.rotation[k, :, 1], np.array([0.0, 0.0, 1.0])]
+        expected = np.degrees([np.sqrt(axis @ turn @ axis) for axis in axes])
+        np.testing.assert_allclose(found[k, 3:], expected, rtol=1e-8)
+
+
+def test_relief_heading_sigma__is_that_of_the_returns_within_a_second() -> None:
+    random = np.random.default_rng(6)
+    n = 120
+    sums = Sums.of(n)
+    matrices = np.zeros((n, 6, 6))
+    for k in range(20, 90):
+        root = 100 * random.normal(size=(8, 6))
+        matrices[k] = root.T @ root
+        sums.normal[k] = matrices[k][np.triu_indices(6)]
+    found = relief_heading_sigma(sums)
+    half = round(AROUND_S / STEP_S)
+    for k in (0, 15, 60, 100):
+        near = matrices[max(0, k - half) : k + half + 1].sum(axis=0)
+        if not near.any():
+            assert np.isinf(found[k])
+        else:
+            assert found[k] == pytest.approx(np.degrees(np.sqrt(np.linalg.inv(near)[5, 5])), rel=1e-6)
+    assert np.isinf(found[119])
