@@ -1,0 +1,60 @@
+"""A short straight drive over stubble, simulated once, with its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from furrowmap.core.pipeline import Inputs, Located, locate, open_lidar, open_positions
+from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
+from furrowmap.core.simulator.scenario import Drive, Field, Scenario
+from furrowmap.core.simulator.simulate import simulate
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.trajectory import Trajectory
+
+STRAIGHT = Scenario(
+    name="straight",
+    title="One pass, ten seconds",
+    seed=11,
+    field=Field(margin_m=10.0),
+    drive=Drive(passes=1, pass_m=(6.0,), stand_start_s=1.0, stand_end_s=0.5, lead_in_m=0.5, wander_m=0.05),
+)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A simulated recording, as a run sees it, and its truth."""
+
+    session: Session
+    located: Located
+    inputs: Inputs
+    truth: Trajectory
+    scenario: Scenario
+    surface: dict[str, NDArray[np.float64]]
+
+    def scans(self) -> Iterator[Scan]:
+        yield from open_lidar(self.inputs, self.session, self.truth.span_s[0]).scans()
+
+
+@pytest.fixture(scope="session")
+def straight(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    folder: Path = tmp_path_factory.mktemp("matching") / "straight"
+    made = simulate(STRAIGHT, folder)
+    session = load_session(made.session)
+    frame = map_frame(session.crs)
+    inputs = Inputs.of(made.session, session)
+    located = locate(open_positions(inputs, session), session, frame)
+    poses = open_recording([folder / "truth" / "trajectory.csv"], ReadOptions())
+    assert isinstance(poses, GivesPoses)
+    with np.load(folder / "truth" / "surface.npz") as stored:
+        surface = {name: stored[name] for name in stored.files}
+    truth = trajectory_from_poses(poses.poses(), frame)
+    return Recording(session, located, inputs, truth, made.scenario, surface)

@@ -1,0 +1,94 @@
+"""Which returns of a simulated drive are matched, against the machine's true shape and the true ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.matching.returns import PIXEL_M, PIXELS, RATE_HZ, REACH_M, GroundReturns, ground_returns
+from furrowmap.core.values.trajectory import Motion
+from tests.core.matching.conftest import Recording
+
+
+@pytest.fixture(scope="module")
+def found(straight: Recording) -> GroundReturns:
+    return ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, straight.located.trajectory)
+
+
+def test_returns_are_thinned_to_an_even_rate(found: GroundReturns) -> None:
+    t = np.asarray(found.t_s)
+    assert (np.diff(t) >= 0).all()
+    rate = np.histogram(t, np.arange(t[0] + 0.2, t[-1] - 0.1, 0.5))[0] / 0.5
+    assert np.median(rate) == pytest.approx(RATE_HZ, rel=0.25)
+    assert rate.max() < 1.6 * RATE_HZ
+
+
+def test_scans_alternate_between_the_halves(found: GroundReturns) -> None:
+    half = np.asarray(found.half)
+    assert set(half.tolist()) == {0, 1}
+    assert 0.45 < half.mean() < 0.55
+    changes = np.asarray(found.t_s)[1:][np.diff(half.astype(int)) != 0]
+    assert np.median(np.diff(changes)) == pytest.approx(0.1, abs=0.001)
+
+
+def test_the_body_is_the_machine_s(straight: Recording, found: GroundReturns) -> None:
+    scenario = straight.scenario
+    x, y = scenario.implement.xy_m
+    boxes = [*scenario.tractor.body_boxes_m]
+    boxes += [(a + x, b + x, c + y, d + y, e, f) for a, b, c, d, e, f in scenario.implement.boxes_m]
+    row, column = np.nonzero(found.body)
+    at = (np.column_stack([column, row]) + 0.5 - PIXELS // 2) * PIXEL_M
+    low = np.array([min(b[0] for b in boxes), min(b[2] for b in boxes)])
+    high = np.array([max(b[1] for b in boxes), max(b[3] for b in boxes)])
+    # Dust hangs about the tool, and two pixels round the footprint are left out with it.
+    assert (at > low - 1.8).all()
+    assert (at < high + 1.8).all()
+    tool = int(np.floor(x / PIXEL_M)) + PIXELS // 2
+    assert found.body[PIXELS // 2, tool]
+    assert 2.0 < found.body.sum() * PIXEL_M**2 < 20.0
+
+
+def test_what_is_left_is_ground(straight: Recording, found: GroundReturns) -> None:
+    part = slice(None, None, 5)
+    t, xyz = np.asarray(found.t_s[part]), np.asarray(found.xyz_m[part], float)
+    assert np.hypot(xyz[:, 0], xyz[:, 1]).max() <= REACH_M
+    pixel = np.floor(xyz[:, :2] / PIXEL_M).astype(int) + PIXELS // 2
+    near = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
+    assert not found.body[pixel[near, 1], pixel[near, 0]].any()
+
+    poses = straight.truth.at(t)
+    placed = poses.xyz_m + Rotation.from_quat(poses.quaternion, scalar_first=True).apply(xyz)
+    s = straight.surface
+    column = np.floor((placed[:, 0] - s["e0"]) / s["cell_m"]).astype(int)
+    row = np.floor((placed[:, 1] - s["n0"]) / s["cell_m"]).astype(int)
+    inside = (row >= 0) & (column >= 0) & (row < s["before"].shape[0]) & (column < s["before"].shape[1])
+    row, column, z, since = row[inside], column[inside], placed[inside, 2] - s["h0_m"], t[inside] - s["t0_unix_s"]
+    worked = since > s["worked_time"][row, column]
+    off = z - np.where(worked, s["after"][row, column], s["before"][row, column])
+    assert inside.mean() > 0.95
+    assert (np.abs(off) < 0.1).mean() > 0.98
+    assert np.median(np.abs(off)) < 0.012
+
+
+def test_a_stand_teaches_nothing_about_the_body(straight: Recording) -> None:
+    start = straight.located.trajectory
+    standing = replace(start, motion=np.full(len(start), Motion.STANDING, np.int8))
+    found = ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, standing)
+    assert not found.body.any()
+
+
+def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
+    start = straight.located.trajectory
+    begin = float(start.t_s[0]) + 4.0
+    half = len(start.t_s) // 2
+    names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", "heading_from")
+    late = replace(start, **{name: getattr(start, name)[half:] for name in names})
+    found = ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, late)
+    assert begin < late.t_s[0] + 4.0
+    assert found.t_s[0] >= late.t_s[0]
+    assert len(found) > 10_000
+    nothing = ground_returns([], straight.session.lidar.mounting, 0.0, start)
+    assert len(nothing) == 0
