@@ -23,6 +23,10 @@ HEAVE: Final = 0.4
 SWAY: Final = np.radians(12.0)
 """Of roll and pitch, in rad/s per square root of a second: a quarter of a degree at 1 to 3 Hz has 15°/s^1.5."""
 TURNING: Final = np.radians(20.0)
+LEVEL_SIGMA: Final = np.radians(3.0)
+LEVEL_CORRELATION_S: Final = 20.0
+"""How far a field, and with it the vehicle, is off the level, and for how long by the same: holds what nothing else
+does, the roll of a straight drive."""
 SLIP_FLOOR_M: Final = 0.0005
 SLIP_EVERY_S: Final = 0.1
 """Slip is independent from one such interval to the next."""
@@ -72,6 +76,7 @@ def hold(
     _add_drift(equations, knots, state, positions)
     _add_inertia(equations, knots, state)
     _add_wheels(equations, knots, state)
+    _add_level(equations, knots, state)
     return Held(equations, misfit)
 
 
@@ -208,3 +213,13 @@ def _add_wheels(equations: NormalEquations, knots: Knots, state: State) -> None:
     design[:, 3:6] = design[:, SIZE + 3 : SIZE + 6] = 0.5 * by_turn
     sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / STEP_S), SLIP_FLOOR_M)
     equations.add(linked * SIZE, design, -sideways, sigma)
+
+
+def _add_level(equations: NormalEquations, knots: Knots, state: State) -> None:
+    """The vehicle is level, roughly: its x and y axes have little height."""
+    every = np.arange(len(knots)) * SIZE + 3
+    sigma = np.full(len(knots), LEVEL_SIGMA * np.sqrt(LEVEL_CORRELATION_S / STEP_S))
+    for axis in range(2):
+        along = state.rotation[:, :, axis]
+        design = np.column_stack([along[:, 1], -along[:, 0]])
+        equations.add(every, design, -along[:, 2], sigma)

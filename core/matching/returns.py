@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 from typing import Final
 
 import numba
@@ -29,6 +30,11 @@ PIXELS: Final = 80
 """The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
 BODY_SHARE: Final = 0.2
 """What stands above a place of the vehicle's frame in this share of the scans belongs to the vehicle or its tool."""
+LEARN_SCANS: Final = 20
+NEAR_M: Final = (2.0, 6.0)
+HEIGHT_BIN_M: Final = 0.1
+HEIGHT_TRUSTED_M: Final = 0.25
+"""Ground that lies further from the vehicle frame's origin than this shows that the mounting's height is not known."""
 BODY_MARGIN: Final = 2
 """Pixels round the footprint that are left out as well."""
 
@@ -82,7 +88,10 @@ def ground_returns(
     total = count = number = 0
     stride, last_s = 1, -np.inf
     scratch = tempfile.TemporaryFile(prefix="furrowmap-")  # noqa: SIM115 (lives as long as the arrays on it)
-    for scan in scans:
+    scans = iter(scans)
+    first = list(islice(scans, LEARN_SCANS))
+    ground_m = _ground_height_m(first, rotation, lever)
+    for scan in chain(first, scans):
         if on_scan is not None:
             on_scan(scan)
         if not len(scan):
@@ -96,6 +105,7 @@ def ground_returns(
             np.ascontiguousarray(scan.column, np.uint16),
             rotation,
             lever,
+            ground_m,
             stride,
             seen if moves else idle,
         )
@@ -114,6 +124,25 @@ def ground_returns(
     stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
     body = _grown(seen >= max(1.0, BODY_SHARE * count))
     return _without_body(stored, body)
+
+
+def _ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
+    """Where the ground lies in the vehicle frame: at 0, unless the session does not know the mounting's height.
+
+    The lowest height at which a good part of the returns near the vehicle lie, a tenth of the most common one's.
+    """
+    heights = [np.zeros(0)]
+    for scan in scans:
+        v = scan.xyz_m @ rotation.T + lever_m
+        distance = np.hypot(v[:, 0], v[:, 1])
+        heights.append(v[(distance > NEAR_M[0]) & (distance < NEAR_M[1]), 2])
+    z = np.concatenate(heights)
+    if not len(z):
+        return 0.0
+    counts, edges = np.histogram(z, np.arange(-4.0, 4.0 + HEIGHT_BIN_M, HEIGHT_BIN_M))
+    found = np.flatnonzero(counts >= 0.3 * counts.max())[0]
+    height = float(np.median(z[(z >= edges[found] - HEIGHT_BIN_M) & (z < edges[found + 1] + HEIGHT_BIN_M)]))
+    return height if abs(height) > HEIGHT_TRUSTED_M else 0.0
 
 
 _RECORD: Final = np.dtype([("t_s", "<f8"), ("xyz_m", "<f4", (3,)), ("half", "u1")])
@@ -159,8 +188,10 @@ def _grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _select(xyz_m, column, rotation, lever_m, stride, seen):  # type: ignore[no-untyped-def]
+def _select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
     """Indices and vehicle coordinates of every `stride`-th firing's ground returns, and how many there are in all.
+
+    The ground lies about `ground_m` above the vehicle frame's origin.
 
     `seen` counts the scans in which something stands above each pixel of the vehicle frame.
     """
@@ -177,8 +208,8 @@ def _select(xyz_m, column, rotation, lever_m, stride, seen):  # type: ignore[no-
         square = x * x + y * y
         if not square < REACH_M * REACH_M:
             continue
-        if abs(z) > GATE_M + GATE_SLOPE * np.sqrt(square):
-            if z > 0:
+        if abs(z - ground_m) > GATE_M + GATE_SLOPE * np.sqrt(square):
+            if z > ground_m:
                 a = int(np.floor(y / PIXEL_M)) + PIXELS // 2
                 b = int(np.floor(x / PIXEL_M)) + PIXELS // 2
                 if 0 <= a < PIXELS and 0 <= b < PIXELS and not mark[a, b]:
