@@ -16,6 +16,7 @@ from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion
 from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.track import Event, ToolPath
 
 ObjectArray = NDArray[np.object_]
 Columns = dict[str, NDArray[Any]]
@@ -45,12 +46,14 @@ class Layer:
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     """All layers there are: `trajectory` always, the others where ground worked is known.
 
-    Those drawn on top come last.
+    Those that a map shows on top come first.
     """
     trajectory = Layer(
         "trajectory", "2.5D Point", _TRAJECTORY, _objects(shapely.points(poses.xyz_m)), _of_scans(poses, work)
     )
-    return [*(_of_ground(work.ground, work) if work.ground is not None else ()), trajectory]
+    if work.ground is None:
+        return [trajectory]
+    return [_of_events(work.events), trajectory, _of_paths(work.paths), *_of_ground(work.ground, work)]
 
 
 def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
@@ -86,11 +89,23 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
     starts = {p.number: p.times.begin_s for p in ground.passes}
     return [
         Layer(
-            "zones",
+            "misses",
             "Polygon",
-            "Headland, where turns take place, and the field's body",
-            _objects([place.ground for place in ground.zones]),
-            {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
+            "Strips narrower than the tool that were not worked",
+            _objects([place.ground for place in ground.misses]),
+            {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
+        ),
+        Layer(
+            "overlaps",
+            "Polygon",
+            "Ground that two passes worked, or one pass twice",
+            _objects([overlap.ground for overlap in ground.overlaps]),
+            {
+                "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
+                "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
+                "start": _times([starts[overlap.pass_b] for overlap in ground.overlaps]),
+                **_areas([overlap.area for overlap in ground.overlaps]),
+            },
         ),
         Layer(
             "coverage",
@@ -117,51 +132,45 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             },
         ),
         Layer(
-            "overlaps",
+            "zones",
             "Polygon",
-            "Ground that two passes worked, or one pass twice",
-            _objects([overlap.ground for overlap in ground.overlaps]),
-            {
-                "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
-                "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
-                "start": _times([starts[overlap.pass_b] for overlap in ground.overlaps]),
-                **_areas([overlap.area for overlap in ground.overlaps]),
-            },
-        ),
-        Layer(
-            "misses",
-            "Polygon",
-            "Strips narrower than the tool that were not worked",
-            _objects([place.ground for place in ground.misses]),
-            {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
-        ),
-        Layer(
-            "tool_path",
-            "2.5D LineString",
-            "The way of the middle of the tool's line, a line for each state of the tool",
-            _objects([path.line for path in work.paths]),
-            {
-                "implement": _words(path.state.label for path in work.paths),
-                "pass": _numbers([path.pass_number or 0 for path in work.paths]),
-                "start": _times([path.begin_s for path in work.paths]),
-                "end": _times([path.end_s for path in work.paths]),
-                "length_m": _floats(path.length_m for path in work.paths),
-            },
-        ),
-        Layer(
-            "events",
-            "2.5D Point",
-            "Where the tool went down or up, where the vehicle stopped, started or reversed, where positions end",
-            _objects([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in work.events]),
-            {
-                "kind": _words(event.kind for event in work.events),
-                "time": _times([event.t_s for event in work.events]),
-                "t_s": _floats(event.t_s for event in work.events),
-                "pass": _numbers([event.pass_number or 0 for event in work.events]),
-                "sigma_s": _floats(event.sigma_s for event in work.events),
-            },
+            "Headland, where turns take place, and the field's body",
+            _objects([place.ground for place in ground.zones]),
+            {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
         ),
     ]
+
+
+def _of_paths(paths: Sequence[ToolPath]) -> Layer:
+    return Layer(
+        "tool_path",
+        "2.5D LineString",
+        "The way of the middle of the tool's line, a line for each state of the tool",
+        _objects([path.line for path in paths]),
+        {
+            "implement": _words(path.state.label for path in paths),
+            "pass": _numbers([path.pass_number or 0 for path in paths]),
+            "start": _times([path.begin_s for path in paths]),
+            "end": _times([path.end_s for path in paths]),
+            "length_m": _floats(path.length_m for path in paths),
+        },
+    )
+
+
+def _of_events(found: Sequence[Event]) -> Layer:
+    return Layer(
+        "events",
+        "2.5D Point",
+        "Where the tool went down or up, where the vehicle stopped, started or reversed, where positions end",
+        _objects([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in found]),
+        {
+            "kind": _words(event.kind for event in found),
+            "time": _times([event.t_s for event in found]),
+            "t_s": _floats(event.t_s for event in found),
+            "pass": _numbers([event.pass_number or 0 for event in found]),
+            "sigma_s": _floats(event.sigma_s for event in found),
+        },
+    )
 
 
 def _areas(areas: Sequence[Area]) -> Columns:

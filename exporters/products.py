@@ -26,16 +26,18 @@ from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
+from furrowmap.exporters.report_page import write_page
 from furrowmap.exporters.run_report import report_of
 from furrowmap.exporters.staging import recover, staged_folder
 
 CLOUD: Final = "cloud.copc.laz"
 FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
+PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
 OTHER: Final = 1
 """LAS class of points that nobody has classified yet."""
-PRODUCTS: Final = (CLOUD, FIELD, REPORT, SESSION)
+PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION)
 
 
 def write_products(
@@ -68,10 +70,14 @@ def write_products(
             summary = cloud.finish(progress)
         written = perf_counter() - written
         progress("writing layers", 0.0)
+        laid_out = perf_counter()
         write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
+        write_page(staging / PAGE, found, staging / CLOUD, summary)
+        laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
-        timings = found.timings_s | {"cloud": round(written, 3), "whole": round(perf_counter() - start, 3)}
+        seconds = {"cloud": written, "layers": laid_out, "whole": perf_counter() - start}
+        timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
         return write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, PRODUCTS))
 
 

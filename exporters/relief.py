@@ -1,0 +1,83 @@
+"""The ground in light shades, from the coarse levels of a cloud: a backdrop for a map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import laspy
+import numpy as np
+from laspy.copc import Bounds
+from numpy.typing import NDArray
+from scipy import ndimage
+
+FloatArray = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+MOST_POINTS: Final = 250_000
+POINTS_A_CELL: Final = 6
+LONGEST_SIDE: Final = 500
+REACH_CELLS: Final = 3
+"""Cells without a point are drawn up to so many cells away from one."""
+EXAGGERATION: Final = 3.0
+DARKEST: Final = 150.0
+
+
+@dataclass(frozen=True)
+class Relief:
+    """A shaded picture of the ground.
+
+    Attributes:
+        picture: (rows, columns, 2) uint8 grey and alpha, north on top.
+        box_m: what it covers.
+    """
+
+    picture: NDArray[np.uint8]
+    box_m: Box
+
+
+def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> Relief | None:
+    """The ground within a box, as far as the coarse levels of a COPC file show it; None where they show none.
+
+    Args:
+        cloud: a COPC file.
+        points_by_level: how many points each of its levels has.
+        box_m: in the cloud's coordinates.
+    """
+    enough = int(np.searchsorted(np.cumsum(points_by_level), MOST_POINTS, side="right"))
+    west, south, east, north = box_m
+    with laspy.CopcReader.open(cloud) as reader:
+        bounds = Bounds(np.array([west, south]), np.array([east, north]))
+        points = reader.query(bounds=bounds, level=range(max(1, enough)))
+        x, y, z = (np.asarray(axis, np.float64) for axis in (points.x, points.y, points.z))
+    if not len(x):
+        return None
+    width_m, height_m = east - west, north - south
+    cell_m = max(np.sqrt(POINTS_A_CELL * width_m * height_m / len(x)), max(width_m, height_m) / LONGEST_SIDE)
+    columns, rows = max(2, round(width_m / cell_m)), max(2, round(height_m / cell_m))
+    column = np.clip(((x - west) * (columns / width_m)).astype(np.intp), 0, columns - 1)
+    row = np.clip(((north - y) * (rows / height_m)).astype(np.intp), 0, rows - 1)
+    lowest = _lowest(row * columns + column, z, rows * columns).reshape(rows, columns)
+    return Relief(_shaded(lowest, cell_m), box_m)
+
+
+def _lowest(cell: NDArray[np.intp], z: FloatArray, cells: int) -> FloatArray:
+    """The least height in each cell; nan where there is none."""
+    order = np.lexsort((z, cell))
+    there, first = np.unique(cell[order], return_index=True)
+    out = np.full(cells, np.nan)
+    out[there] = z[order][first]
+    return out
+
+
+def _shaded(height_m: FloatArray, cell_m: float) -> NDArray[np.uint8]:
+    """Lit from the north-west, 45 degrees high; clear where nothing is near."""
+    away, (row, column) = ndimage.distance_transform_edt(np.isnan(height_m), return_indices=True)
+    ground = ndimage.median_filter(height_m[row, column], 3)
+    down, right = np.gradient(ground * EXAGGERATION, cell_m)
+    light = (1.0 + (down + right) * np.sqrt(0.5)) / np.sqrt(2.0) / np.sqrt(1.0 + down**2 + right**2)
+    grey = np.clip(255.0 - (np.sqrt(0.5) - light) * 160.0 - 20.0, DARKEST, 255.0)
+    alpha = np.where(away <= REACH_CELLS, 255, 0)
+    return np.stack([grey, alpha], axis=-1).astype(np.uint8)

@@ -1,0 +1,324 @@
+"""`report.html`: what a run found out, on a page that a farmer reads in a minute.
+
+It needs nothing but itself: drawings and pictures stand in it, nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.field_work import FieldWork
+from furrowmap.core.implement.model import Implement
+from furrowmap.core.pipeline import Run
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.copc.writer import CopcSummary
+from furrowmap.exporters.drawings import (
+    fix_colour,
+    map_box,
+    pass_colour,
+    quality_graph,
+    quality_map,
+    tool_graph,
+    work_map,
+)
+from furrowmap.exporters.png import data_uri
+from furrowmap.exporters.relief import shaded_ground
+
+HECTARE_M2: Final = 10_000.0
+SMALL_M2: Final = 1_000.0
+"""Smaller areas are told in square metres."""
+MOST_PASSES: Final = 60
+"""So many passes are told one by one."""
+_NEAR: Final = np.array([253.0, 231.0, 37.0])
+_MIDDLE: Final = np.array([33.0, 145.0, 140.0])
+_FAR: Final = np.array([68.0, 1.0, 84.0])
+_NOTHING: Final = np.array([238.0, 238.0, 235.0])
+
+
+def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary) -> None:
+    """Write `report.html`.
+
+    Args:
+        path: of the page.
+        found: by the run.
+        cloud: the COPC file that the run wrote: the map's background.
+        summary: what its writer wrote.
+
+    Raises:
+        OSError: if a file cannot be read or written.
+    """
+    template = Template(files("furrowmap.exporters").joinpath("report.html").read_text("utf-8"))
+    poses, work = found.tally.poses, found.work
+    box_m = map_box(poses, work)
+    relief = shaded_ground(cloud, summary.points_by_level, box_m)
+    sections = [
+        _section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work)),
+        *_tool(work),
+        *_passes(work),
+        _section("GNSS", _quality(box_m, poses, found.frame)),
+        _section("How good it is, and what to know", _accuracy(found)),
+        *_views(work),
+    ]
+    page = template.substitute(
+        title=escape(found.session.name or "Field report"),
+        when=escape(_when(found)),
+        summary=_summary(found),
+        figures="\n".join(_figures(found)),
+        sections="\n".join(sections),
+        provenance=_provenance(found),
+    )
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def _when(found: Run) -> str:
+    begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.tally.first_s, found.tally.last_s))
+    return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {end:%H:%M:%S} UTC"
+
+
+def _summary(found: Run) -> str:
+    """The session in a sentence or two."""
+    ground = found.work.ground
+    if ground is None:
+        return (
+            "The ground is mapped. Whether an implement worked it is not known; the notes below say why."
+            if found.work.notices
+            else "The ground is mapped."
+        )
+    worked, missed = ground.figures.worked, ground.figures.missed
+    if not ground.passes:
+        return "The implement was never in the ground."
+    parts = [f"{_area(worked.grid_m2)} worked in {ground.figures.passes} passes"]
+    if worked.grid_m2 > 0.0:
+        parts.append(f"{ground.figures.overlap.grid_m2 / worked.grid_m2:.1%} of it twice")
+    parts.append(f"{_area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
+    return f"<b>{escape(', '.join(parts))}.</b>"
+
+
+def _figures(found: Run) -> Iterable[str]:
+    ground = found.work.ground
+    if ground is not None:
+        figures = ground.figures
+        yield _figure(_area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
+        yield _figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
+        missed = figures.missed.grid_m2 > 0.0
+        yield _figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
+        yield _figure(str(figures.passes), "passes")
+        yield _figure(_duration(figures.hours.field_s), "in the field")
+        yield _figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
+        yield _figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
+        yield _figure(_duration(figures.hours.turning_s), "turning and reversing")
+        yield _figure(_duration(figures.hours.idle_s), "standing")
+    else:
+        yield _figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
+    yield _figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
+
+
+def _figure(value: str, name: str, *, loud: bool = False) -> str:
+    kind = ' class="loud"' if loud else ""
+    return f"<div{kind}><b>{escape(value)}</b><span>{escape(name)}</span></div>"
+
+
+def _map_key(work: FieldWork) -> str:
+    if work.ground is None:
+        return _key([("#8c460a", "way of the vehicle")])
+    count = len(work.ground.passes)
+    rows = [(pass_colour(1, count), "first pass"), (pass_colour(count, count), "last pass")] if count > 1 else []
+    rows += [("#e31a1c", "worked twice"), ("#ffed00", "missed"), ("#8c460a", "tool down"), ("#4292c6", "tool up")]
+    note = "Areas in the map's plane. The ground is drawn as the scanner saw it, lit from the north-west."
+    return _key(rows) + f'<p class="soft">{note}</p>'
+
+
+def _key(rows: Iterable[tuple[str, str]]) -> str:
+    items = "".join(f'<li><i style="background:{colour}"></i>{escape(text)}</li>' for colour, text in rows)
+    return f'<ul class="key">{items}</ul>'
+
+
+def _tool(work: FieldWork) -> Iterable[str]:
+    """The implement over time."""
+    history = work.history
+    if history is None or not len(history.t_s):
+        return
+    note = (
+        f"Height of the tool above its working position, seen by the scanner. Below the red line "
+        f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted it stands {100 * history.lifted_m:.0f} cm "
+        "high. Brown: in the ground. Blue: lifted. Grey: unknown. Numbers are those of the passes."
+    )
+    yield _section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
+
+
+def _passes(work: FieldWork) -> Iterable[str]:
+    """The table of passes."""
+    ground = work.ground
+    if ground is None or not ground.passes:
+        return
+    head = ("pass", "from", "to", "length", "area", "±", "speed", "depth", "± depth")
+    rows = [
+        (
+            str(one.number),
+            _clock(one.times.begin_s),
+            _clock(one.times.end_s),
+            _number(one.length_m, 1, " m"),
+            _area(one.area.grid_m2),
+            _area(2.0 * one.area.sigma_m2),
+            _number(3.6 * one.speed_mps, 1, " km/h"),
+            _number(100.0 * depth.depth_m, 0, " cm"),
+            _number(100.0 * depth.spread_m, 1, " cm"),
+        )
+        for one, depth in zip(ground.passes[:MOST_PASSES], work.depths, strict=False)
+    ]
+    more = len(ground.passes) - len(rows)
+    note = "Depth is a proxy: the tool's height against the soil beside it, around the working depth of the session."
+    if more:
+        note = f"The layer passes of field.gpkg holds {more} more. {note}"
+    yield _section("Passes", f'<div class="scroll">{_table(head, rows)}</div><p class="soft">{escape(note)}</p>')
+
+
+def _quality(box_m: tuple[float, float, float, float], poses: ScanPoses, frame: MapFrame) -> str:
+    shares = Counter(poses.fix.tolist())
+    rows = [
+        (fix_colour(fix), f"{_fix_word(fix)} {count / len(poses):.0%}")
+        for fix, count in sorted(shares.items(), key=lambda item: -item[1])
+    ]
+    note = (
+        f"Quality of the positions (top bar) and their stated standard deviation over time; below, along the way. "
+        f"Map: {frame.name}."
+    )
+    graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
+    return f'{graph}<div class="maps">{quality_map(box_m, poses)}</div>{_key(rows)}'
+
+
+def _fix_word(fix: int) -> str:
+    words = {Fix.FIXED: "RTK fixed", Fix.FLOAT: "RTK float", Fix.DGPS: "differential", Fix.SINGLE: "single"}
+    return words.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
+
+
+def _accuracy(found: Run) -> str:
+    poses, work = found.tally.poses, found.work
+    east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
+    rows = [
+        ("position, horizontal", _number(100.0 * math.hypot(east, north), 1, " cm")),
+        ("height", _number(100.0 * up, 1, " cm")),
+        ("roll, pitch", f"{_number(roll, 2, '°')}, {_number(pitch, 2, '°')}"),
+        ("heading", _number(heading, 2, "°")),
+    ]
+    if work.history is not None and len(work.history.states) > 1:
+        rows.append(("lowering and lifting", _number(_median(work.history.states.begin_sigma_s[1:]), 3, " s")))
+    if work.ground is not None:
+        rows += _ellipsoid(work.ground)
+    table = _table(("median standard deviation", ""), rows)
+    notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
+    listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>Nothing stood out.</p>"
+    return f'{table}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
+
+
+def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
+    worked = ground.figures.worked
+    return [
+        ("worked, in the map's plane", f"{_area(worked.grid_m2)} {_margin(worked)}"),
+        ("worked, on the ellipsoid", _area(worked.ellipsoid_m2)),
+    ]
+
+
+def _views(work: FieldWork) -> Iterable[str]:
+    """What the scanner sees of the implement, and of the vehicle itself."""
+    seen = work.seen
+    if seen is None:
+        return
+    pictures = [
+        ("The implement lifted", _depth_picture(seen.images.up_m, seen)),
+        ("The implement in the ground", _depth_picture(seen.images.down_m, seen)),
+        ("What stands still: the vehicle's own body, all around", _depth_picture(seen.region.still_m, None)),
+    ]
+    shown = "".join(
+        f'<figure><img class="depth" src="{data_uri(picture)}" alt="{escape(text)}"><figcaption>{escape(text)}'
+        "</figcaption></figure>"
+        for text, picture in pictures
+    )
+    note = (
+        "Depth as the scanner saw it: a line for each laser, the highest on top, azimuth from left to right. "
+        "Yellow is near, violet far; what is not the implement is pale."
+    )
+    yield _section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
+
+
+def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
+    """Colours by range, the highest laser on top; pale where it is not the implement."""
+    known = np.isfinite(range_m)
+    if not known.any():
+        return np.full((*range_m.shape, 3), 238, np.uint8)
+    shown = seen.images.implement & known if seen is not None else known
+    low, high = np.quantile(range_m[shown if shown.any() else known], (0.02, 0.98))
+    share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
+    colour = np.stack(
+        [np.interp(share, (0.0, 0.5, 1.0), channel) for channel in np.stack([_NEAR, _MIDDLE, _FAR]).T], axis=-1
+    )
+    colour = np.where(shown[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
+    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
+    return picture
+
+
+def _provenance(found: Run) -> str:
+    names = ", ".join(path.name for path in found.inputs)
+    return (
+        f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
+        "All figures and the inputs' check sums: report.json. Layers: field.gpkg. Cloud: cloud.copc.laz."
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _area(area_m2: float) -> str:
+    if not math.isfinite(area_m2):
+        return "unknown"
+    if area_m2 >= SMALL_M2:
+        return f"{area_m2 / HECTARE_M2:.3f} ha"
+    return f"{area_m2:.1f} m²"
+
+
+def _margin(area: Area) -> str:
+    return f"± {_area(2.0 * area.sigma_m2)}" if area.grid_m2 > 0.0 and math.isfinite(area.sigma_m2) else ""
+
+
+def _number(value: float, digits: int, unit: str) -> str:
+    return f"{value:.{digits}f}{unit}" if math.isfinite(value) else "unknown"
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _duration(length_s: float) -> str:
+    whole = round(length_s)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"
+
+
+def _clock(t_s: float) -> str:
+    return f"{dt.datetime.fromtimestamp(t_s, tz=dt.UTC):%H:%M:%S}"
