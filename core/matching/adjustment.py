@@ -42,15 +42,17 @@ WINDOW_S: Final = 3.0
 WINDOW_CELL_M: Final = 0.3
 WINDOW_THIN: Final = 4
 """Windows are matched with every fourth return."""
-WINDOW_ROUNDS: Final = (3, 10)
+WINDOW_ROUNDS: Final = (3, 14)
 """At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
-TURNED: Final = np.radians(0.2)
-SESSION_CELLS_M: Final = (0.15, 0.1, 0.1)
+TURNED: Final = np.radians(0.4)
+SESSION_ROUNDS: Final = ((0.15, 2), (0.1, 1), (0.1, 1))
+"""Cells in metres, and how many returns to one that is matched."""
 COARSE_EVERY: Final = 40
 """Knots from one coarse knot to the next: a second."""
 COARSE_MOST: Final = 300
 """Coarse knots of a whole session; in a longer one they lie further apart."""
-PATCH_M: Final = 1.0
+WINDOW_PATCH_M: Final = 1.0
+SESSION_PATCH_M: Final = 2.0
 BLOCK_S: Final = 20.0
 GUARD_S: Final = 0.3
 TOOL_MARGIN_M: Final = 0.15
@@ -148,7 +150,7 @@ def problem_of(
 def solve(problem: Problem, progress: Callable[[float], None]) -> None:
     """Bring the problem's state to where ground, GNSS and wheels agree best."""
     least, most = WINDOW_ROUNDS
-    steps = 1 + 2 * least + 2 * len(SESSION_CELLS_M)
+    steps = 1 + 2 * least + 2 * len(SESSION_ROUNDS)
     done = 0
 
     def step_done() -> None:
@@ -167,15 +169,15 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
             if turned < TURNED:
                 break
             steps += 2
-    for cell_m in SESSION_CELLS_M:
+    for cell_m, thin in SESSION_ROUNDS:
         for together in (True, False):
-            _session_step(problem, cell_m, together=together)
+            _session_step(problem, cell_m, thin, together=together)
             step_done()
 
 
 def _window_step(problem: Problem, *, together: bool) -> float:
     """One step with the ground of short windows, which overlap by half; returns the largest turn of a heading."""
-    coarse = CoarseKnots.over(problem.knots, COARSE_EVERY, PATCH_M) if together else None
+    coarse = CoarseKnots.over(problem.knots, COARSE_EVERY, WINDOW_PATCH_M) if together else None
     centre = coarse.centres(problem.knots, problem.state) if coarse is not None else np.zeros((0, 3))
     reach = int(WINDOW_S / (COARSE_EVERY * STEP_S)) + 2
     width = min(reach + 2, len(centre)) * SIZE
@@ -183,20 +185,19 @@ def _window_step(problem: Problem, *, together: bool) -> float:
     windows = [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.t_s, chain, WINDOW_S, 0.5 * WINDOW_S)
+        for part in _windows(problem.returns.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WINDOW_THIN)
     ]
 
     def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, NormalEquations]:
         sums = Sums.of(len(problem.knots))
         freed = NormalEquations(len(centre) * SIZE, max(width, 1))
         for c, part in share:
-            part = slice(part.start, part.stop, WINDOW_THIN)
             returns = placing.returns(c, part)
             surface = empty_surface(tiles_over(returns.xyz_m, WINDOW_CELL_M))
             add_returns(surface, returns.xyz_m, returns.layer, returns.half, returns.trust)
             patches = _agree(problem, c, returns, surface, 0.5, sums, coarse)
             if coarse is not None:
-                free_patches(freed, [patches], PATCH_M, centre)
+                free_patches(freed, [patches], WINDOW_PATCH_M, centre)
         return sums, freed
 
     found = _in_threads(work, windows)
@@ -214,15 +215,15 @@ def _window_step(problem: Problem, *, together: bool) -> float:
     return _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
 
 
-def _session_step(problem: Problem, cell_m: float, *, together: bool) -> None:
+def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> None:
     """One step with the ground of the whole session."""
     every = max(COARSE_EVERY, -(-len(problem.knots) // COARSE_MOST))
-    coarse = CoarseKnots.over(problem.knots, every, PATCH_M) if together else None
+    coarse = CoarseKnots.over(problem.knots, every, SESSION_PATCH_M) if together else None
     placing = _Placing.of(problem)
     blocks = [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S)
+        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S, thin)
     ]
     surface = _session_surface(placing, blocks, cell_m)
 
@@ -244,7 +245,7 @@ def _session_step(problem: Problem, cell_m: float, *, together: bool) -> None:
         return
     centre = coarse.centres(problem.knots, problem.state)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
-    free_patches(equations, [p for _, patches in found for p in patches], PATCH_M, centre)
+    free_patches(equations, [p for _, patches in found for p in patches], SESSION_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
     _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
 
@@ -328,7 +329,7 @@ def _agree(
         problem.relief,
         share,
         sums,
-        coarse.grids[c] if coarse is not None else CoarseGrid(0, 0, PATCH_M),
+        coarse.grids[c] if coarse is not None else CoarseGrid(0, 0, 1.0),
     )
 
 
@@ -345,12 +346,12 @@ def _passage(problem: Problem) -> Passage | None:
     )
 
 
-def _windows(t_s: FloatArray, chain: Chain, length_s: float, step_s: float) -> list[slice]:
-    """Parts of the returns of a chain in windows of time; the first begins early, so that all overlap alike."""
+def _windows(t_s: FloatArray, chain: Chain, length_s: float, step_s: float, thin: int) -> list[slice]:
+    """Every `thin`-th return of a chain in windows of time; the first begins early, so that all overlap alike."""
     begins = np.arange(chain.begin_s - length_s + step_s, chain.end_s, step_s)
     first = np.searchsorted(t_s, np.maximum(begins, chain.begin_s))
     last = np.searchsorted(t_s, np.minimum(begins + length_s, chain.end_s))
-    return [slice(int(a), int(b)) for a, b in zip(first, last, strict=True) if b > a]
+    return [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
 
 
 def _in_threads(work: Callable[..., object], items: list[tuple[int, slice]]) -> list:  # type: ignore[type-arg]

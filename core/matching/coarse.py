@@ -262,10 +262,10 @@ def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band
         shift = solved @ pull
         for u in range(used):
             for a in range(6):
-                row = knots[u] * SIZE + a
-                coarse_right[row] -= shift[u * 6 + a]
-                for v in range(used):
-                    for b in range(6):
+                coarse_right[knots[u] * SIZE + a] -= shift[u * 6 + a]
+            for v in range(u + 1):
+                for a in range(6):
+                    row = knots[u] * SIZE + a
+                    for b in range(6 if v < u else a + 1):
                         column = knots[v] * SIZE + b
-                        if row >= column:
-                            band[row - column, column] -= product[u * 6 + a, v * 6 + b]
+                        band[row - column, column] -= product[u * 6 + a, v * 6 + b]

@@ -78,8 +78,9 @@ class Passage:
 def tiles_over(en_m: FloatArray, cell_m: float) -> Tiles:
     """Tiles that hold the points (n, 2) and the nodes round them."""
     side = TILE * cell_m
-    low = np.floor(en_m.min(axis=0) / side).astype(np.int64) - 1
-    high = np.floor(en_m.max(axis=0) / side).astype(np.int64) + 1
+    low, high = _bounds(np.ascontiguousarray(en_m))
+    low = np.floor(low / side).astype(np.int64) - 1
+    high = np.floor(high / side).astype(np.int64) + 1
     used = np.zeros((high[1] - low[1] + 1, high[0] - low[0] + 1), np.bool_)
     _touch(np.ascontiguousarray(en_m), cell_m, int(low[0]), int(low[1]), used)
     number = np.where(used, np.cumsum(used).reshape(used.shape) - 1, -1).astype(np.int32)
@@ -162,6 +163,17 @@ def add_returns(
     _add(
         xyz_m, layer, half, trust, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
     )
+
+
+@numba.njit(cache=True, nogil=True)
+def _bounds(en_m):  # type: ignore[no-untyped-def]
+    """Least and greatest coordinates."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for i in range(len(en_m)):
+        for a in range(2):
+            low[a] = min(low[a], en_m[i, a])
+            high[a] = max(high[a], en_m[i, a])
+    return low, high
 
 
 @numba.njit(cache=True, nogil=True)

@@ -33,12 +33,9 @@ class NormalEquations:
             residual: (m,) observed minus computed.
             sigma: (m,) standard deviations.
         """
-        scaled = design / sigma[:, None]
-        right = residual / sigma
-        for j in range(design.shape[1]):
-            self.right[first + j] += scaled[:, j] * right
-            for i in range(j, design.shape[1]):
-                self.band[i - j, first + j] += scaled[:, i] * scaled[:, j]
+        scaled = np.ascontiguousarray(design / sigma[:, None])
+        right = np.ascontiguousarray(residual / sigma)
+        _add(self.band, self.right, np.ascontiguousarray(first, np.int64), scaled, right)
 
     def solve(self) -> Solution:
         """The solution, which also knows how well it is known."""
@@ -62,6 +59,18 @@ class Solution:
         """(n,) standard deviations of the unknowns."""
         variance: FloatArray = _inverse_diagonal(np.ascontiguousarray(self.factor.T))
         return np.sqrt(variance)
+
+
+@numba.njit("void(float64[:, ::1], float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True, nogil=True)
+def _add(band, right, first, scaled, residual):  # type: ignore[no-untyped-def]
+    for k in range(len(first)):
+        begin = first[k]
+        for j in range(scaled.shape[1]):
+            if scaled[k, j] == 0.0:
+                continue
+            right[begin + j] += scaled[k, j] * residual[k]
+            for i in range(j, scaled.shape[1]):
+                band[i - j, begin + j] += scaled[k, i] * scaled[k, j]
 
 
 @numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)
