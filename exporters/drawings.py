@@ -29,8 +29,13 @@ MARGIN_M: Final = 2.0
 FINE: Final = 0.3
 """Units below which a line's bends are left out."""
 PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]])
-STATE_COLOURS: Final = {ToolState.DOWN: "#8c460a", ToolState.UP: "#4292c6", ToolState.UNKNOWN: "#888888"}
-FIX_COLOURS: Final = {Fix.FIXED: "#1a9850", Fix.FLOAT: "#f4a528", Fix.DGPS: "#d6604d", Fix.SINGLE: "#b2182b"}
+FIX_COLOURS: Final = {
+    Fix.FIXED: "#1a9850",
+    Fix.FLOAT: "#f4a528",
+    Fix.DGPS: "#d6604d",
+    Fix.SINGLE: "#b2182b",
+    Fix.NONE: "#222222",
+}
 OTHER_COLOUR: Final = "#888888"
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 _TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400)
@@ -84,9 +89,9 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | Non
     return sheet.svg(parts, "Map of the ground worked")
 
 
-def quality_map(box_m: Box, poses: ScanPoses) -> str:
+def quality_map(poses: ScanPoses) -> str:
     """The vehicle's way, coloured by the quality of the positions."""
-    sheet = _Sheet.of(box_m)
+    sheet = _Sheet.of(map_box(poses, FieldWork()))
     parts = [sheet.line(part, "fix", f'stroke="{fix_colour(fix)}"') for fix, part in _runs(poses, poses.fix)]
     return sheet.svg(parts, "The vehicle's way, coloured by the quality of the positions")
 
@@ -229,7 +234,7 @@ class _TimeAxis:
 
     begin_s: float
     end_s: float
-    left: float = 62.0
+    left: float = 74.0
 
     def at(self, t_s: FloatArray | float) -> FloatArray:
         share = (np.asarray(t_s, np.float64) - self.begin_s) / max(self.end_s - self.begin_s, 1e-9)

@@ -43,8 +43,16 @@ from furrowmap.exporters.relief import shaded_ground
 HECTARE_M2: Final = 10_000.0
 SMALL_M2: Final = 1_000.0
 """Smaller areas are told in square metres."""
+FINE_M2: Final = 10.0
 MOST_PASSES: Final = 60
 """So many passes are told one by one."""
+_FIX_WORDS: Final = {
+    Fix.FIXED: "RTK fixed",
+    Fix.FLOAT: "RTK float",
+    Fix.DGPS: "differential",
+    Fix.SINGLE: "single",
+    Fix.NONE: "no position",
+}
 _NEAR: Final = np.array([253.0, 231.0, 37.0])
 _MIDDLE: Final = np.array([33.0, 145.0, 140.0])
 _FAR: Final = np.array([68.0, 1.0, 84.0])
@@ -71,7 +79,7 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary) -> Non
         _section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work)),
         *_tool(work),
         *_passes(work),
-        _section("GNSS", _quality(box_m, poses, found.frame)),
+        _section("GNSS", _quality(poses, found.frame)),
         _section("How good it is, and what to know", _accuracy(found)),
         *_views(work),
     ]
@@ -190,7 +198,7 @@ def _passes(work: FieldWork) -> Iterable[str]:
     yield _section("Passes", f'<div class="scroll">{_table(head, rows)}</div><p class="soft">{escape(note)}</p>')
 
 
-def _quality(box_m: tuple[float, float, float, float], poses: ScanPoses, frame: MapFrame) -> str:
+def _quality(poses: ScanPoses, frame: MapFrame) -> str:
     shares = Counter(poses.fix.tolist())
     rows = [
         (fix_colour(fix), f"{_fix_word(fix)} {count / len(poses):.0%}")
@@ -201,12 +209,11 @@ def _quality(box_m: tuple[float, float, float, float], poses: ScanPoses, frame: 
         f"Map: {frame.name}."
     )
     graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
-    return f'{graph}<div class="maps">{quality_map(box_m, poses)}</div>{_key(rows)}'
+    return f'{graph}<div class="maps">{quality_map(poses)}</div>{_key(rows)}'
 
 
 def _fix_word(fix: int) -> str:
-    words = {Fix.FIXED: "RTK fixed", Fix.FLOAT: "RTK float", Fix.DGPS: "differential", Fix.SINGLE: "single"}
-    return words.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
+    return _FIX_WORDS.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
 
 
 def _accuracy(found: Run) -> str:
@@ -297,7 +304,7 @@ def _area(area_m2: float) -> str:
         return "unknown"
     if area_m2 >= SMALL_M2:
         return f"{area_m2 / HECTARE_M2:.3f} ha"
-    return f"{area_m2:.1f} m²"
+    return f"{area_m2:.{1 if area_m2 >= FINE_M2 else 2}f} m²"
 
 
 def _margin(area: Area) -> str:
