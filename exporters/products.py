@@ -11,17 +11,20 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import msgspec
+import numpy as np
 import tomli_w
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Inputs, run
 from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
-from furrowmap.exporters.copc.points import PointBatch
+from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
@@ -37,6 +40,8 @@ PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
 OTHER: Final = 1
 """LAS class of points that nobody has classified yet."""
+MOST_PASSES: Final = 65_535
+"""What a LAS file has numbers for."""
 PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION)
 
 
@@ -67,7 +72,7 @@ def write_products(
         with _Cloud(staging / CLOUD) as cloud:
             found = run(session_file, cloud, progress)
             written = perf_counter()
-            summary = cloud.finish(progress)
+            summary = cloud.finish(progress, found.work)
         written = perf_counter() - written
         progress("writing layers", 0.0)
         laid_out = perf_counter()
@@ -116,10 +121,15 @@ class _Cloud:
             )
         )
 
-    def finish(self, progress: Progress) -> CopcSummary:
-        """Sort, compress and write the points."""
+    def finish(self, progress: Progress, work: FieldWork) -> CopcSummary:
+        """Sort, compress and write the points, each with the pass in which it was measured."""
         assert self._writer is not None
-        return self._writer.close(progress)
+
+        def mark(records: Records) -> None:
+            number = work.pass_at(las_time_to_utc(records["gps_time"]))
+            records["point_source_id"] = np.minimum(number, MOST_PASSES)
+
+        return self._writer.close(progress, mark if work.passes else None)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

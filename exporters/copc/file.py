@@ -82,10 +82,17 @@ class CopcFile:
         path: of the file, which is made.
         header: as :func:`las_header` makes it.
         written: is told how many points have been written.
+        complete: fills in what was not known when the points came, in place.
     """
 
-    def __init__(self, path: Path, header: laspy.LasHeader, written: Callable[[int], None]) -> None:
-        self._header, self._written = header, written
+    def __init__(
+        self,
+        path: Path,
+        header: laspy.LasHeader,
+        written: Callable[[int], None],
+        complete: Callable[[Records], None] | None = None,
+    ) -> None:
+        self._header, self._written, self._complete = header, written, complete
         self._disk = DiskFile(path, "w+")
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
@@ -156,6 +163,8 @@ class CopcFile:
 
     def _compress(self) -> None:
         if self._chunks:
+            if self._complete is not None:
+                self._complete(self._batch[: self._waiting])
             with self._refusals():
                 self._compressor.compress_chunks(self._chunks)
             self._chunks.clear()

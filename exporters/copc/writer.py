@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.copc.cube import Cube
 from furrowmap.exporters.copc.file import CopcFile, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
-from furrowmap.exporters.copc.points import Extent, PointBatch, pack
+from furrowmap.exporters.copc.points import Extent, PointBatch, Records, pack
 
 MEMORY_POINTS: Final = 12_000_000
 NODE_POINTS: Final = 50_000
@@ -109,18 +109,20 @@ class CopcWriter:
             self._extent = self._extent.joined(extent)
             done += len(room)
 
-    def close(self, progress: Progress = silent) -> CopcSummary:
+    def close(self, progress: Progress = silent, complete: Callable[[Records], None] | None = None) -> CopcSummary:
         """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
 
         Args:
             progress: is told of the stage "writing cloud".
+            complete: is given the records, in the layout of laspy's point format and in no particular order, some at a
+                time, to fill in place what was not known when the points came.
 
         Raises:
             OSError: if the file cannot be written, or is not read back as it was written.
         """
         if self._summary is None:
             with self._stack:
-                self._summary = self._write(progress)
+                self._summary = self._write(progress, complete)
         return self._summary
 
     def __exit__(
@@ -131,10 +133,10 @@ class CopcWriter:
         else:
             self._stack.__exit__(kind, error, trace)
 
-    def _write(self, progress: Progress) -> CopcSummary:
+    def _write(self, progress: Progress, complete: Callable[[Records], None] | None) -> CopcSummary:
         points = self._extent.points
         with closing(
-            CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points))
+            CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)
         ) as file:
             if points:
                 cube, extent = self._octree.finish(file), self._extent

@@ -1,0 +1,158 @@
+"""From the samples' recordings to the ground worked, judged by the tool that lies beside them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import laspy
+import numpy as np
+import pyogrio
+import pytest
+
+from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.exporters.products import write_products
+from tests.test_end_to_end import TRACTORS, rover_session, session_folder, tool_module
+
+AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run's folder, and what the samples' tool says of it."""
+
+    folder: Path
+    implement: dict[str, Any]
+    work: dict[str, Any]
+    report: dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Result]:
+    """A sample's run as its session says, one for all tests."""
+
+    @cache
+    def run_of(name: str) -> Result:
+        folder = tmp_path_factory.mktemp(name)
+        report = write_products(session_folder(shared_data, name, folder / "in", truth=False), folder / "out")
+        tool = tool_module(shared_data, "evaluate")
+        truth = tool.Truth(shared_data / name)
+        track = tool.read_layer(folder / "out", "trajectory", truth.session["crs"]["map"])
+        implement = tool.judge_implement(folder / "out", truth, track)
+        return Result(folder / "out", implement, tool.judge_work(folder / "out", truth), report)
+
+    return run_of
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_states__are_true_and_every_transition_is_found(result: Callable[[str], Result], name: str) -> None:
+    found = result(name).implement
+    assert found["f1_down"] >= 0.99
+    assert found["up_scans_not_said_up"] == 0
+    assert found["transitions_found"] == found["transitions_true"] == 6
+    assert found["transitions_invented"] == 0
+    assert found["timing_abs_median_s"] <= 0.1
+    assert found["timing_abs_p95_s"] <= 0.25
+    assert found["tool_height"]["rmse_m"] <= 0.01
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_ground__is_the_true_one_within_its_sigma(result: Callable[[str], Result], name: str) -> None:
+    work = result(name).work
+    coverage = work["coverage"]
+    assert abs(coverage["area_error_percent"]) <= 1.5
+    assert coverage["iou"] >= 0.96
+    assert abs(coverage["error_over_sigma"]) <= 3.0
+    assert work["passes"]["passes"] == work["passes"]["passes_true"]
+    assert abs(work["overlaps"]["error_percent_of_field"]) <= 0.3
+    assert work["misses"]["of_it_truly_worked_m2"] <= 0.1
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_report__tells_the_layers_areas(result: Callable[[str], Result], name: str) -> None:
+    found = result(name)
+    figures = found.report["figures"]
+    for layer, key in (("coverage", "worked"), ("overlaps", "overlap"), ("misses", "missed")):
+        table = gpd.read_file(found.folder / "field.gpkg", layer=layer)
+        assert table.geometry.is_valid.all()
+        assert figures[f"{key}_area_m2"] == pytest.approx(table.geometry.area.sum(), abs=0.001)
+        assert figures[f"{key}_area_m2"] == pytest.approx(figures[f"{key}_area_ellipsoid_m2"], rel=0.001)
+    hours = figures["hours"]
+    assert sum(value for name, value in hours.items() if name != "field_s") == pytest.approx(hours["field_s"], abs=0.3)
+    assert figures["passes"] == len(gpd.read_file(found.folder / "field.gpkg", layer="passes"))
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_cloud__tells_the_pass_of_each_point(result: Callable[[str], Result], name: str) -> None:
+    found = result(name)
+    passes = pyogrio.read_dataframe(found.folder / "field.gpkg", layer="passes", read_geometry=False)
+    las = laspy.read(found.folder / "cloud.copc.laz")
+    t_s = las_time_to_utc(np.asarray(las.gps_time))
+    expected = np.zeros(len(t_s), int)
+    clear = np.ones(len(t_s), bool)
+    for number, *ends in zip(passes["pass"], passes["start"], passes["end"], strict=True):
+        begin_s, end_s = (end.timestamp() for end in ends)
+        expected[(t_s >= begin_s) & (t_s <= end_s)] = number
+        clear &= (np.abs(t_s - begin_s) > 0.001) & (np.abs(t_s - end_s) > 0.001)  # layers tell milliseconds
+    assert clear.mean() > 0.999
+    np.testing.assert_array_equal(np.asarray(las.point_source_id)[clear], expected[clear])
+
+
+class _Addresses(HTMLParser):
+    """Collects what a page refers to, and its text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data")]
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_page__is_whole_in_itself_and_tells_the_figures(result: Callable[[str], Result], name: str) -> None:
+    found = result(name)
+    text = (found.folder / "report.html").read_text(encoding="utf-8")
+    page = _Addresses()
+    page.feed(text)
+    assert page.addresses
+    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert not {"script", "link", "iframe"} & set(page.tags)
+    assert "url(" not in text
+    assert page.tags.count("svg") == 4
+    assert page.tags.count("img") == 3
+    assert f"{found.report['figures']['worked_area_m2']:.1f} m²" in text
+    assert len(text) < 400_000
+
+
+def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path, tmp_path: Path) -> None:
+    session = session_folder(shared_data, "tractor_loop", tmp_path / "in", truth=True)
+    session.write_text(re.sub(r"(?ms)^\[implement\].*?(?=^\[)", "", session.read_text()))
+    report = write_products(session, tmp_path / "out")
+    assert report["session"]["implement"] is None
+    assert "implement-not-stated" in {warning["code"] for warning in report["warnings"]}
+    assert report["figures"]["implement"]["transitions"] == 6
+    assert "worked_area_m2" not in report["figures"]
+    assert pyogrio.list_layers(tmp_path / "out" / "field.gpkg")[:, 0].tolist() == ["trajectory", "layer_styles"]
+    track = pyogrio.read_dataframe(tmp_path / "out" / "field.gpkg", layer="trajectory", read_geometry=False)
+    assert set(track["implement"]) == {"down", "up"}
+    assert "how wide it is" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_rover_has_no_implement_and_a_page_all_the_same(shared_data: Path, tmp_path: Path) -> None:
+    report = write_products(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out")
+    assert report["figures"]["implement"] is None
+    assert "implement-never-moves" in {warning["code"] for warning in report["warnings"]}
+    track = pyogrio.read_dataframe(tmp_path / "out" / "field.gpkg", layer="trajectory", read_geometry=False)
+    assert set(track["implement"]) == {"unknown"}
+    assert "<svg" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["products"] == report["products"]
