@@ -5,6 +5,9 @@ from __future__ import annotations
 import gzip
 import importlib.util
 import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -177,22 +180,91 @@ def test_a_recording_cut_inside_a_packet_gives_all_up_to_the_cut(shared_data: Pa
     assert any("cut" in notice.text or "incomplete" in notice.text for notice in found.notices)
 
 
-@pytest.mark.parametrize(("name", "heading_deg"), [("tractor_loop", 0.45), ("tractor_fishtail", 2.0)])
-def test_with_gnss_alone_the_cloud_is_in_the_right_place(
-    shared_data: Path, tmp_path: Path, name: str, heading_deg: float
+@dataclass(frozen=True)
+class Judged:
+    """What the samples' tool says of a run."""
+
+    trajectory: dict[str, Any]
+    cloud: dict[str, Any]
+    report: dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def judged(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Judged]:
+    """A sample's run as its session says, one for all tests."""
+
+    @cache
+    def run_of(name: str) -> Judged:
+        folder = tmp_path_factory.mktemp(name)
+        session = session_folder(shared_data, name, folder / "recording", truth=False)
+        report = write_products(session, folder / "result")
+        judge = Judge(shared_data, name)
+        return Judged(judge.trajectory(folder / "result"), judge.cloud(folder / "result"), report)
+
+    return run_of
+
+
+@pytest.mark.parametrize(
+    ("name", "roll_deg", "pitch_deg", "height_m"),
+    [("tractor_loop", 0.04, 0.04, 0.004), ("tractor_fishtail", 0.05, 0.07, 0.005)],
+)
+def test_matching__gives_the_shape(
+    judged: Callable[[str], Judged], name: str, roll_deg: float, pitch_deg: float, height_m: float
 ) -> None:
+    """But for one height and one tilt of the whole session, which the scans cannot know."""
+    shape = judged(name).trajectory["shape"]
+    assert shape["roll_rms_deg"] <= roll_deg
+    assert shape["pitch_rms_deg"] <= pitch_deg
+    assert shape["antenna_height_rms_m"] <= height_m
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_matching__leaves_the_absolute_to_the_positions(judged: Callable[[str], Judged], name: str) -> None:
+    found = judged(name).trajectory
+    absolute, oracle = found["absolute"], found["oracle"]
+    assert abs(absolute["offset_m"]) <= 1.2 * abs(oracle["offset_m"]) + 0.005
+    assert absolute["tilt_deg"] <= 1.2 * oracle["tilt_deg"] + 0.05
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_matching__with_better_positions_is_absolutely_better(shared_data: Path, tmp_path: Path, name: str) -> None:
     session = session_folder(shared_data, name, tmp_path / "recording", truth=False)
-    report = write_products(session, tmp_path / "result")
-    found = Judge(shared_data, name).trajectory(tmp_path / "result")
-    assert found["raw"]["horizontal_rmse_m"] < 0.06
-    assert found["raw"]["height_rmse_m"] < 0.05
-    assert found["raw"]["heading_rmse_moving_deg"] < heading_deg
+    shutil.copy(shared_data / name / "reference.nmea", session.with_name("gnss.nmea"))
+    write_products(session, tmp_path / "result")
+    absolute = Judge(shared_data, name).trajectory(tmp_path / "result")["absolute"]
+    assert abs(absolute["offset_m"]) <= 0.010
+    assert absolute["tilt_deg"] <= 0.1
+
+
+@pytest.mark.parametrize(("name", "heading_deg"), [("tractor_loop", 0.12), ("tractor_fishtail", 0.25)])
+def test_matching__gives_heading_and_place(judged: Callable[[str], Judged], name: str, heading_deg: float) -> None:
+    run_of = judged(name)
+    found = run_of.trajectory
+    raw, oracle = found["raw"], found["oracle"]
+    assert raw["heading_rmse_moving_deg"] <= heading_deg
+    assert raw["horizontal_rmse_m"] <= np.hypot(oracle["gnss_x_rmse_m"], oracle["gnss_y_rmse_m"])
+    assert found["scans_without_pose"] == 0
     assert found["motion_right_share"] > 0.95
-    for ratio in found["error_over_sigma"].values():
-        assert 0.3 < ratio["rms_error_over_sigma"] < 2.0
-    codes = {warning["code"] for warning in report["warnings"]}
-    assert "level-assumed" in codes
-    assert ("gaps" in codes) == (name == "tractor_fishtail")
+    hard = {key for key in found if key.startswith(("outage", "float"))}
+    assert len(hard) == (2 if name == "tractor_fishtail" else 0)
+    for key in hard:
+        assert found[key]["horizontal_rmse_m"] <= 0.04, key
+    codes = {warning["code"] for warning in run_of.report["warnings"]}
+    assert not codes & {"level-assumed", "gaps"}
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_matching__has_sigmas_that_cover_the_errors(judged: Callable[[str], Judged], name: str) -> None:
+    for key, ratio in judged(name).trajectory["error_over_sigma"].items():
+        assert ratio["rms_error_over_sigma"] < 1.5, key
+        assert ratio["share_within_2_sigma"] > 0.85, key
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_matching__makes_the_ground_sharp_and_its_passes_meet(judged: Callable[[str], Judged], name: str) -> None:
+    cloud = judged(name).cloud
+    assert cloud["ground_shape"]["nmad_m"] <= 0.0085
+    assert cloud["seams"]["all"]["abs_median_m"] <= 0.004
 
 
 def rover_session(shared_data: Path, folder: Path, *, poses: bool) -> Path:
@@ -209,7 +281,7 @@ def rover_session(shared_data: Path, folder: Path, *, poses: bool) -> Path:
 
 @pytest.mark.parametrize("poses", [True, False])
 def test_a_real_drive(shared_data: Path, tmp_path: Path, poses: bool) -> None:
-    """With reference poses a straightforward placement gives 3.3 cm, the mounting turned round 4.4 cm."""
+    """With reference poses a straightforward placement gives 3.3 cm, a fit of three unknowns to them 2.7 cm."""
     report = write_products(rover_session(shared_data, tmp_path / "in", poses=poses), tmp_path / "out")
     las = laspy.read(tmp_path / "out" / "cloud.copc.laz")
     track = gpd.read_file(tmp_path / "out" / "field.gpkg", layer="trajectory")
@@ -219,9 +291,10 @@ def test_a_real_drive(shared_data: Path, tmp_path: Path, poses: bool) -> None:
     median, _, cells = spread(
         np.asarray(las.x), np.asarray(las.y), np.asarray(las.z), np.asarray(las["scan"]).astype(int), 6.0, index
     )
-    assert median <= 0.035
+    assert median <= (0.035 if poses else 0.029)
     assert cells > 10_000
     assert report["figures"]["points_read"] == 5_395_453
     codes = {warning["code"] for warning in report["warnings"]}
     assert {"clock-recorder", "mounting-identity", "points-without-pose"} <= codes
-    assert ({"level-assumed", "antenna-unknown"} <= codes) == (not poses)
+    assert ("antenna-unknown" in codes) == (not poses)
+    assert "level-assumed" not in codes
