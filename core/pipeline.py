@@ -33,6 +33,7 @@ from furrowmap.core.trajectory.positions import Positions, fixes_from_labels
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Clock, Scan
 from furrowmap.core.values.session import Session, load_session, resolve
@@ -69,6 +70,7 @@ class Located:
         notices: for the report.
         antenna: the positions themselves; None for a trajectory from a file.
         matching: what the report tells about scan matching; None where the scans were not matched.
+        mounting: of the sensor as matching found it; None for the session's.
     """
 
     trajectory: Trajectory
@@ -77,6 +79,7 @@ class Located:
     notices: tuple[Notice, ...]
     antenna: Positions | None = None
     matching: dict[str, Any] | None = None
+    mounting: Mounting | None = None
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     implement.learn()
     watch.lap("implement")
     lidar = open_lidar(inputs, session, near_s)
-    placer = _placer(located.trajectory, session)
+    placer = _placer(located, session)
     sink.begin(frame, placer.origin_m)
     scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
     tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
@@ -251,12 +254,23 @@ def matched_to_ground(
         scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
     )
     matched = match(
-        returns, located.trajectory, located.antenna, lever, tool, lambda share: progress("matching scans", share)
+        returns,
+        located.trajectory,
+        located.antenna,
+        lever,
+        session.lidar.mounting,
+        tool,
+        lambda share: progress("matching scans", share),
     )
     if matched is None:
         return located
-    notices = (*located.notices, *matched.notices)
-    return replace(located, trajectory=matched.trajectory, notices=notices, matching=matched.figures)
+    return replace(
+        located,
+        trajectory=matched.trajectory,
+        notices=(*located.notices, *matched.notices),
+        matching=matched.figures,
+        mounting=matched.mounting,
+    )
 
 
 def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
@@ -272,10 +286,11 @@ def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
 _GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
 
 
-def _placer(trajectory: Trajectory, session: Session) -> Placer:
-    middle = np.median(trajectory.xyz_m, axis=0)
+def _placer(located: Located, session: Session) -> Placer:
+    middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
-    return Placer(trajectory, session.lidar.mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
+    mounting = located.mounting or session.lidar.mounting
+    return Placer(located.trajectory, mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
 
 
 def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress, stage: str) -> Iterator[Scan]:

@@ -23,6 +23,7 @@ from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, 
 from furrowmap.core.matching.equations import Held, hold, position_trust
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
+from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import (
     Passage,
     Surface,
@@ -54,6 +55,10 @@ COARSE_MOST: Final = 300
 WINDOW_PATCH_M: Final = 1.0
 SESSION_PATCH_M: Final = 2.0
 BLOCK_S: Final = 20.0
+STANCE_THIN: Final = 4
+REMOUNTS: Final = 2
+"""A mounting that is off is corrected so many times at most, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
+REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 GUARD_S: Final = 0.3
 TOOL_MARGIN_M: Final = 0.15
 """Soil to either side of the implement that moves with it."""
@@ -89,6 +94,9 @@ class Problem:
         trust: (n,) uint8 weights of the returns in the surface.
         position_trust: (m,) weights of the positions.
         relief: what the surface's slopes are worth.
+        mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
+        sensor_m: (3,) the sensor in the vehicle frame.
+        stance: how the vehicle stands on the ground after all that.
         sums: of the last measurement.
         last: the last equations, for the sigmas.
     """
@@ -102,6 +110,9 @@ class Problem:
     state: State
     trust: NDArray[np.uint8]
     position_trust: FloatArray
+    sensor_m: FloatArray
+    mounting_turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    stance: Stance | None = None
     relief: Relief = field(default_factory=Relief)
     sums: Sums | None = None
     last: Last | None = None
@@ -129,6 +140,7 @@ def problem_of(
     trajectory: Trajectory,
     positions: Positions,
     lever_m: tuple[float, float, float],
+    sensor_m: tuple[float, float, float],
     tool: Tool | None,
 ) -> Problem:
     """The problem at its start."""
@@ -144,6 +156,7 @@ def problem_of(
         start_from(trajectory, knots, origin),
         np.full(len(returns), 255, np.uint8),
         np.ones(len(positions.t_s)),
+        np.asarray(sensor_m, np.float64),
     )
 
 
@@ -169,10 +182,35 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
             if turned < TURNED:
                 break
             steps += 2
-    for cell_m, thin in SESSION_ROUNDS:
-        for together in (True, False):
-            _session_step(problem, cell_m, thin, together=together)
-            step_done()
+    rounds = SESSION_ROUNDS
+    for remount in range(REMOUNTS + 1):
+        for cell_m, thin in rounds:
+            for together in (True, False):
+                _session_step(problem, cell_m, thin, together=together)
+                step_done()
+        problem.stance = _stance(problem)
+        turn = problem.stance.turn
+        if turn is None or remount == REMOUNTS:
+            break
+        _remount(problem, turn)
+        rounds = REMOUNT_ROUNDS
+        steps += 2 * len(rounds)
+
+
+def _stance(problem: Problem) -> Stance:
+    """How the vehicle stands on the session's ground."""
+    placing = _Placing.of(problem)
+    cell_m, _ = SESSION_ROUNDS[-1]
+    surface = _session_surface(placing, _blocks(problem, STANCE_THIN), cell_m)
+    return stance(problem.knots, problem.state, surface, placing.passage, GUARD_S)
+
+
+def _remount(problem: Problem, turn: FloatArray) -> None:
+    """Turn the sensor on the vehicle; it stays where it is in the map, the vehicle turns under it."""
+    rotation = problem.state.rotation @ turn.T
+    xyz = problem.state.xyz_m + (problem.state.rotation - rotation) @ problem.sensor_m
+    problem.state = State(xyz, rotation, problem.state.drift_m)
+    problem.mounting_turn = turn @ problem.mounting_turn
 
 
 def _window_step(problem: Problem, *, together: bool) -> float:
@@ -220,11 +258,7 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     every = max(COARSE_EVERY, -(-len(problem.knots) // COARSE_MOST))
     coarse = CoarseKnots.over(problem.knots, every, SESSION_PATCH_M) if together else None
     placing = _Placing.of(problem)
-    blocks = [
-        (c, part)
-        for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S, thin)
-    ]
+    blocks = _blocks(problem, thin)
     surface = _session_surface(placing, blocks, cell_m)
 
     def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, list[Patches]]:
@@ -248,6 +282,15 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     free_patches(equations, [p for _, patches in found for p in patches], SESSION_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
     _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
+
+
+def _blocks(problem: Problem, thin: int) -> list[tuple[int, slice]]:
+    """All returns, or every `thin`-th, in parts that fit into memory, each with the number of its chain."""
+    return [
+        (c, part)
+        for c, chain in enumerate(problem.knots.chains)
+        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S, thin)
+    ]
 
 
 def _session_surface(placing: _Placing, blocks: list[tuple[int, slice]], cell_m: float) -> Surface:
@@ -293,9 +336,13 @@ class _Placing:
     def returns(self, chain: int, part: slice) -> _Placed:
         source, chained = self.problem.returns, self.problem.knots.chains[chain]
         t = np.array(source.t_s[part])
+        turn, sensor = self.problem.mounting_turn, self.problem.sensor_m
+        vehicle = np.array(source.xyz_m[part])
+        if not np.array_equal(turn, np.eye(3)):
+            vehicle = (vehicle @ turn.T + (sensor - turn @ sensor)).astype(np.float32)
         xyz = place(
             t,
-            np.array(source.xyz_m[part]),
+            vehicle,
             chained.first,
             chained.begin_s,
             STEP_S,

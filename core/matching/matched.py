@@ -15,10 +15,12 @@ from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
 from furrowmap.core.matching.certainty import relief_heading_sigma, sigmas
 from furrowmap.core.matching.knots import STEP_S
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
+from furrowmap.core.matching.stance import Stance
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
 FloatArray = NDArray[np.float64]
@@ -27,6 +29,7 @@ LEAST_RETURNS: Final = 20_000
 """With fewer returns of the ground in the whole recording there is nothing to match."""
 BLIND_S: Final = 1.0
 """Without returns of the ground for longer, poses rest on GNSS alone."""
+HEIGHT_TOLD_M: Final = 0.05
 FIX_REACH_S: Final = 0.5
 SPEED_OVER_S: Final = 0.4
 
@@ -37,11 +40,13 @@ class Matched:
 
     Attributes:
         trajectory: of the vehicle frame.
+        mounting: of the sensor: the session's, unless the vehicle's stance shows that it is off.
         figures: for the report.
         notices: for the report.
     """
 
     trajectory: Trajectory
+    mounting: Mounting
     figures: dict[str, Any]
     notices: tuple[Notice, ...]
 
@@ -51,6 +56,7 @@ def match(
     start: Trajectory,
     positions: Positions,
     lever_m: tuple[float, float, float],
+    mounting: Mounting,
     tool: Tool | None,
     progress: Callable[[float], None],
 ) -> Matched | None:
@@ -61,6 +67,7 @@ def match(
         start: an approximate trajectory of the vehicle frame.
         positions: of the antenna.
         lever_m: the antenna in the vehicle frame.
+        mounting: of the sensor, as the session states it.
         tool: where an implement changes the soil; None if none is known.
         progress: is told how much is done, 0 to 1.
 
@@ -69,10 +76,37 @@ def match(
     """
     if len(returns) < LEAST_RETURNS:
         return None
-    problem = problem_of(returns, start, positions, lever_m, tool)
+    problem = problem_of(returns, start, positions, lever_m, mounting.xyz_m, tool)
     solve(problem, progress)
     trajectory = _trajectory(problem, start)
-    return Matched(trajectory, _figures(problem), ())
+    right = Mounting.from_rotation(mounting.xyz_m, problem.mounting_turn @ mounting.rotation)
+    turned = not np.array_equal(problem.mounting_turn, np.eye(3))
+    used = right if turned else mounting
+    return Matched(trajectory, used, _figures(problem, used), _mounting_notices(problem, mounting, used))
+
+
+def _mounting_notices(problem: Problem, stated: Mounting, used: Mounting) -> tuple[Notice, ...]:
+    """What the vehicle's stance says about the mounting."""
+    notices = []
+    stance = problem.stance
+    if used is not stated:
+        was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
+        notices.append(
+            Notice(
+                "mounting-off",
+                f"The session has the scanner at rpy_deg = [{was}], but the ground under the vehicle is level and the "
+                f"drive straight ahead with [{now}], which is used. `furrowmap calibrate` writes it into the session.",
+            )
+        )
+    if stance is not None and abs(stance.height_m) > HEIGHT_TOLD_M + 3.0 * stance.sigma_height_m:
+        notices.append(
+            Notice(
+                "mounting-height",
+                f"The vehicle's origin comes out {stance.height_m:+.2f} m above the ground it stands on: the scanner's "
+                "height in [lidar] xyz_m is off by that much. Nothing is changed for it.",
+            )
+        )
+    return tuple(notices)
 
 
 def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
@@ -120,7 +154,7 @@ def _fix(positions: Positions, t_s: FloatArray) -> NDArray[np.int8]:
     return np.where(near, positions.fix[nearest], Fix.NONE).astype(np.int8)
 
 
-def _figures(problem: Problem) -> dict[str, Any]:
+def _figures(problem: Problem, mounting: Mounting) -> dict[str, Any]:
     """What the report tells about matching."""
     assert problem.sums is not None
     tally = problem.sums.tally
@@ -130,5 +164,20 @@ def _figures(problem: Problem) -> dict[str, Any]:
         "returns_matched": int(tally[5]),
         "relief_slope_rms": round(float(np.sqrt(problem.relief.variance)), 4),
         "body_footprint_m2": round(float(problem.returns.body.sum()) * PIXEL_M**2, 2),
+        "mounting_rpy_deg": [round(angle, 3) for angle in mounting.rpy_deg],
+        "stance": _stance_figures(problem.stance),
         "positions_doubted": int((problem.position_trust < 1.0).sum()),
+    }
+
+
+def _stance_figures(stance: Stance | None) -> dict[str, Any] | None:
+    """How the vehicle stands on its ground, null where the scans do not show it."""
+    if stance is None or not np.isfinite(stance.sigma_deg[0]):
+        return None
+    roll, pitch, yaw = stance.sigma_deg
+    return {
+        "roll_deg": [round(stance.roll_deg, 3), round(roll, 3)],
+        "pitch_deg": [round(stance.pitch_deg, 3), round(pitch, 3)],
+        "yaw_deg": [round(stance.yaw_deg, 3), round(yaw, 3) if np.isfinite(yaw) else None],
+        "height_m": [round(stance.height_m, 3), round(stance.sigma_height_m, 3)],
     }

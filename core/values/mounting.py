@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.values.rotation import mounting_rotation
 
@@ -30,3 +31,9 @@ class Mounting:
     def rotation(self) -> NDArray[np.float64]:
         """Rotation matrix (3, 3), lidar to vehicle coordinates."""
         return mounting_rotation(*self.rpy_deg)
+
+    @classmethod
+    def from_rotation(cls, xyz_m: tuple[float, float, float], rotation: NDArray[np.float64]) -> Mounting:
+        """The mounting with this rotation matrix (3, 3), lidar to vehicle coordinates."""
+        yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True).tolist()
+        return cls(xyz_m, (roll, pitch, yaw))
