@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.matching.agreement import CoarseGrid, Patches
-from furrowmap.core.matching.knots import STEP_S, Knots, State
+from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
@@ -53,10 +53,12 @@ class CoarseKnots:
         grids, before, share, first = [], [], [], 0
         for chain in knots.chains:
             local = np.arange(chain.count)
+            # The last knot never opens an interval: the coarse knot at its far end would hang in the air.
+            interval = np.minimum(local // every, _intervals(chain, every) - 1)
             grids.append(CoarseGrid(first, every, patch_m))
-            before.append(first + local // every)
-            share.append(local % every / every)
-            first += (chain.count - 1) // every + 2
+            before.append(first + interval)
+            share.append(local / every - interval)
+            first += _intervals(chain, every) + 1
         return cls(tuple(grids), first, np.concatenate(before), np.concatenate(share))
 
     def centres(self, knots: Knots, state: State) -> FloatArray:
@@ -64,9 +66,14 @@ class CoarseKnots:
         out = []
         for chain, grid in zip(knots.chains, self.grids, strict=True):
             part = slice(chain.first, chain.first + chain.count)
-            t = chain.begin_s + grid.every * STEP_S * np.arange((chain.count - 1) // grid.every + 2)
+            t = chain.begin_s + grid.every * STEP_S * np.arange(_intervals(chain, grid.every) + 1)
             out.append(np.column_stack([np.interp(t, knots.t_s[part], state.xyz_m[part, k]) for k in range(3)]))
         return np.concatenate(out)
+
+
+def _intervals(chain: Chain, every: int) -> int:
+    """Intervals between the coarse knots of a chain."""
+    return -(-(chain.count - 1) // every)
 
 
 def coarse_equations(

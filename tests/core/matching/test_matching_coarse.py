@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.matching.agreement import Patches, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
 from furrowmap.core.matching.equations import hold
-from furrowmap.core.matching.knots import STEP_S, Knots, State, knots_over, place, turns
+from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, turns
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
 from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
@@ -87,9 +87,25 @@ def test_coarse_knots_are_the_vehicle_s_places_in_even_steps() -> None:
     inner = centre[coarse.before] + coarse.share[:, None] * (centre[coarse.before + 1] - centre[coarse.before])
     last = np.zeros(len(knots), bool)
     for chain in knots.chains:  # beyond a chain's last knot its place is held
-        last[chain.first + (chain.count - 1) // EVERY * EVERY : chain.first + chain.count] = True
+        last[chain.first + (chain.count - 2) // EVERY * EVERY : chain.first + chain.count] = True
     np.testing.assert_allclose(inner[~last, 0], knots.t_s[~last], atol=1e-6)
     np.testing.assert_allclose(inner[~last, 2], np.sin(knots.t_s[~last]), atol=0.01)
+
+
+@pytest.mark.parametrize("count", [2, 3, EVERY, EVERY + 1, EVERY + 2, 2 * EVERY + 1, 5 * EVERY, 5 * EVERY + 1])
+def test_every_coarse_knot_moves_some_knot(count: int) -> None:
+    """One that moves none would make the equations singular."""
+    chain = Chain(0, count, 100.0)
+    t = 100.0 + STEP_S * np.arange(count)
+    state = State(np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
+    knots = Knots((chain,), t)
+    coarse = CoarseKnots.over(knots, EVERY, PATCH_M)
+    moves = np.abs(projection(coarse, coarse.centres(knots, state), state)).max(axis=0)
+    assert moves.min() >= 1 / EVERY
+    assert coarse.before.min() == 0
+    assert coarse.before.max() == coarse.count - 2
+    assert (coarse.share >= 0).all()
+    assert (coarse.share <= 1).all()
 
 
 def test_coarse_equations__are_the_fine_ones_projected() -> None:
