@@ -49,7 +49,8 @@ def judged(straight: Recording) -> Judged:
     returns = ground_returns(straight.scans(), session.lidar.mounting, 0.0, located.trajectory)
     told: list[float] = []
     tool = Tool(session.implement.xy_m, 0.5 * session.implement.width_m)
-    matched = match(returns, located.trajectory, located.antenna, session.antenna.xyz_m, tool, told.append)
+    mounting = session.lidar.mounting
+    matched = match(returns, located.trajectory, located.antenna, session.antenna.xyz_m, mounting, tool, told.append)
     assert matched is not None
     trajectory = matched.trajectory
     t = np.arange(returns.t_s[0] + 0.1, returns.t_s[-1] - 0.1, 0.05)
@@ -95,6 +96,11 @@ def test_errors_are_what_their_sigmas_say(judged: Judged) -> None:
     assert np.median(judged.sigma[:, 5]) < 0.3
 
 
+def test_a_right_mounting_stays_as_it_is(straight: Recording, judged: Judged) -> None:
+    assert judged.matched.mounting == straight.session.lidar.mounting
+    assert judged.matched.notices == ()
+
+
 def test_the_report_tells_what_was_matched(judged: Judged) -> None:
     figures = judged.matched.figures
     assert 0.005 < figures["residual_rms_m"] < 0.015
@@ -111,4 +117,5 @@ def test_too_few_returns_are_not_matched(straight: Recording) -> None:
     located = straight.located
     assert located.antenna is not None
     few = GroundReturns(np.zeros(10), np.zeros((10, 3), np.float32), np.zeros(10, np.uint8), np.zeros((80, 80), bool))
-    assert match(few, located.trajectory, located.antenna, (0.0, 0.0, 0.0), None, lambda share: None) is None
+    lever, mounting = (0.0, 0.0, 0.0), straight.session.lidar.mounting
+    assert match(few, located.trajectory, located.antenna, lever, mounting, None, lambda share: None) is None
