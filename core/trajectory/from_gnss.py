@@ -19,6 +19,7 @@ from furrowmap.core.trajectory.positions import (
     Positions,
     judge_rate,
     positions_of,
+    quality_runs,
     sigmas_m,
     usable,
     white_noise_m,
@@ -89,7 +90,7 @@ def trajectory_from_gnss(
     sigma = sigmas_m(gated)
     white = white_noise_m(gated, en, sigma[:, 0])
     max_gap_s = longest_gap_s(gated.t_s)
-    motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s)
+    motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s, quality_runs(gated.fix))
 
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
     if not motions.motion.any() and not np.isfinite(heading_2).any():

@@ -54,7 +54,9 @@ class Motions:
     doubtful: tuple[tuple[int, int], ...]
 
 
-def find_motion(t_s: FloatArray, en_m: FloatArray, white_m: float, max_gap_s: float) -> Motions:
+def find_motion(
+    t_s: FloatArray, en_m: FloatArray, white_m: float, max_gap_s: float, run: IntArray | None = None
+) -> Motions:
     """Tell moving from standing and forward from reverse.
 
     Standing is a low speed over a window, with hysteresis, refined to where positions leave the stand's own mean.
@@ -67,13 +69,17 @@ def find_motion(t_s: FloatArray, en_m: FloatArray, white_m: float, max_gap_s: fl
         en_m: (n, 2) easting and northing of the antenna.
         white_m: standard deviation of the noise from position to position.
         max_gap_s: a longer pause between positions is a gap.
+        run: (n,) counts the runs of equal quality: positions step from one to the next, which is no movement.
     """
     segment: IntArray = np.cumsum(np.diff(t_s, prepend=t_s[:1]) > max_gap_s, dtype=np.intp)
     step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
     half_s = _half_window_s(step_s, white_m)
-    velocity = local_velocity(t_s, en_m, segment, half_s)
+    steady = segment
+    if run is not None:
+        steady = np.cumsum((np.diff(segment, prepend=0) != 0) | (np.diff(run, prepend=run[:1]) != 0))
+    velocity = local_velocity(t_s, en_m, steady, half_s)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    standing = _stands(t_s, en_m, speed, segment, white_m)
+    standing = _stands(t_s, en_m, speed, steady, white_m)
     moving_runs = _runs(np.where(standing, -1, segment), keep=~standing)
     legs = [leg for run in moving_runs for leg in _split_at_cusps(velocity, speed, run)]
     sign, doubtful = _directions(t_s, en_m, velocity, segment, legs)

@@ -85,10 +85,15 @@ def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, headin
         xyz_m=np.column_stack([en_m, track.height_m]),
         white_m=white,
         drift_m=drift,
-        run=np.cumsum(np.diff(track.fix, prepend=track.fix[:1]) != 0),
+        run=quality_runs(track.fix),
         fix=track.fix,
         yaw_rad=np.radians(90.0 - heading_deg),
     )
+
+
+def quality_runs(fix: NDArray[np.int8]) -> NDArray[np.intp]:
+    """(n,) number of the run of equal qualities that each position belongs to, from 0."""
+    return np.cumsum(np.diff(fix, prepend=fix[:1]) != 0)
 
 
 def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
