@@ -14,7 +14,7 @@ from furrowmap.core.values.errors import Notice, printable
 
 
 @click.command(
-    short_help="Make the cloud and the other products of a session.",
+    short_help="Make the cloud, the ground worked and the report of a session.",
     epilog="\b\nExample:\n  furrowmap run session.toml -o result",
 )
 @click.argument("session", type=FILE)
@@ -24,9 +24,10 @@ from furrowmap.core.values.errors import Notice, printable
 @click.option("--overwrite", is_flag=True, help="Replace the products of another session in that folder.")
 @common_options
 def run(console: Console, session: Path, output: Path | None, *, overwrite: bool) -> None:
-    """Compute the georeferenced cloud of the recording that SESSION describes, and write it with its trajectory.
+    """Compute the georeferenced cloud of the recording that SESSION describes, and the ground that its implement worked.
 
-    The folder then holds cloud.copc.laz, field.gpkg, report.json and session.toml as it was understood.
+    The folder then holds cloud.copc.laz, field.gpkg with trajectory and ground worked, report.html to read, report.json
+    and session.toml as it was understood.
     """
     from furrowmap.exporters.products import write_products
 

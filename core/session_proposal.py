@@ -38,8 +38,7 @@ _ANTENNA: Final = """\
 # xyz_m = [1.85, 0.0, 1.62]
 """
 _OPTIONAL: Final = """\
-# The tool: width, and the middle of its line in the vehicle frame. Kept for the worked ground, which this version does
-# not compute yet.
+# The tool: width, and the middle of its line in the vehicle frame. The ground worked is computed from them.
 # [implement]
 # kind = "rotary tiller"
 # width_m = 1.70
@@ -215,7 +214,7 @@ def _missing(crs: CrsChoice | None, *, lidar: bool, gnss: bool, poses: bool) -> 
         "no-antenna": "Where the GNSS antenna is: [antenna] xyz_m. Until then it counts as at the vehicle's origin."
         if not poses
         else "",
-        "no-implement": "The tool: [implement]. Kept for the worked ground, which this version does not yet compute.",
+        "no-implement": "The tool: [implement] width_m and xy_m. Without them no ground worked is computed.",
     }
     return [Notice(code, text) for code, text in texts.items() if text]
 
