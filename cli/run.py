@@ -24,7 +24,7 @@ from furrowmap.core.values.errors import Notice, printable
 @click.option("--overwrite", is_flag=True, help="Replace the products of another session in that folder.")
 @common_options
 def run(console: Console, session: Path, output: Path | None, *, overwrite: bool) -> None:
-    """Compute the georeferenced cloud of the recording that SESSION describes, and the ground that its implement worked.
+    """Compute the georeferenced cloud of the recording that SESSION describes, and the ground its implement worked.
 
     The folder then holds cloud.copc.laz, field.gpkg with trajectory and ground worked, report.html to read, report.json
     and session.toml as it was understood.
