@@ -22,6 +22,8 @@ from furrowmap.exporters.field_layers import Layer, field_layers
 
 _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
+INDEXED_FROM: Final = 1000
+"""Fewer features are found as fast without a spatial index, which takes more room than they do."""
 _GEOMETRY: Final = "geom"
 _NOTHING: Final = FieldWork()
 
@@ -61,7 +63,11 @@ def _write(path: Path, layer: Layer, crs: CRS) -> None:
         geometry_type=layer.kind,
         crs=crs.to_wkt(),
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
-        layer_options={"GEOMETRY_NAME": _GEOMETRY, "DESCRIPTION": layer.description},
+        layer_options={
+            "GEOMETRY_NAME": _GEOMETRY,
+            "DESCRIPTION": layer.description,
+            "SPATIAL_INDEX": "YES" if len(layer.shapes) > INDEXED_FROM else "NO",
+        },
     )
 
 
