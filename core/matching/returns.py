@@ -90,7 +90,7 @@ def ground_returns(
     scratch = tempfile.TemporaryFile(prefix="furrowmap-")  # noqa: SIM115 (lives as long as the arrays on it)
     scans = iter(scans)
     first = list(islice(scans, LEARN_SCANS))
-    ground_m = _ground_height_m(first, rotation, lever)
+    ground_m = ground_height_m(first, rotation, lever)
     for scan in chain(first, scans):
         if on_scan is not None:
             on_scan(scan)
@@ -100,7 +100,7 @@ def ground_returns(
         if t_s[0] < begin_s or t_s[-1] > end_s:
             continue
         moves = trajectory.motion[np.searchsorted(trajectory.t_s, t_s[0]) - 1] != Motion.STANDING
-        kept, candidates = _select(
+        kept, candidates = select(
             np.ascontiguousarray(scan.xyz_m, np.float32),
             np.ascontiguousarray(scan.column, np.uint16),
             rotation,
@@ -122,11 +122,11 @@ def ground_returns(
         total += len(record)
     scratch.flush()
     stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
-    body = _grown(seen >= max(1.0, BODY_SHARE * count))
+    body = grown(seen >= max(1.0, BODY_SHARE * count))
     return _without_body(stored, body)
 
 
-def _ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
+def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
     """Where the ground lies in the vehicle frame: at 0, unless the session does not know the mounting's height.
 
     The lowest height at which a good part of the returns near the vehicle lie, a tenth of the most common one's.
@@ -177,7 +177,7 @@ def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundRe
     )
 
 
-def _grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The footprint with its margin."""
     out = body.copy()
     for row, column in zip(*np.nonzero(body), strict=True):
@@ -188,7 +188,7 @@ def _grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
+def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
     """Indices and vehicle coordinates of every `stride`-th firing's ground returns, and how many there are in all.
 
     The ground lies about `ground_m` above the vehicle frame's origin.
