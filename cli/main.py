@@ -18,7 +18,7 @@ import click
 from furrowmap.cli.console import error_value, put_error, put_json
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "simulate")
+VERBS: Final = ("init", "inspect", "run", "calibrate", "simulate")
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")

@@ -16,7 +16,7 @@ from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
 from furrowmap.core.field_work import FieldWork, ImplementWatch, field_boundary
 from furrowmap.core.matching.adjustment import Tool
-from furrowmap.core.matching.matched import match
+from furrowmap.core.matching.matched import Matched, match
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.readers.reader import (
     ClockReading,
@@ -245,23 +245,7 @@ def matched_to_ground(
 
     `on_scan` sees each scan on its way.
     """
-    assert located.antenna is not None
-    lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
-    implement = session.implement
-    tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
-    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
-    returns = ground_returns(
-        scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
-    )
-    matched = match(
-        returns,
-        located.trajectory,
-        located.antenna,
-        lever,
-        session.lidar.mounting,
-        tool,
-        lambda share: progress("matching scans", share),
-    )
+    matched = match_session(located, lidar, session, on_scan, progress)
     if matched is None:
         return located
     return replace(
@@ -270,6 +254,33 @@ def matched_to_ground(
         notices=(*located.notices, *matched.notices),
         matching=matched.figures,
         mounting=matched.mounting,
+    )
+
+
+def match_session(
+    located: Located,
+    lidar: LidarReader,
+    session: Session,
+    on_scan: Callable[[Scan], None] | None = None,
+    progress: Progress = silent,
+) -> Matched | None:
+    """Match a session's scans to the ground; None where they see too little of it."""
+    assert located.antenna is not None
+    lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+    implement = session.implement
+    tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
+    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
+    returns = ground_returns(
+        scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
+    )
+    return match(
+        returns,
+        located.trajectory,
+        located.antenna,
+        lever,
+        session.lidar.mounting,
+        tool,
+        lambda share: progress("matching scans", share),
     )
 
 

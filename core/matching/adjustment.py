@@ -182,7 +182,7 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
             if turned < TURNED:
                 break
             steps += 2
-    rounds = SESSION_ROUNDS
+    rounds: tuple[tuple[float, int], ...] = SESSION_ROUNDS
     for remount in range(REMOUNTS + 1):
         for cell_m, thin in rounds:
             for together in (True, False):

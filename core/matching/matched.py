@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
 from furrowmap.core.matching.certainty import relief_heading_sigma, sigmas
+from furrowmap.core.matching.clock_offset import clock_offset
 from furrowmap.core.matching.knots import STEP_S
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
 from furrowmap.core.matching.stance import Stance
@@ -30,6 +31,8 @@ LEAST_RETURNS: Final = 20_000
 BLIND_S: Final = 1.0
 """Without returns of the ground for longer, poses rest on GNSS alone."""
 HEIGHT_TOLD_M: Final = 0.05
+CLOCK_CERTAIN: Final = 4.0
+CLOCK_TOLD_S: Final = 0.01
 FIX_REACH_S: Final = 0.5
 SPEED_OVER_S: Final = 0.4
 
@@ -41,12 +44,16 @@ class Matched:
     Attributes:
         trajectory: of the vehicle frame.
         mounting: of the sensor: the session's, unless the vehicle's stance shows that it is off.
+        stance: how the vehicle stands on the ground with that mounting.
+        clock_offset_s: what the scanner's clock seems ahead of the receiver's, and its standard deviation.
         figures: for the report.
         notices: for the report.
     """
 
     trajectory: Trajectory
     mounting: Mounting
+    stance: Stance
+    clock_offset_s: tuple[float, float]
     figures: dict[str, Any]
     notices: tuple[Notice, ...]
 
@@ -82,13 +89,30 @@ def match(
     right = Mounting.from_rotation(mounting.xyz_m, problem.mounting_turn @ mounting.rotation)
     turned = not np.array_equal(problem.mounting_turn, np.eye(3))
     used = right if turned else mounting
-    return Matched(trajectory, used, _figures(problem, used), _mounting_notices(problem, mounting, used))
+    assert problem.stance is not None
+    clock = clock_offset(problem.knots, problem.state, problem.positions, problem.origin_m, problem.lever_m)
+    figures = _figures(problem, used) | {"clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock]}
+    notices = [*_mounting_notices(problem.stance, mounting, used), *_clock_notices(*clock)]
+    return Matched(trajectory, used, problem.stance, clock, figures, tuple(notices))
 
 
-def _mounting_notices(problem: Problem, stated: Mounting, used: Mounting) -> tuple[Notice, ...]:
+def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
+    """What the ground, seen on the way there and back, says about the clocks."""
+    if abs(offset_s) <= max(CLOCK_CERTAIN * sigma_s, CLOCK_TOLD_S):
+        return []
+    return [
+        Notice(
+            "clock-offset",
+            f"The scanner's clock seems {'ahead of' if offset_s > 0 else 'behind'} the receiver's by at least "
+            f"{abs(offset_s):.2f} s more than the session says (± {sigma_s:.2f} s): `furrowmap calibrate` finds the "
+            "whole of it.",
+        )
+    ]
+
+
+def _mounting_notices(stance: Stance, stated: Mounting, used: Mounting) -> list[Notice]:
     """What the vehicle's stance says about the mounting."""
     notices = []
-    stance = problem.stance
     if used is not stated:
         was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
         notices.append(
@@ -98,7 +122,7 @@ def _mounting_notices(problem: Problem, stated: Mounting, used: Mounting) -> tup
                 f"drive straight ahead with [{now}], which is used. `furrowmap calibrate` writes it into the session.",
             )
         )
-    if stance is not None and abs(stance.height_m) > HEIGHT_TOLD_M + 3.0 * stance.sigma_height_m:
+    if abs(stance.height_m) > HEIGHT_TOLD_M + 3.0 * stance.sigma_height_m:
         notices.append(
             Notice(
                 "mounting-height",
@@ -106,7 +130,7 @@ def _mounting_notices(problem: Problem, stated: Mounting, used: Mounting) -> tup
                 "height in [lidar] xyz_m is off by that much. Nothing is changed for it.",
             )
         )
-    return tuple(notices)
+    return notices
 
 
 def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:

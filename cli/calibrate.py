@@ -1,0 +1,72 @@
+"""`furrowmap calibrate`: what the recording says about the sensors' mounting and clocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.words import table
+
+if TYPE_CHECKING:
+    from furrowmap.core.calibration import Calibration
+
+
+@click.command(
+    short_help="Say how the sensors are mounted, from the recording itself.",
+    epilog="\b\nExample:\n  furrowmap calibrate session.toml --write",
+)
+@click.argument("session", type=FILE)
+@click.option("--write", is_flag=True, help="Write what was found into SESSION, whose other lines stay as they are.")
+@common_options
+def calibrate(console: Console, session: Path, *, write: bool) -> None:
+    """Estimate the scanner's mounting and the clocks' offset from the recording that SESSION describes.
+
+    The ground under the vehicle is level on the mean of a session, the vehicle drives where it looks, and ground seen
+    on the way there and back lies in one place.
+    """
+    from furrowmap.core.calibration import calibrate as estimate
+    from furrowmap.core.calibration import calibrated_text
+
+    with console.work() as progress:
+        found = estimate(session, progress)
+    changed = found.mounting_differs or found.clock_differs
+    if write and changed:
+        text = session.read_text(encoding="utf-8")
+        unfinished = session.with_name(f".{session.name}.new")
+        unfinished.write_text(calibrated_text(text, found), encoding="utf-8")
+        unfinished.replace(session)
+    console.answer(
+        {
+            "session": session,
+            "lidar_rpy_deg": {"stated": found.stated.rpy_deg, "found": found.found.rpy_deg},
+            "sigma_deg": found.sigma_deg,
+            "height_above_ground_m": found.height_m,
+            "lidar_minus_gnss_s": {"stated": found.stated_offset_s, "found": found.offset_s},
+            "written": write and changed,
+        },
+        _words(found, written=write and changed),
+    )
+
+
+def _words(found: Calibration, *, written: bool) -> str:
+    rows: list[tuple[str, Any]] = [
+        ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
+        ("scanner rpy_deg, found", _angles(found.found.rpy_deg) if found.mounting_differs else "the same"),
+        ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
+        ("vehicle's origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
+        ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
+        (
+            "lidar_minus_gnss_s, found",
+            f"{found.offset_s[0]:.3f} ± {found.offset_s[1]:.3f}" if found.clock_differs else "the same",
+        ),
+    ]
+    end = "Written into the session." if written else "Nothing was written."
+    return f"{table(rows)}\n{end}"
+
+
+def _angles(angles_deg: tuple[float, float, float]) -> str:
+    return ", ".join(f"{angle:.2f}" for angle in angles_deg)
