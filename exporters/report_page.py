@@ -209,7 +209,7 @@ def _quality(poses: ScanPoses, frame: MapFrame) -> str:
         f"Map: {frame.name}."
     )
     graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
-    return f'{graph}<div class="maps">{quality_map(poses)}</div>{_key(rows)}'
+    return f'{graph}<div class="maps small">{quality_map(poses)}</div>{_key(rows)}'
 
 
 def _fix_word(fix: int) -> str:
