@@ -91,6 +91,16 @@ def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path
     assert figures["distance_m"] == pytest.approx(0.387, abs=0.005)
 
 
+def test_page__shows_any_name_as_text(session: Path, tmp_path: Path) -> None:
+    session.write_text(
+        SESSION.replace("[recording]", "name = '<script>alert($title)</script> & \"圃場\"'\n[recording]", 1)
+    )
+    write_products(session, tmp_path / "result")
+    page = (tmp_path / "result" / "report.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    assert "<h1>&lt;script&gt;alert($title)&lt;/script&gt; &amp; &quot;圃場&quot;</h1>" in page
+
+
 def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data: Path, tmp_path: Path) -> None:
     with gzip.open(shared_data / "tractor_loop" / "recording.pcap.gz") as stream:
         (tmp_path / "recording.pcap").write_bytes(stream.read(24 + 1264 * 300))
