@@ -55,6 +55,8 @@ START_STEPS: Final = 12
 START_WAY_M: Final = 1.0
 START_HEADING_DEG: Final = 2.0
 """Poses are given from where the positions lie this far apart and show the heading this well."""
+LONG_WAY_M: Final = 4.0
+"""After this way they are given however well it shows."""
 START_KEPT_S: Final = 10.0
 TRACK_KEPT_S: Final = 30.0
 """Positions that are kept to judge the next ones by."""
@@ -147,9 +149,9 @@ class LiveMatching:
         window.extend(end_s)
         self._returns = self._returns.since(window.begin_s)
         assert self._positions is not None
-        for _ in range(steps):
-            window.step(self._returns, self._positions, 0.5 * float(t_s.min() + end_s))
-        return window.pose
+        for _ in range(steps - 1):
+            window.step(self._returns, self._positions)
+        return window.step(self._returns, self._positions, 0.5 * float(t_s.min() + end_s))
 
     def settle(self) -> None:
         """Put away what is older than the window: time to do so is when a pose has been given out.
@@ -174,13 +176,15 @@ class LiveMatching:
         if self._positions is None or self._track is None or len(self._track) < 10 or not len(self._returns.t_s):
             return None
         en = self._positions.xyz_m[:, :2]
-        if np.hypot(*(en - en[-1]).T).max() < START_WAY_M:
+        way_m = float(np.hypot(*(en - en[-1]).T).max())
+        if way_m < START_WAY_M:
             return None
         try:
             found = trajectory_from_gnss(self._track, self._frame, self._lever_m, self._fixes).trajectory
         except FurrowmapError:
             return None
-        if not found.sigma[-1, 5] < START_HEADING_DEG or now_s - found.span_s[1] > PAUSE_S:
+        shown = found.sigma[-1, 5] < START_HEADING_DEG or way_m > LONG_WAY_M
+        if not shown or now_s - found.span_s[1] > PAUSE_S:
             return None
         begin_s = max(found.span_s[0], now_s - WINDOW_S)
         origin_m = np.round(found.xyz_m[-1])
@@ -203,7 +207,6 @@ class _Window:
         self, begin_s: float, state: State, origin_m: FloatArray, lever_m: FloatArray, tool: Tool | None
     ) -> None:
         self.begin_s = begin_s
-        self.pose: LivePose | None = None
         self._state, self._origin_m, self._lever_m, self._tool = state, origin_m, lever_m, tool
         self._alignment = Alignment(np.eye(3), np.zeros(3))
         self._prior, self._first = Prior.of_start(state), True
@@ -245,8 +248,8 @@ class _Window:
             np.concatenate([state.drift_m, np.repeat(state.drift_m[-1:], len(ahead), axis=0)]),
         )
 
-    def step(self, returns: _Returns, positions: Positions, pose_at_s: float) -> None:
-        """One Gauss-Newton step of all knots and of how they lie in the map; sets the pose at a time."""
+    def step(self, returns: _Returns, positions: Positions, pose_at_s: float | None = None) -> LivePose | None:
+        """One Gauss-Newton step of all knots and of how they lie in the map; gives the pose at a time if asked to."""
         knots, state = self.knots, self._state
         xyz, layer = self._placed(returns)
         surface = self._base.copy()
@@ -279,16 +282,18 @@ class _Window:
         if not self._first:
             equations.without_drift_start(state, self.begin_s, near)
         equations.add_prior(self._prior, state, self._twist)
-        step, twist, covariance = equations.solve(*self._pose_design(pose_at_s))
+        nothing = np.zeros((len(knots) * SIZE, 0)), np.zeros((6, 0))
+        design = self._pose_design(pose_at_s) if pose_at_s is not None else nothing
+        step, twist, covariance = equations.solve(*design)
         self._state = state.moved(step.reshape(-1, SIZE))
         self._twist = self._twist + twist
         self._alignment = self._alignment.moved(twist, self._centre_m)
-        self.pose = self._pose(pose_at_s, covariance)
+        return self._pose(pose_at_s, covariance) if pose_at_s is not None else None
 
     def retire(self, returns: _Returns, positions: Positions) -> _Returns:
         """Let knots and returns that are too old leave; gives the returns that stay."""
         leaving = len(self._state.xyz_m) - int(WINDOW_S / STEP_S)
-        if leaving <= 0 or self.pose is None:
+        if leaving <= 0:
             return returns
         self._keep_ground(returns, leaving)
         near, end = self._near(positions), self._state.xyz_m[-1]

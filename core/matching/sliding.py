@@ -212,7 +212,7 @@ class Bordered:
         solved = scipy.linalg.cho_solve_banded((factor, True), sides)
         border, right, quantity = solved[:, :6], solved[:, 6], solved[:, 7:]
         left = self.corner - self.border.T @ border
-        twist: FloatArray = np.linalg.solve(left, self.right - self.border.T @ right)
+        twist: FloatArray = np.linalg.solve(left, self.right - self.border.T @ right).astype(np.float64)
         direct = of_twist - border.T @ of_knots
         covariance: FloatArray = of_knots.T @ quantity + direct.T @ np.linalg.solve(left, direct)
         return right - border @ twist, twist, covariance
