@@ -33,6 +33,8 @@ BLIND_S: Final = 1.0
 HEIGHT_TOLD_M: Final = 0.05
 CLOCK_CERTAIN: Final = 4.0
 CLOCK_TOLD_S: Final = 0.01
+HEIGHT_STAYS: Final = 0.7
+"""Of the slow error of GNSS heights, what stays the same for a whole session (troposphere, the antenna's own offset)."""
 FIX_REACH_S: Final = 0.5
 SPEED_OVER_S: Final = 0.4
 
@@ -138,6 +140,7 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     assert problem.last is not None
     state, knots, last = problem.state, problem.knots, problem.last
     sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together)
+    sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     speed = _speed(problem)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
