@@ -34,7 +34,7 @@ HEIGHT_TOLD_M: Final = 0.05
 CLOCK_CERTAIN: Final = 4.0
 CLOCK_TOLD_S: Final = 0.01
 HEIGHT_STAYS: Final = 0.7
-"""Of the slow error of GNSS heights, what stays the same for a whole session (troposphere, the antenna's own offset)."""
+"""Of the slow error of GNSS heights, what stays for a whole session (troposphere, the antenna's own offset)."""
 FIX_REACH_S: Final = 0.5
 SPEED_OVER_S: Final = 0.4
 
