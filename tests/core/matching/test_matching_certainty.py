@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.agreement import Sums
-from furrowmap.core.matching.certainty import AROUND_S, relief_heading_sigma, sigmas
+from furrowmap.core.matching.certainty import AROUND_S, HEADING_SHARE, relief_heading_sigma, sigmas
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
 from furrowmap.core.matching.equations import Held
 from furrowmap.core.matching.knots import STEP_S, State, knots_over
@@ -55,7 +55,7 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
         # Roll turns about the vehicle's x axis, pitch about its y axis, heading about the map's up.
         axes = [state.rotation[k, :, 0], state.rotation[k, :, 1], np.array([0.0, 0.0, 1.0])]
         expected = np.degrees([np.sqrt(axis @ turn @ axis) for axis in axes])
-        np.testing.assert_allclose(found[k, 3:], expected, rtol=1e-8)
+        np.testing.assert_allclose(found[k, 3:], expected * np.array([1.0, 1.0, HEADING_SHARE]), rtol=1e-8)
 
 
 def test_relief_heading_sigma__is_that_of_the_returns_within_a_second() -> None:
