@@ -64,6 +64,7 @@ TOOL_MARGIN_M: Final = 0.15
 """Soil to either side of the implement that moves with it."""
 TOOL_CELL_M: Final = 0.1
 THREADS: Final = 2
+DAMPINGS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 
 
 @dataclass(frozen=True)
@@ -164,12 +165,13 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
     """Bring the problem's state to where ground, GNSS and wheels agree best."""
     least, most = WINDOW_ROUNDS
     steps = 1 + 2 * least + 2 * len(SESSION_ROUNDS)
-    done = 0
+    done, told = 0, 0.0
 
     def step_done() -> None:
-        nonlocal done
+        nonlocal done, told
         done += 1
-        progress(min(1.0, done / steps))
+        told = max(told, min(1.0, done / steps))
+        progress(told)
 
     _window_step(problem, together=False)
     step_done()
@@ -195,6 +197,7 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         _remount(problem, turn)
         rounds = REMOUNT_ROUNDS
         steps += 2 * len(rounds)
+    progress(1.0)
 
 
 def _stance(problem: Problem) -> Stance:
@@ -245,12 +248,12 @@ def _window_step(problem: Problem, *, together: bool) -> float:
     problem.sums, problem.relief = sums, sums.relief()
     held = _hold(problem, sums, sums.right_all if together else sums.right)
     if coarse is None:
-        return _move(problem, held, held.equations.solve().values.reshape(-1, SIZE))
+        return _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
     for _, freed in found:
         equations.band[: len(freed.band)] += freed.band
         equations.right += freed.right
-    return _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
+    return _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
 
 
 def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> None:
@@ -275,13 +278,13 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
-        _move(problem, held, held.equations.solve().values.reshape(-1, SIZE))
+        _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
         return
     centre = coarse.centres(problem.knots, problem.state)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
     free_patches(equations, [p for _, patches in found for p in patches], SESSION_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
-    _move(problem, held, fine_step(coarse, centre, problem.state, equations.solve().values))
+    _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
 
 
 def _blocks(problem: Problem, thin: int) -> list[tuple[int, slice]]:
@@ -420,6 +423,18 @@ def _hold(problem: Problem, sums: Sums, right: FloatArray) -> Held:
         problem.lever_m,
         problem.position_trust,
     )
+
+
+def _solved(equations: NormalEquations) -> FloatArray:
+    """The solution, damped as little as it takes (Levenberg 1944) where a chain has no positions to hold it."""
+    diagonal = equations.band[0].copy()
+    for damping in (0.0, *DAMPINGS):
+        equations.band[0] = diagonal * (1.0 + damping)
+        try:
+            return equations.solve().values
+        except np.linalg.LinAlgError:
+            continue
+    raise np.linalg.LinAlgError("the poses' equations have no solution")
 
 
 def _move(problem: Problem, held: Held, step: FloatArray) -> float:

@@ -81,11 +81,13 @@ def match(
         progress: is told how much is done, 0 to 1.
 
     Returns:
-        None where there is too little ground in the scans.
+        None where there is too little ground in the scans, or no position in their time.
     """
     if len(returns) < LEAST_RETURNS:
         return None
     problem = problem_of(returns, start, positions, lever_m, mounting.xyz_m, tool)
+    if not problem.knots.at(positions.t_s)[2].any():
+        return None
     solve(problem, progress)
     trajectory = _trajectory(problem, start)
     right = Mounting.from_rotation(mounting.xyz_m, problem.mounting_turn @ mounting.rotation)

@@ -30,6 +30,8 @@ PIXELS: Final = 80
 """The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
 BODY_SHARE: Final = 0.2
 """What stands above a place of the vehicle's frame in this share of the scans belongs to the vehicle or its tool."""
+BEYOND_S: Final = 0.5
+"""Scans reach this far beyond the first approximation: the ground shows where the vehicle was."""
 LEARN_SCANS: Final = 20
 NEAR_M: Final = (2.0, 6.0)
 HEIGHT_BIN_M: Final = 0.1
@@ -76,7 +78,7 @@ def ground_returns(
         scans: in the order of time.
         mounting: of the sensor.
         lidar_minus_gnss_s: what the sensor's clock is ahead of the trajectory's.
-        trajectory: the first approximation; scans outside its span are left out, and scans at a stand teach nothing
+        trajectory: the first approximation; scans well outside its span are left out, and those at a stand teach nothing
             about the body.
         on_scan: sees each scan on its way.
     """
@@ -84,7 +86,7 @@ def ground_returns(
     lever = np.asarray(mounting.xyz_m, np.float64)
     seen = np.zeros((PIXELS, PIXELS), np.int32)
     idle = np.zeros_like(seen)
-    begin_s, end_s = trajectory.span_s
+    begin_s, end_s = trajectory.span_s[0] - BEYOND_S, trajectory.span_s[1] + BEYOND_S
     total = count = number = 0
     stride, last_s = 1, -np.inf
     scratch = tempfile.TemporaryFile(prefix="furrowmap-")  # noqa: SIM115 (lives as long as the arrays on it)
@@ -99,7 +101,7 @@ def ground_returns(
         t_s = scan.t_s - lidar_minus_gnss_s
         if t_s[0] < begin_s or t_s[-1] > end_s:
             continue
-        moves = trajectory.motion[np.searchsorted(trajectory.t_s, t_s[0]) - 1] != Motion.STANDING
+        moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
         kept, candidates = select(
             np.ascontiguousarray(scan.xyz_m, np.float32),
             np.ascontiguousarray(scan.column, np.uint16),

@@ -33,6 +33,9 @@ MOVING_MPS: Final = 0.2
 CERTAIN: Final = 2.5
 TOLD_DEG: Final = 0.2
 """A mounting is off where that is seen with CERTAIN standard deviations, and is more than TOLD_DEG."""
+HEIGHT_KNOWN_M: Final = 0.15
+"""A vehicle that seems to float or sink by more has its origin elsewhere: what lies under it is then not what carries
+it."""
 RUTS_SIGMA: Final = np.radians(0.05)
 """Ruts and tyres leave a vehicle this much off the ground's level, on the mean of a session."""
 
@@ -62,7 +65,7 @@ class Stance:
         """(3, 3) rotation that the mounting's takes on its left to be right, of what is certain; None if nothing is."""
         angles = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg])
         certain = np.abs(angles) > np.maximum(CERTAIN * np.array(self.sigma_deg), TOLD_DEG)
-        if not certain.any():
+        if not certain.any() or abs(self.height_m) > HEIGHT_KNOWN_M:
             return None
         roll, pitch, yaw = np.where(certain, angles, 0.0)
         matrix: FloatArray = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
