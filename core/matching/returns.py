@@ -78,7 +78,7 @@ def ground_returns(
         scans: in the order of time.
         mounting: of the sensor.
         lidar_minus_gnss_s: what the sensor's clock is ahead of the trajectory's.
-        trajectory: the first approximation; scans well outside its span are left out, and those at a stand teach nothing
+        trajectory: the first approximation; scans well outside its span are left out, those at a stand teach nothing
             about the body.
         on_scan: sees each scan on its way.
     """
