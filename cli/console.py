@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 
+from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.kernels import compilation_told
 from furrowmap.core.values.errors import FurrowmapError, Notice, printable
 from furrowmap.core.values.progress import Progress
@@ -69,6 +70,7 @@ def _stages_to_log() -> Progress:
     seen: set[str] = set()
 
     def show(stage: str, share: float) -> None:  # noqa: ARG001 (a listener's signature)
+        INTERRUPTION.check()
         if stage not in seen:
             seen.add(stage)
             log.info(stage)
@@ -93,6 +95,7 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
         tasks: dict[str, Any] = {}
 
         def show(stage: str, share: float) -> None:
+            INTERRUPTION.check()
             if stage not in tasks:
                 log.info(stage)
                 end_stages()

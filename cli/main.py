@@ -16,6 +16,7 @@ from typing import Any, Final, NoReturn
 import click
 
 from furrowmap.cli.console import error_value, put_error, put_json
+from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
 VERBS: Final = ("init", "inspect", "run", "calibrate", "simulate")
@@ -105,28 +106,11 @@ def _put_versions(*, as_json: bool) -> None:
         )
 
 
-class Interruption:
-    """Turns Ctrl-C, and a polite request to end, into an exception that lets everybody clean up behind them.
-
-    Attributes:
-        asked: whether it came, whatever became of the exception: compiled code and libraries turn it into others.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-
-    def __call__(self, *_: object) -> NoReturn:
-        """Handle the signal."""
-        self.asked = True
-        raise KeyboardInterrupt
-
-
 def main() -> NoReturn:
     """The console command."""
-    interruption = Interruption()
-    signal.signal(signal.SIGINT, interruption)
-    signal.signal(signal.SIGTERM, interruption)
-    sys.exit(command_line(sys.argv[1:], interruption))
+    signal.signal(signal.SIGINT, INTERRUPTION)
+    signal.signal(signal.SIGTERM, INTERRUPTION)
+    sys.exit(command_line(sys.argv[1:], INTERRUPTION))
 
 
 def command_line(arguments: Sequence[str], interruption: Interruption | None = None) -> int:

@@ -295,6 +295,6 @@ def test_a_real_drive(shared_data: Path, tmp_path: Path, poses: bool) -> None:
     assert cells > 10_000
     assert report["figures"]["points_read"] == 5_395_453
     codes = {warning["code"] for warning in report["warnings"]}
-    assert {"clock-recorder", "mounting-identity", "points-without-pose"} <= codes
+    assert {"clock-recorder", "mounting-identity"} <= codes
     assert ("antenna-unknown" in codes) == (not poses)
     assert "level-assumed" not in codes

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from furrowmap.core.matching.surface import (
     Surface,
     add_returns,
     empty_surface,
+    joined,
     layers,
     passage_of,
     tiles_over,
@@ -38,6 +39,7 @@ from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
+Found = TypeVar("Found")
 
 WINDOW_S: Final = 3.0
 WINDOW_CELL_M: Final = 0.3
@@ -302,11 +304,16 @@ def _session_surface(placing: _Placing, blocks: list[tuple[int, slice]], cell_m:
     ring = np.arange(-REACH_M, REACH_M + 0.1, 2.0)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
     around = (path[:, None] + aside[np.hypot(*aside.T) < REACH_M + 2.0]).reshape(-1, 2)
-    surface = empty_surface(tiles_over(around, cell_m))
-    for c, part in blocks:
-        returns = placing.returns(c, part)
-        add_returns(surface, returns.xyz_m, returns.layer, returns.half, returns.trust)
-    return surface
+    tiles = tiles_over(around, cell_m)
+
+    def work(share: Sequence[tuple[int, slice]]) -> Surface:
+        surface = empty_surface(tiles)
+        for c, part in share:
+            returns = placing.returns(c, part)
+            add_returns(surface, returns.xyz_m, returns.layer, returns.half, returns.trust)
+        return surface
+
+    return joined(_in_threads(work, blocks))
 
 
 @dataclass(frozen=True)
@@ -404,7 +411,7 @@ def _windows(t_s: FloatArray, chain: Chain, length_s: float, step_s: float, thin
     return [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
 
 
-def _in_threads(work: Callable[..., object], items: list[tuple[int, slice]]) -> list:  # type: ignore[type-arg]
+def _in_threads(work: Callable[[Sequence[tuple[int, slice]]], Found], items: list[tuple[int, slice]]) -> list[Found]:
     """`work` on even shares of the items, each in a thread; the kernels release the interpreter's lock."""
     cuts = np.linspace(0, len(items), THREADS + 1).astype(int)
     shares = [items[a:b] for a, b in pairwise(cuts.tolist()) if b > a]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,20 +89,26 @@ def position_trust(misfit: FloatArray) -> FloatArray:
 
 def _add_ground(equations: NormalEquations, knots: Knots, sums: Sums, right: FloatArray) -> None:
     """A slice's pose is the mean of those of its two knots."""
-    k = knots.linked * SIZE
-    entry = 0
-    for a in range(6):
-        for b in range(a, 6):
-            quarter = 0.25 * sums.normal[knots.linked, entry]
-            entry += 1
-            for i, j in ((a, b), (SIZE + a, SIZE + b), (SIZE + a, b)):
-                low, high = min(i, j), max(i, j)
-                equations.band[high - low, k + low] += quarter
-            if a != b:
-                equations.band[SIZE + b - a, k + a] += quarter
-        half = 0.5 * right[knots.linked, a]
-        equations.right[k + a] += half
-        equations.right[k + SIZE + a] += half
+    _add_slices(equations.band, equations.right, knots.linked, sums.normal, np.ascontiguousarray(right))
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_slices(band, right, linked, normal, slice_right):  # type: ignore[no-untyped-def]
+    for k in linked:
+        first = k * SIZE
+        entry = 0
+        for a in range(6):
+            half = 0.5 * slice_right[k, a]
+            right[first + a] += half
+            right[first + SIZE + a] += half
+            for b in range(a, 6):
+                quarter = 0.25 * normal[k, entry]
+                entry += 1
+                band[b - a, first + a] += quarter
+                band[b - a, first + SIZE + a] += quarter
+                band[SIZE + a - b, first + b] += quarter
+                if a != b:
+                    band[SIZE + b - a, first + a] += quarter
 
 
 def _add_positions(

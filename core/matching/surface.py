@@ -7,6 +7,7 @@ either half of the scans are matched to the other half's surface, so that no ret
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -163,6 +164,16 @@ def add_returns(
     _add(
         xyz_m, layer, half, trust, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
     )
+
+
+def joined(parts: Sequence[Surface]) -> Surface:
+    """One surface of the returns of several on the same tiles."""
+    whole = parts[0]
+    for part in parts[1:]:
+        whole.weight[...] += part.weight
+        share = np.divide(part.weight, whole.weight, out=np.zeros_like(part.weight), where=whole.weight > 0)
+        whole.height_m[...] += share * (part.height_m - whole.height_m)
+    return whole
 
 
 @numba.njit(cache=True, nogil=True)
