@@ -100,8 +100,10 @@ def passage_of(
         half_width_m: half the width of the ground that changes.
         cell_m: size of the cells.
     """
-    reach = (half_width_m + cell_m) * left_en
-    tiles = tiles_over(np.concatenate([tool_en_m - reach, tool_en_m, tool_en_m + reach]), cell_m)
+    reach_m = half_width_m + cell_m
+    steps = int(np.ceil(reach_m / (TILE * cell_m)))
+    across = reach_m * np.linspace(-1.0, 1.0, 2 * steps + 1)
+    tiles = tiles_over(np.concatenate([tool_en_m + offset * left_en for offset in across]), cell_m)
     first = np.full((tiles.count, TILE, TILE), np.inf)
     last = np.full((tiles.count, TILE, TILE), -np.inf)
     _sweep(

@@ -158,5 +158,17 @@ def test_soil_is_old_before_the_first_pass_and_new_after_the_last(
     assert min(judged.values()) > 40
 
 
+@pytest.mark.parametrize("half_width_m", [0.5, 3.0, 6.0, 9.0])
+def test_a_wide_line_passes_all_the_ground_under_it(half_width_m: float) -> None:
+    t = np.arange(0, 20, 0.05)
+    left = np.tile([-np.sin(0.5), np.cos(0.5)], (len(t), 1))
+    middle = t[:, None] * [np.cos(0.5), np.sin(0.5)]
+    passage = passage_of(t, middle, left, half_width_m, 0.1)
+    random = np.random.default_rng(8)
+    along, aside = random.uniform(2, 17, 2000), random.uniform(-half_width_m + 0.1, half_width_m - 0.1, 2000)
+    en = along[:, None] * [np.cos(0.5), np.sin(0.5)] + aside[:, None] * left[:1]
+    assert (layers(np.full(2000, 30.0), en, passage, 0.3) == 1).all()
+
+
 def test_without_a_tool_all_soil_is_old() -> None:
     assert not layers(np.arange(5.0), np.zeros((5, 2)), None, 0.3).any()
