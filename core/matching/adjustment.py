@@ -67,6 +67,8 @@ TOOL_MARGIN_M: Final = 0.15
 TOOL_CELL_M: Final = 0.1
 THREADS: Final = 2
 DAMPINGS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Shares of what holds an unknown, or of LEAST_HOLD (per square metre or radian) where that is more."""
+LEAST_HOLD: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,14 +96,14 @@ class Problem:
         knots: whose poses are sought.
         origin_m: (3,) local origin.
         state: the poses as they are now.
-        trust: (n,) uint8 weights of the returns in the surface.
+        trust: (n,) uint8 weights of the returns in the surface, 255 for a whole one; set by rounds that match them all.
         position_trust: (m,) weights of the positions.
-        relief: what the surface's slopes are worth.
-        mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
         sensor_m: (3,) the sensor in the vehicle frame.
-        stance: how the vehicle stands on the ground after all that.
-        sums: of the last measurement.
-        last: the last equations, for the sigmas.
+        mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
+        stance: how the vehicle stands on the ground at the end; None before.
+        relief: what the surface's slopes are worth.
+        sums: of the last step; None before the first.
+        last: the last equations, for the sigmas; None before those of the whole session.
     """
 
     returns: GroundReturns
@@ -361,6 +363,7 @@ class _Placing:
             self.turn,
         )
         layer = layers(t, xyz, self.passage, GUARD_S)
+        # Of all returns a view, in which :func:`agree` leaves their weights for the next surface; else a copy.
         trust = np.ascontiguousarray(self.problem.trust[part])
         return _Placed(t, xyz, layer, np.array(source.half[part]), trust)
 
@@ -433,10 +436,15 @@ def _hold(problem: Problem, sums: Sums, right: FloatArray) -> Held:
 
 
 def _solved(equations: NormalEquations) -> FloatArray:
-    """The solution, damped as little as it takes (Levenberg 1944) where a chain has no positions to hold it."""
+    """The solution, damped as little as it takes (Levenberg 1944) where a chain has no positions to hold it.
+
+    Raises:
+        LinAlgError: if no damping makes the equations definite.
+    """
     diagonal = equations.band[0].copy()
     for damping in (0.0, *DAMPINGS):
-        equations.band[0] = diagonal * (1.0 + damping)
+        # Of a chain of two or three knots some unknowns have no equation at all, and nothing to take a share of.
+        equations.band[0] = diagonal + damping * np.maximum(diagonal, LEAST_HOLD)
         try:
             return equations.solve().values
         except np.linalg.LinAlgError:

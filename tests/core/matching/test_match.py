@@ -119,3 +119,28 @@ def test_too_few_returns_are_not_matched(straight: Recording) -> None:
     few = GroundReturns(np.zeros(10), np.zeros((10, 3), np.float32), np.zeros(10, np.uint8), np.zeros((80, 80), bool))
     lever, mounting = (0.0, 0.0, 0.0), straight.session.lidar.mounting
     assert match(few, located.trajectory, located.antenna, lever, mounting, None, lambda share: None) is None
+
+
+def test_a_stray_return_long_after_all_others_does_no_harm(straight: Recording) -> None:
+    located, session = straight.located, straight.session
+    assert located.antenna is not None
+    assert session.antenna is not None
+    whole = ground_returns(straight.scans(), session.lidar.mounting, 0.0, located.trajectory)
+    part = slice(0, int(np.searchsorted(whole.t_s, whole.t_s[0] + 3.0)))
+    stray_s = located.trajectory.span_s[1] + 20.0
+    few = GroundReturns(whole.t_s[part], whole.xyz_m[part], whole.half[part], whole.body)
+    more = GroundReturns(
+        np.append(few.t_s, stray_s),
+        np.concatenate([few.xyz_m, few.xyz_m[:1]]),
+        np.append(few.half, few.half[:1]),
+        whole.body,
+    )
+    arguments = located.trajectory, located.antenna, session.antenna.xyz_m, session.lidar.mounting, None
+    without, found = (match(returns, *arguments, lambda share: None) for returns in (few, more))
+    assert without is not None
+    assert found is not None
+    near = len(without.trajectory)
+    assert (found.trajectory.t_s[near:] > stray_s - 1.0).all()
+    assert found.trajectory.sigma[near:, :2].min() > 1.0
+    assert np.abs(found.trajectory.xyz_m[:near] - without.trajectory.xyz_m).max() < 0.001
+    np.testing.assert_allclose(found.trajectory.sigma[:near], without.trajectory.sigma, rtol=0.02)
