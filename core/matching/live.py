@@ -20,7 +20,7 @@ from furrowmap.core.matching.agreement import CoarseGrid, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.equations import hold, position_trust
 from furrowmap.core.matching.knots import PAUSE_S, STEP_S, Chain, Knots, State, place, start_from, turns
-from furrowmap.core.matching.returns import BODY_SHARE, LEARN_SCANS, PIXEL_M, PIXELS, ground_height_m, grown, select
+from furrowmap.core.matching.returns import BODY_SHARE, LEARN_SCANS, PIXELS, ground_height_m, grown, on_body, select
 from furrowmap.core.matching.rolling_base import RollingBase
 from furrowmap.core.matching.sliding import (
     Alignment,
@@ -457,10 +457,7 @@ class _Ground:
         self._scans += 1
         self._moving += moves
         self._stride = max(1, round(candidates / (RATE_HZ * max(float(t_s[-1] - t_s[0]), 1e-3))))
-        pixel = np.floor(xyz[:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
-        inside = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
-        column, row = np.clip(pixel, 0, PIXELS - 1).T
-        kept = ~(inside & self._body[row, column])
+        kept = ~on_body(xyz, self._body)
         t, n = t_s[index[kept]], int(kept.sum())
         return _Returns(t, xyz[kept], np.full(n, self._scans % 2, np.uint8), np.full(n, 255, np.uint8))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Final
@@ -89,41 +90,41 @@ def ground_returns(
     begin_s, end_s = trajectory.span_s[0] - BEYOND_S, trajectory.span_s[1] + BEYOND_S
     total = count = number = 0
     stride, last_s = 1, -np.inf
-    scratch = tempfile.TemporaryFile(prefix="furrowmap-")  # noqa: SIM115 (lives as long as the arrays on it)
     scans = iter(scans)
     first = list(islice(scans, LEARN_SCANS))
     ground_m = ground_height_m(first, rotation, lever)
-    for scan in chain(first, scans):
-        if on_scan is not None:
-            on_scan(scan)
-        if not len(scan):
-            continue
-        t_s = scan.t_s - lidar_minus_gnss_s
-        if t_s[0] < begin_s or t_s[-1] > end_s:
-            continue
-        moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
-        kept, candidates = select(
-            np.ascontiguousarray(scan.xyz_m, np.float32),
-            np.ascontiguousarray(scan.column, np.uint16),
-            rotation,
-            lever,
-            ground_m,
-            stride,
-            seen if moves else idle,
-        )
-        count += moves
-        number += 1
-        duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
-        last_s = float(t_s[-1])
-        stride = max(1, round(candidates / (RATE_HZ * duration_s)))
-        record = np.empty(len(kept[0]), _RECORD)
-        record["t_s"] = t_s[kept[0]]
-        record["xyz_m"] = kept[1]
-        record["half"] = number % 2
-        scratch.write(record.tobytes())
-        total += len(record)
-    scratch.flush()
-    stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
+    with tempfile.TemporaryFile(prefix="furrowmap-") as scratch:
+        for scan in chain(first, scans):
+            if on_scan is not None:
+                on_scan(scan)
+            if not len(scan):
+                continue
+            t_s = scan.t_s - lidar_minus_gnss_s
+            if t_s[0] < begin_s or t_s[-1] > end_s:
+                continue
+            moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
+            kept, candidates = select(
+                np.ascontiguousarray(scan.xyz_m, np.float32),
+                np.ascontiguousarray(scan.column, np.uint16),
+                rotation,
+                lever,
+                ground_m,
+                stride,
+                seen if moves else idle,
+            )
+            count += moves
+            number += 1
+            duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
+            last_s = float(t_s[-1])
+            stride = max(1, round(candidates / (RATE_HZ * duration_s)))
+            record = np.empty(len(kept[0]), _RECORD)
+            record["t_s"] = t_s[kept[0]]
+            record["xyz_m"] = kept[1]
+            record["half"] = number % 2
+            scratch.write(record.tobytes())
+            total += len(record)
+        scratch.flush()
+        stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
     body = grown(seen >= max(1.0, BODY_SHARE * count))
     return _without_body(stored, body)
 
@@ -131,7 +132,8 @@ def ground_returns(
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
     """Where the ground lies in the vehicle frame: at 0, unless the session does not know the mounting's height.
 
-    The lowest height at which a good part of the returns near the vehicle lie, a tenth of the most common one's.
+    The lowest height at which a good part of the returns near the vehicle lie: three tenths as many as at the most
+    common one.
     """
     heights = [np.zeros(0)]
     for scan in scans:
@@ -139,9 +141,9 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
         distance = np.hypot(v[:, 0], v[:, 1])
         heights.append(v[(distance > NEAR_M[0]) & (distance < NEAR_M[1]), 2])
     z = np.concatenate(heights)
-    if not len(z):
-        return 0.0
     counts, edges = np.histogram(z, np.arange(-4.0, 4.0 + HEIGHT_BIN_M, HEIGHT_BIN_M))
+    if not counts.any():
+        return 0.0
     found = np.flatnonzero(counts >= 0.3 * counts.max())[0]
     height = float(np.median(z[(z >= edges[found] - HEIGHT_BIN_M) & (z < edges[found + 1] + HEIGHT_BIN_M)]))
     return height if abs(height) > HEIGHT_TRUSTED_M else 0.0
@@ -154,29 +156,37 @@ def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundRe
     """The stored returns off the body, each field an array on a scratch file of its own."""
     step = 1 << 20
     names = ("t_s", "xyz_m", "half")
-    files = {name: tempfile.TemporaryFile(prefix="furrowmap-") for name in names}  # noqa: SIM115 (as above)
     total = 0
-    for begin in range(0, len(stored), step):
-        part = np.asarray(stored[begin : begin + step])
-        pixel = np.floor(part["xyz_m"][:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
-        inside = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
-        column, row = np.clip(pixel, 0, PIXELS - 1).T
-        part = part[~(inside & body[row, column])]
-        # Packets may come a little out of order; what follows relies on time.
-        part = part[np.argsort(part["t_s"], kind="stable")]
-        total += len(part)
-        for name in names:
-            files[name].write(np.ascontiguousarray(part[name]).tobytes())
-    if not total:
-        return GroundReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), body)
-    for file in files.values():
-        file.flush()
-    return GroundReturns(
-        np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
-        np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
-        np.memmap(files["half"], np.uint8, "r", shape=(total,)),
-        body,
-    )
+    with ExitStack() as stack:
+        files = {name: stack.enter_context(tempfile.TemporaryFile(prefix="furrowmap-")) for name in names}
+        for begin in range(0, len(stored), step):
+            part = np.asarray(stored[begin : begin + step])
+            part = part[~on_body(part["xyz_m"], body)]
+            # Packets may come a little out of order; what follows relies on time.
+            part = part[np.argsort(part["t_s"], kind="stable")]
+            total += len(part)
+            for name in names:
+                files[name].write(np.ascontiguousarray(part[name]).tobytes())
+        if not total:
+            return GroundReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), body)
+        for file in files.values():
+            file.flush()
+        # The mappings outlive the files, which have no name and go with them.
+        return GroundReturns(
+            np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
+            np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
+            np.memmap(files["half"], np.uint8, "r", shape=(total,)),
+            body,
+        )
+
+
+def on_body(xyz_m: NDArray[np.float32], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which returns (n, 3) in the vehicle frame lie above the footprint."""
+    pixel = np.floor(xyz_m[:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
+    inside: NDArray[np.bool_] = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
+    column, row = np.clip(pixel, 0, PIXELS - 1).T
+    above: NDArray[np.bool_] = inside & body[row, column]
+    return above
 
 
 def grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:

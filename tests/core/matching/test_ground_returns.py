@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from furrowmap.core.matching.returns import (
     RATE_HZ,
     REACH_M,
     GroundReturns,
+    ground_height_m,
     ground_returns,
 )
 from furrowmap.core.values.trajectory import Motion
@@ -100,3 +103,13 @@ def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
     assert len(found) > 10_000
     nothing = ground_returns([], straight.session.lidar.mounting, 0.0, start)
     assert len(nothing) == 0
+
+
+@pytest.mark.parametrize(("shift_m", "expected_m"), [(0.0, 0.0), (-1.5, -1.5), (9.0, 0.0)])
+def test_the_ground_s_height_is_learned_where_it_can_be(straight: Recording, shift_m: float, expected_m: float) -> None:
+    mounting, scans = straight.session.lidar.mounting, list(islice(straight.scans(), 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = ground_height_m(scans, mounting.rotation, np.add(mounting.xyz_m, [0.0, 0.0, shift_m]))
+    assert found == pytest.approx(expected_m, abs=0.1)
+    assert ground_height_m([], mounting.rotation, np.zeros(3)) == 0.0
