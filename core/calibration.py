@@ -125,13 +125,13 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
 
 def _with_value(text: str, table: str, key: str, value: str) -> str:
     """The text of a TOML file with a key of a table set; a table or key that is not there is added."""
-    head = re.search(rf"^\[{table}\][^\n]*\n?", text, re.MULTILINE)
+    head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
     if head is None:
         return f"{text.rstrip()}\n\n[{table}]\n{key} = {value}\n"
-    after = re.search(r"^\[", text[head.end() :], re.MULTILINE)
+    after = re.search(r"^[ \t]*\[+[ \t]*[A-Za-z]", text[head.end() :], re.MULTILINE)
     end = head.end() + after.start() if after is not None else len(text)
     body = text[head.end() : end]
-    line = re.compile(rf"^({key}\s*=\s*)(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$", re.MULTILINE)
+    line = re.compile(rf"^([ \t]*{key}\s*=\s*)(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$", re.MULTILINE)
     if line.search(body):
         body = line.sub(lambda found: found.group(1) + value + found.group(3), body, count=1)
     else:

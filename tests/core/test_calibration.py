@@ -55,6 +55,13 @@ def test_a_key_that_is_not_there_is_added_to_its_table(without: str) -> None:
     assert session["implement"] == {"width_m": 2.0}
 
 
+def test_indented_tables_and_keys_are_found() -> None:
+    indented = "".join(f"  {line}" if line.strip() else line for line in SESSION.splitlines(keepends=True))
+    session = tomllib.loads(calibrated_text(indented, found(turned=True, late=True)))
+    assert session["lidar"]["rpy_deg"] == [0.5, 39.5, 180.25]
+    assert session["recording"]["lidar_minus_gnss_s"] == 0.25
+
+
 def test_a_mounting_comes_back_from_its_rotation() -> None:
     mounting = Mounting((0.1, 0.2, 0.3), (3.0, 40.0, 170.0))
     again = Mounting.from_rotation(mounting.xyz_m, mounting.rotation)
