@@ -34,7 +34,7 @@ UPPER: Final = 21
 """Entries of a symmetric 6 × 6 matrix."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Relief:
     """What the two halves of the scans say about slopes of the surface, by the square.
 
@@ -58,7 +58,8 @@ class Sums:
         right: (n, 6) right-hand sides against the other half's surface.
         right_all: (n, 6) the same against the surface of both halves.
         count: (n,) returns that took part.
-        tally: 0–4 sums for :class:`Relief`; 5 and 6 count and sum of squared residuals.
+        tally: (7,) 0 to 3 sums for :class:`Relief`; 5 and 6 count and sum of squared residuals (m²), none counted for
+            more than HUBER standard deviations; 4 is free.
     """
 
     normal: FloatArray
@@ -104,9 +105,9 @@ class Patches:
         place: (m, 3) int64 column, row and layer of the patch.
         interval: (m,) int64 index of the coarse knot before.
         early: (m, 21) Σ w (1 − s) g gᵀ, with s the share of the way to the next coarse knot and g = (n, p × n) about
-            the patch's centre.
+            the patch's centre at the local origin's height; upper triangles, row by row.
         late: (m, 21) Σ w s g gᵀ.
-        right: (m, 6) −Σ w g r.
+        right: (m, 6) −Σ w g r, with r against the surface of both halves.
     """
 
     place: NDArray[np.int64]
@@ -152,14 +153,17 @@ def agree(
         t_s: (n,) times, increasing.
         xyz_m: (n, 3) placed, against the local origin.
         layer: (n,) see :func:`~furrowmap.core.matching.surface.layers`.
-        half: (n,).
-        trust: (n,) is set: weight in the next surface, 255 for a whole return.
+        half: (n,) 0 or 1.
+        trust: (n,) uint8, is set: weight in the next surface, 255 for a whole return.
         surface: of these and other returns.
         position_m: (knots, 3) positions at all knots.
         relief: reliability of slopes.
         share: factor on all weights.
         sums: are added to.
         coarse: knots and patches of the coarse unknowns.
+
+    Returns:
+        Sums by patch; empty where `coarse` wants none.
     """
     tiles = surface.tiles
     place, interval, early, late, right = _agree(

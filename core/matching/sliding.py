@@ -52,7 +52,7 @@ class Alignment:
 
     @property
     def yaw_rad(self) -> float:
-        """By how much the map is turned against the local frame."""
+        """By how much the local frame is turned in the map, counter-clockwise."""
         return float(np.arctan2(self.rotation[1, 0], self.rotation[0, 0]))
 
     def to_map(self, local_m: FloatArray) -> FloatArray:
