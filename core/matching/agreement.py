@@ -46,6 +46,14 @@ class Relief:
     variance: float = 0.005
     noise: float = 1.0
 
+    @classmethod
+    def of(cls, tally: FloatArray) -> Relief:
+        """What a tally says, see :class:`Sums`; the usual where it counts nothing."""
+        products, squares, count, expected = tally[:4]
+        if count == 0:
+            return cls()
+        return cls(max(products / count, 1e-5), max((squares - products) / expected, 0.3))
+
 
 @dataclass(frozen=True)
 class Sums:
@@ -91,10 +99,7 @@ class Sums:
 
     def relief(self) -> Relief:
         """What these sums say about the relief."""
-        products, squares, count, expected = self.tally[:4]
-        if count == 0:
-            return Relief()
-        return Relief(max(products / count, 1e-5), max((squares - products) / expected, 0.3))
+        return Relief.of(self.tally)
 
 
 @dataclass(frozen=True)

@@ -39,11 +39,7 @@ def sigmas(
         centre_m: see :meth:`CoarseKnots.centres`.
         together: equations of the coarse knots with the ground free.
     """
-    size = together.band.shape[1]
-    dense = np.zeros((size, size))
-    for offset, diagonal in enumerate(together.band):
-        index = np.arange(size - offset)
-        dense[index + offset, index] = dense[index, index + offset] = diagonal[: size - offset]
+    dense = together.dense()
     scale = 1.0 / np.sqrt(np.diag(dense))
     slow = np.linalg.inv(dense * scale[:, None] * scale) * scale[:, None] * scale
     quick = held.equations.solve().sigma().reshape(-1, SIZE)[:, :6] ** 2

@@ -270,7 +270,7 @@ class _Window:
             CoarseGrid(0, 0, 1.0),
         )
         self._tally = RELIEF_KEPT * self._tally + self._sums.tally
-        self._relief = Sums(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.int64), self._tally).relief()
+        self._relief = Relief.of(self._tally)
         near = self._near(positions)
         trust = np.array([self._trust.get(t, 1.0) for t in near.t_s.tolist()])
         held = hold(knots, state, self._sums, self._sums.right, near, self._origin_m, self._lever_m, trust)

@@ -206,6 +206,9 @@ class Bordered:
 
         Returns:
             (step of the knots, twist (6,), (p, p) covariance of the quantities).
+
+        Raises:
+            LinAlgError: if the knots' equations are not positive definite.
         """
         factor = scipy.linalg.cholesky_banded(self.knots.band, lower=True)
         sides = np.column_stack([self.border, self.knots.right, of_knots])
@@ -221,10 +224,8 @@ class Bordered:
         """The whole normal matrix, twist last, and right-hand side."""
         n = len(self.border)
         out = np.zeros((n + 6, n + 6))
-        for offset, diagonal in enumerate(self.knots.band[:n]):
-            index = np.arange(n - offset)
-            out[index + offset, index] = out[index, index + offset] = diagonal[: n - offset]
-        out[:n, n:], out[n:, :n], out[n:, n:] = self.border, self.border.T, self.corner
+        out[:n, :n], out[n:, n:] = self.knots.dense(), self.corner
+        out[:n, n:], out[n:, :n] = self.border, self.border.T
         return out, np.concatenate([self.knots.right, self.right])
 
 

@@ -37,8 +37,21 @@ class NormalEquations:
         right = np.ascontiguousarray(residual / sigma)
         _add(self.band, self.right, np.ascontiguousarray(first, np.int64), scaled, right)
 
+    def dense(self) -> FloatArray:
+        """(n, n) the whole of N."""
+        n = len(self.right)
+        out = np.zeros((n, n))
+        for offset, diagonal in enumerate(self.band[:n]):
+            index = np.arange(n - offset)
+            out[index + offset, index] = out[index, index + offset] = diagonal[: n - offset]
+        return out
+
     def solve(self) -> Solution:
-        """The solution, which also knows how well it is known."""
+        """The solution, which also knows how well it is known.
+
+        Raises:
+            LinAlgError: if N is not positive definite.
+        """
         factor = scipy.linalg.cholesky_banded(self.band, lower=True)
         return Solution(scipy.linalg.cho_solve_banded((factor, True), self.right), factor)
 
