@@ -233,10 +233,13 @@ def _agree(  # type: ignore[no-untyped-def]
 ):
     n = len(t_s)
     rows, columns = number.shape
-    patch_west = int(np.floor(west * TILE * cell_m / patch_m)) - 1
-    patch_south = int(np.floor(south * TILE * cell_m / patch_m)) - 1
-    patch_columns = int(np.ceil(columns * TILE * cell_m / patch_m)) + 3
-    patch_rows = int(np.ceil(rows * TILE * cell_m / patch_m)) + 3
+    # Only these returns' own extent: that of the whole surface grows with the way to the field.
+    patch_west = patch_south = patch_columns = patch_rows = 0
+    if every > 0 and n > 0:
+        patch_west = int(np.floor(xyz_m[:, 0].min() / patch_m))
+        patch_south = int(np.floor(xyz_m[:, 1].min() / patch_m))
+        patch_columns = int(np.floor(xyz_m[:, 0].max() / patch_m)) - patch_west + 1
+        patch_rows = int(np.floor(xyz_m[:, 1].max() / patch_m)) - patch_south + 1
     slot = np.full((2, patch_rows, patch_columns), -1, np.int64)
     room = 1024
     out_place = np.empty((room, 3), np.int64)
