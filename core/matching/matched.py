@@ -28,8 +28,6 @@ FloatArray = NDArray[np.float64]
 
 LEAST_RETURNS: Final = 20_000
 """With fewer returns of the ground in the whole recording there is nothing to match."""
-BLIND_S: Final = 1.0
-"""Without returns of the ground for longer, poses rest on GNSS alone."""
 HEIGHT_TOLD_M: Final = 0.05
 CLOCK_CERTAIN: Final = 4.0
 CLOCK_TOLD_S: Final = 0.01
