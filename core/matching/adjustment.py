@@ -48,7 +48,7 @@ WINDOW_THIN: Final = 4
 WINDOW_ROUNDS: Final = (3, 14)
 """At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
 TURNED: Final = np.radians(0.4)
-SESSION_ROUNDS: Final = ((0.15, 2), (0.1, 1), (0.1, 1))
+SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
 COARSE_EVERY: Final = 40
 """Knots from one coarse knot to the next: a second."""
