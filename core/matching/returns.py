@@ -163,7 +163,8 @@ def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundRe
             part = np.asarray(stored[begin : begin + step])
             part = part[~on_body(part["xyz_m"], body)]
             # Packets may come a little out of order; what follows relies on time.
-            part = part[np.argsort(part["t_s"], kind="stable")]
+            if np.any(np.diff(part["t_s"]) < 0):
+                part = part[np.argsort(part["t_s"], kind="stable")]
             total += len(part)
             for name in names:
                 files[name].write(np.ascontiguousarray(part[name]).tobytes())
