@@ -246,11 +246,7 @@ def _window_step(problem: Problem, *, together: bool) -> float:
         return sums, freed
 
     found = _in_threads(work, windows)
-    sums = found[0][0]
-    for other, _ in found[1:]:
-        sums = sums.plus(other)
-    problem.sums, problem.relief = sums, sums.relief()
-    held = _hold(problem, sums, sums.right_all if together else sums.right)
+    held = _hold(problem, [sums for sums, _ in found], together=together)
     if coarse is None:
         return _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
@@ -274,11 +270,7 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
         return sums, patches
 
     found = _in_threads(work, blocks)
-    sums = found[0][0]
-    for other, _ in found[1:]:
-        sums = sums.plus(other)
-    problem.sums, problem.relief = sums, sums.relief()
-    held = _hold(problem, sums, sums.right_all if together else sums.right)
+    held = _hold(problem, [sums for sums, _ in found], together=together)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
@@ -422,12 +414,17 @@ def _in_threads(work: Callable[[Sequence[tuple[int, slice]]], Found], items: lis
         return list(pool.map(work, shares))
 
 
-def _hold(problem: Problem, sums: Sums, right: FloatArray) -> Held:
+def _hold(problem: Problem, parts: Sequence[Sums], *, together: bool) -> Held:
+    """The equations of all knots from what the threads have summed up, which the problem keeps."""
+    sums = parts[0]
+    for other in parts[1:]:
+        sums = sums.plus(other)
+    problem.sums, problem.relief = sums, sums.relief()
     return hold(
         problem.knots,
         problem.state,
         sums,
-        right,
+        sums.right_all if together else sums.right,
         problem.positions,
         problem.origin_m,
         problem.lever_m,
