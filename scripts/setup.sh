@@ -21,4 +21,4 @@ fi
 # An environment whose interpreter is gone (or whose checkout was moved) is made anew.
 "$venv/bin/python" -c '' 2>/dev/null && "$venv/bin/pip" --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 "$venv/bin/python" -m pip install -qq --constraint constraints.txt --upgrade pip
-"$venv/bin/python" -m pip install -qq --constraint constraints.txt --build-constraint constraints.txt --editable . --group dev
+"$venv/bin/python" -m pip install -qq --constraint constraints.txt --build-constraint constraints.txt --editable ".[csf,parquet,postgis]" --group dev

@@ -28,6 +28,7 @@ CLOUD = [*TRAJECTORY, "furrowmap.core.cloud"]
 MATCHING = [*TRAJECTORY, "furrowmap.core.matching"]
 IMPLEMENT = [*CLOUD, "furrowmap.core.implement"]
 WORK = [*IMPLEMENT, "furrowmap.core.work"]
+SURFACES = [*CLOUD, "furrowmap.core.surfaces"]
 MAY_IMPORT = {
     "furrowmap.core.values": VALUES,
     "furrowmap.core.readers": READERS,
@@ -36,6 +37,7 @@ MAY_IMPORT = {
     "furrowmap.core.cloud": CLOUD,
     "furrowmap.core.implement": IMPLEMENT,
     "furrowmap.core.work": WORK,
+    "furrowmap.core.surfaces": SURFACES,
     # The oracle of the tests shares no code with what it judges.
     "furrowmap.core.simulator": [
         "furrowmap.core.simulator",
@@ -43,7 +45,12 @@ MAY_IMPORT = {
         "furrowmap.core.values.progress",
     ],
     # What composes the others stands directly in core; nobody there composes the simulator.
-    "furrowmap.core": [*MATCHING, *WORK, *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py"))],
+    "furrowmap.core": [
+        *MATCHING,
+        *WORK,
+        *SURFACES,
+        *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py")),
+    ],
     "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],
     "furrowmap.cli": ["furrowmap.core", "furrowmap.exporters", "furrowmap.cli"],
 }

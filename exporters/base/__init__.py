@@ -1,0 +1,1 @@
+"""The farm base map: many sessions in one GeoPackage or PostGIS database."""

@@ -1,0 +1,1 @@
+"""The formats other programs take: vector files, task data, catalogues."""
