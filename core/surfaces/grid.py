@@ -117,8 +117,8 @@ class Grid:
 
     def centres_m(self) -> tuple[FloatArray, FloatArray]:
         """Easting (columns,) and northing (rows,) of the cells' centres, north first."""
-        easting = (self.west + 0.5 + np.arange(self.columns)) * self.cell_m
-        northing = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
+        easting: FloatArray = (self.west + 0.5 + np.arange(self.columns)) * self.cell_m
+        northing: FloatArray = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
         return easting, northing
 
     def window_in(self, other: Grid) -> tuple[slice, slice]:
@@ -158,7 +158,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         bands = [self.height_m, self.count, self.spread_m, self.standard_error_m]
-        if any(band.shape != self.grid.shape for band in bands if band is not None):
+        if any(band.shape != self.grid.shape for band in bands):
             raise ValueError(f"Bands of other shapes than {self.grid.shape}.")
 
     @property
