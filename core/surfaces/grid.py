@@ -117,9 +117,9 @@ class Grid:
 
     def centres_m(self) -> tuple[FloatArray, FloatArray]:
         """Easting (columns,) and northing (rows,) of the cells' centres, north first."""
-        easting: FloatArray = (self.west + 0.5 + np.arange(self.columns)) * self.cell_m
-        northing: FloatArray = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
-        return easting, northing
+        easting = (self.west + 0.5 + np.arange(self.columns)) * self.cell_m
+        northing = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
+        return easting.astype(np.float64), northing.astype(np.float64)
 
     def window_in(self, other: Grid) -> tuple[slice, slice]:
         """Rows and columns of `other`, which has the same cells and covers this grid, that this grid takes.
