@@ -38,8 +38,6 @@ FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
 PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
-OTHER: Final = 1
-"""LAS class of points that nobody has classified yet."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
 PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION)
@@ -116,7 +114,7 @@ class _Cloud:
                 intensity=scan.intensity,
                 return_number=scan.return_number,
                 returns=scan.returns,
-                classification=OTHER,
+                classification=placed.classification,
                 extra={"scan": scan.number},
             )
         )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.trajectory import Motion, Trajectory
@@ -28,11 +29,20 @@ class PlacedScan:
         scan: the points as measured.
         xyz_m: (n, 3) float64 easting, northing, height less the placer's local origin.
         t_s: (n,) UTC by the trajectory's clock.
+        classification: (n,) uint8, :class:`~furrowmap.core.values.point_classes.PointClass` as far as the scan alone
+            shows it: the machine, noise, and all else "other".
     """
 
     scan: Scan
     xyz_m: NDArray[np.float64]
     t_s: NDArray[np.float64]
+    classification: NDArray[np.uint8]
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """(n,) which points may lie on the land: neither of the machine nor noise."""
+        kept: NDArray[np.bool_] = self.classification == PointClass.OTHER
+        return kept
 
 
 @dataclass(frozen=True)
@@ -68,7 +78,19 @@ class Tally:
     poses: ScanPoses
 
 
-def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: Callable[[PlacedScan], None]) -> Tally:
+def unclassified(scan: Scan) -> NDArray[np.uint8]:
+    """The classes (n,) of a scan's points where nothing is known of them."""
+    return np.full(len(scan), PointClass.OTHER, np.uint8)
+
+
+def place_scans(
+    scans: Iterable[Scan],
+    placer: Placer,
+    *,
+    standing: bool,
+    sink: Callable[[PlacedScan], None],
+    classify: Callable[[Scan], NDArray[np.uint8]] = unclassified,
+) -> Tally:
     """Place every scan and hand it to `sink`, in order; nothing but the scans' poses is kept.
 
     Args:
@@ -76,6 +98,7 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
         placer: trajectory, mounting and clocks.
         standing: whether scans taken at a stand go to `sink`.
         sink: takes the points of each scan that has any.
+        classify: gives the classes of a scan's points.
 
     Raises:
         InputError: if time runs back from one scan to the next.
@@ -96,6 +119,7 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
         first_s = first_s if np.isfinite(first_s) else float(t_s[0])
         last_s = float(t_s[-1])
         xyz, known = placer.place(scan)
+        classification = classify(scan)
         count = int(np.count_nonzero(known))
         points_lost += len(scan) - count
         if count < len(scan):
@@ -104,7 +128,7 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
             without_pose += 1
             continue
         if count < len(scan):
-            scan, xyz, t_s = _part(scan, known), xyz[known], t_s[known]
+            scan, xyz, t_s, classification = _part(scan, known), xyz[known], t_s[known], classification[known]
         middle_s = _middle_s(t_s, placer.trajectory)
         number.append(scan.number)
         t_mid.append(middle_s)
@@ -114,7 +138,7 @@ def place_scans(scans: Iterable[Scan], placer: Placer, *, standing: bool, sink: 
             placed_points.append(0)
             continue
         placed_points.append(count)
-        sink(PlacedScan(scan, xyz, t_s))
+        sink(PlacedScan(scan, xyz, t_s, classification))
     return Tally(
         scans=total,
         scans_whole=whole,
