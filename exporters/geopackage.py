@@ -24,7 +24,7 @@ _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
 INDEXED_FROM: Final = 1000
 """Fewer features are found as fast without a spatial index, which takes more room than they do."""
-_GEOMETRY: Final = "geom"
+GEOMETRY: Final = "geom"
 _NOTHING: Final = FieldWork()
 
 
@@ -43,52 +43,79 @@ def write_field(path: Path, poses: ScanPoses, crs: CRS, work: FieldWork = _NOTHI
     layers = field_layers(poses, work)
     with atomic_output(path) as unfinished:
         for layer in layers:
-            _write(unfinished, layer, crs)
-        _write_styles(unfinished, [layer.name for layer in layers])
+            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM)
+        write_styles(unfinished, [layer.name for layer in layers])
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
-def _write(path: Path, layer: Layer, crs: CRS) -> None:
+def write_layer(path: Path, layer: Layer, crs: CRS | None, *, indexed: bool, append: bool = False) -> None:
+    """Write a layer into a GeoPackage, or its features into one that is there.
+
+    Args:
+        path: of the GeoPackage; made where it is not there.
+        layer: without a kind it is a table of attributes.
+        crs: of its coordinates.
+        indexed: whether a new layer gets a spatial index.
+        append: add to the layer of that name, which has these columns.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
     columns = layer.columns
-    times = [name for name, values in columns.items() if values.dtype.kind == "M"]
+    times = [name for name, values in columns.items() if values.dtype == "datetime64[ms]"]
     with_height = layer.kind.startswith("2.5D")
     pyogrio.raw.write(
         path,
-        shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2),
+        shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2) if layer.kind else None,
         [np.ma.getdata(values) for values in columns.values()],
         list(columns),
         field_mask=[np.ma.getmaskarray(values) if np.ma.isMA(values) else None for values in columns.values()],
         layer=layer.name,
         driver="GPKG",
-        geometry_type=layer.kind,
-        crs=crs.to_wkt(),
+        geometry_type=layer.kind or None,
+        crs=crs.to_wkt() if crs is not None and layer.kind else None,
+        append=append,
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
-        layer_options={
-            "GEOMETRY_NAME": _GEOMETRY,
-            "DESCRIPTION": layer.description,
-            "SPATIAL_INDEX": "YES" if len(layer.shapes) > INDEXED_FROM else "NO",
-        },
+        layer_options={} if append else _options(layer, indexed=indexed),
     )
 
 
-def _write_styles(path: Path, layers: Sequence[str]) -> None:
+def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
+    options = {"DESCRIPTION": layer.description}
+    if layer.kind:
+        options |= {"GEOMETRY_NAME": GEOMETRY, "SPATIAL_INDEX": "YES" if indexed else "NO"}
+    return options
+
+
+def write_styles(path: Path, layers: Sequence[str]) -> None:
     """Store each layer's style in the table where QGIS looks for it, as the one to open the layer with.
 
     Args:
         path: of the GeoPackage.
-        layers: the name of each.
+        layers: the name of each, one of those of `field.gpkg`.
     """
-    n = len(layers)
+    folder = files("furrowmap.exporters").joinpath("styles")
+    store_styles(path, {name: folder.joinpath(f"{name}.qml").read_text("utf-8") for name in layers})
+
+
+def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
+    """Store styles, each in QGIS's own form, as the ones to open their layers with.
+
+    Args:
+        path: of the GeoPackage.
+        styles: by the name of the layer.
+        append: add to the styles that are there.
+    """
+    n = len(styles)
     empty = np.full(n, "", dtype=object)
-    styles = [files("furrowmap.exporters").joinpath("styles", f"{name}.qml").read_text("utf-8") for name in layers]
-    names = np.array(list(layers), dtype=object)
+    names = np.array(list(styles), dtype=object)
     columns: dict[str, NDArray[Any]] = {
         "f_table_catalog": empty,
         "f_table_schema": empty,
         "f_table_name": names,
-        "f_geometry_column": np.full(n, _GEOMETRY, dtype=object),
+        "f_geometry_column": np.full(n, GEOMETRY, dtype=object),
         "styleName": names,
-        "styleQML": np.array(styles, dtype=object),
+        "styleQML": np.array(list(styles.values()), dtype=object),
         "styleSLD": empty,
         "useAsDefault": np.ones(n, bool),
         "description": np.full(n, "furrowmap's own", dtype=object),
@@ -103,7 +130,8 @@ def _write_styles(path: Path, layers: Sequence[str]) -> None:
         list(columns),
         layer="layer_styles",
         driver="GPKG",
-        layer_options={"FID": "id"},
+        append=append,
+        layer_options={} if append else {"FID": "id"},
         gdal_tz_offsets={"update_time": np.full(n, _UTC_OFFSET, np.int8)},
     )
 
