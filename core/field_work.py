@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.implement.heights import HeightWatch
 from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.machine import Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
@@ -23,13 +24,18 @@ from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session, resolve
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.depth import Depth, pass_depths
 from furrowmap.core.work.ground import WorkedGround, worked_ground
 from furrowmap.core.work.sweep import PassTimes, pass_numbers, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
+_NO_MACHINE = Notice(
+    "machine-not-known",
+    "Too few scans on the move, or no ground where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it: the "
+    "vehicle's own body could not be told from the land, so its points have no class of their own.",
+)
 _NO_WIDTH = Notice(
     "implement-not-stated",
     "The scanner sees an implement go up and down, but the session does not say how wide it is and where ([implement] "
@@ -94,22 +100,33 @@ class ImplementWatch:
         self._near: NearScans | None = NearScans(session.lidar.mounting)
         self._learned = Learned(None, ())
         self._heights: HeightWatch | None = None
+        self._notices: tuple[Notice, ...] = ()
 
     def look(self, scan: Scan) -> None:
         """Take note of a scan of the first reading."""
         assert self._near is not None
         self._near.add(scan)
 
-    def learn(self) -> None:
-        """Find the implement, between the two readings."""
+    def learn(self, trajectory: Trajectory) -> Machine | None:
+        """Find the implement, between the two readings; the machine of which it is part, None where that is not known.
+
+        Args:
+            trajectory: tells when the vehicle was on the move.
+        """
         assert self._near is not None
         stated, mounting = self._session.implement, self._session.lidar.mounting
         hint = Hint(stated.xy_m, stated.width_m) if stated is not None else None
         self._learned = learn_implement(self._near.scans, hint)
+        ahead_s = self._session.recording.lidar_minus_gnss_s
+        begin_s = np.array([scan.begin_s for scan in self._near.scans]) - ahead_s
+        machine = learn_machine(self._near.scans, _moving(trajectory, begin_s), mounting, self._learned.implement)
+        if machine is None:
+            self._notices = (_NO_MACHINE,)
         self._near = None
         if self._learned.implement is not None:
             depth_m = stated.working_depth_m if stated is not None else None
             self._heights = HeightWatch(mounting, self._learned.implement, depth_m)
+        return machine
 
     def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
         """The scans of the second reading, looked at on their way."""
@@ -121,7 +138,8 @@ class ImplementWatch:
 
     def work(self, trajectory: Trajectory, frame: MapFrame, boundary: BaseGeometry | None) -> FieldWork:
         """What the tool did and which ground it worked, after the second reading."""
-        seen, notices, stated = self._learned.implement, self._learned.notices, self._session.implement
+        seen, stated = self._learned.implement, self._session.implement
+        notices = (*self._learned.notices, *self._notices)
         if seen is None or self._heights is None:
             return FieldWork(boundary=boundary, notices=notices)
         depth_m = stated.working_depth_m if stated is not None else None
@@ -140,6 +158,13 @@ class ImplementWatch:
             paths=tuple(tool_paths(trajectory, history.states, stated)),
             events=tuple(events(trajectory, history.states, stated)),
         )
+
+
+def _moving(trajectory: Trajectory, t_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the vehicle was on the move at times (n,); False where that is not known."""
+    before, share, known = trajectory.interval(t_s)
+    moving: NDArray[np.bool_] = known & (trajectory.motion[before + (share > 0.5)] != Motion.STANDING)
+    return moving
 
 
 def _known(states: ToolStates) -> bool:

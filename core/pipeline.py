@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol, cast
 
 import numpy as np
 
+from furrowmap.core.classifying import classifier
 from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
@@ -132,13 +133,13 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     else:
         for scan in _watched(lidar.scans(), lidar, progress, "reading scans"):
             implement.look(scan)
-    implement.learn()
+    machine = implement.learn(located.trajectory)
     watch.lap("implement")
     lidar = open_lidar(inputs, session, near_s)
     placer = _placer(located, session)
     sink.begin(frame, placer.origin_m)
     scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
-    tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add)
+    tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add, classify=classifier(machine))
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary)

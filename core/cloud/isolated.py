@@ -1,0 +1,65 @@
+"""Returns that nothing beside them in the scan confirms: dust, insects, rain, a reflection of the sun."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.scan import Scan
+
+COLUMNS: Final = 2
+"""A neighbour is up to so many firings earlier or later, of the same laser or the next one above or below."""
+NEAR_M: Final = 0.3
+NEAR_SHARE: Final = 0.02
+"""It confirms a return if its range differs by less than NEAR_M plus this share of the range."""
+
+
+def isolated(scan: Scan) -> NDArray[np.bool_]:
+    """Which returns (n,) of a scan have no neighbour at about their range.
+
+    The scan is looked at as a range image, as in Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) clouds
+    are by their nearest points: at every range the neighbours are the next directions, however far apart they are.
+    """
+    lasers = 1 + int(scan.laser.max(initial=0))
+    columns = 1 + int(scan.column.max(initial=0))
+    alone: NDArray[np.bool_] = _alone(
+        np.ascontiguousarray(scan.xyz_m, np.float32),
+        np.ascontiguousarray(scan.laser, np.uint8),
+        np.ascontiguousarray(scan.column, np.uint16),
+        np.zeros((lasers, columns), np.float32),
+    )
+    return alone
+
+
+@numba.njit(cache=True, nogil=True)
+def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`isolated`; `image` comes empty."""
+    n = len(xyz_m)
+    lasers, columns = image.shape
+    distance = np.empty(n, np.float32)
+    out = np.empty(n, np.bool_)
+    for i in range(n):
+        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        distance[i] = np.sqrt(x * x + y * y + z * z)
+        image[laser[i], column[i]] = distance[i]
+    for i in range(n):
+        row, middle, own = int(laser[i]), int(column[i]), distance[i]
+        near = np.float32(NEAR_M) + np.float32(NEAR_SHARE) * own
+        first, last = max(middle - COLUMNS, 0), min(middle + COLUMNS, columns - 1)
+        alone = True
+        for k in range(first, last + 1):
+            if k != middle and abs(image[row, k] - own) < near:
+                alone = False
+                break
+        if alone:
+            for other in (row - 1, row + 1):
+                if 0 <= other < lasers:
+                    for k in range(first, last + 1):
+                        if abs(image[other, k] - own) < near:
+                            alone = False
+                            break
+        out[i] = alone
+    return out
