@@ -19,7 +19,7 @@ from furrowmap.cli.console import error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "calibrate", "simulate")
+VERBS: Final = ("init", "inspect", "run", "export", "calibrate", "simulate")
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")

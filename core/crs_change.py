@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from pyproj.aoi import AreaOfInterest
-from pyproj.exceptions import ProjError
+from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
-from furrowmap.core.values.errors import Notice, RefusedError
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
 
@@ -64,12 +64,16 @@ class CrsChange:
         """What a user should know of this change."""
         if self.accuracy_m is not None and self.accuracy_m <= LOOSE_M:
             return ()
-        known = "of unstated accuracy" if self.accuracy_m is None else f"accurate to {self.accuracy_m:g} m as stated"
+        known = (
+            "whose accuracy nobody states"
+            if self.accuracy_m is None
+            else f"stated to be accurate to {self.accuracy_m:g} m"
+        )
         return (
             Notice(
                 "crs-change-loose",
-                f"From {name_of(self.source)} to {name_of(self.target)} the datum changes by a step {known}: "
-                f"{self.words}. Within the source's CRS the coordinates keep theirs.",
+                f"From {name_of(self.source)} to {name_of(self.target)} the datum changes by a step {known} ("
+                f"{self.words}).",
             ),
         )
 
@@ -115,7 +119,25 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     accuracy_m = best.accuracy if best.accuracy is not None and best.accuracy >= 0 else None
     if source.geodetic_crs == target.geodetic_crs:
         accuracy_m = 0.0
-    return CrsChange(source, target, accuracy_m, best.description, best)
+    steps = [step for step in best.description.split(" + ") if not step.startswith("axis order change")]
+    return CrsChange(source, target, accuracy_m, ", then ".join(steps) or "no change", best)
+
+
+def crs_of(text: str) -> CRS:
+    """The horizontal CRS that a user names, in any form that PROJ reads.
+
+    Raises:
+        InputError: if it is none.
+    """
+    try:
+        return CRS.from_user_input(text).to_2d()
+    except CRSError as error:
+        raise InputError(
+            f"{text!r} is no CRS that PROJ knows ({error}).",
+            "Coordinates cannot be changed into it.",
+            'Write an EPSG code such as "EPSG:4326", or a WKT text.',
+            code="crs-unknown",
+        ) from None
 
 
 def name_of(crs: CRS) -> str:
@@ -131,7 +153,7 @@ def _better(accuracy_m: float, group: TransformerGroup) -> bool:
 
 
 def _area(source: CRS, bounds: tuple[float, float, float, float]) -> Any:
-    """The place in degrees; None where the CRS cannot say. (pyproj's types have two of that name.)"""
+    """The place in degrees (pyproj's types have two of that name); None where the CRS cannot say."""
     base = source.geodetic_crs
     if base is None:
         return None

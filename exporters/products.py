@@ -26,6 +26,7 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
 from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
+from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
@@ -38,9 +39,10 @@ FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
 PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
+ITEM: Final = "item.json"
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION)
+PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION, ITEM)
 
 
 def write_products(
@@ -81,7 +83,9 @@ def write_products(
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         seconds = {"cloud": written, "layers": laid_out, "whole": perf_counter() - start}
         timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-        return write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, PRODUCTS))
+        report = write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, PRODUCTS))
+        write_item(staging / ITEM, report)
+        return report
 
 
 class _Cloud:

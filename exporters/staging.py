@@ -17,6 +17,7 @@ from furrowmap.exporters.atomic import is_running
 STAGING: Final = ".furrowmap-run"
 _OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
+_REPORT: Final = "report.json"
 
 
 @contextmanager
@@ -109,10 +110,10 @@ def _mark_complete(staging: Path, names: list[str]) -> None:
 
 
 def _move_in(folder: Path) -> None:
-    """Put the products in their places, and remove those of the earlier run that have no successor."""
+    """Put the products in their places; a run's remove those of the earlier run that have no successor."""
     staging = folder / STAGING
-    earlier = _read(folder / "report.json").get("products")
     names = json.loads((staging / _COMPLETE).read_text())
+    earlier = _read(folder / _REPORT).get("products") if _REPORT in names else None
     for name in names:
         with suppress(FileNotFoundError):  # moved before the process was killed
             (staging / "products" / name).replace(folder / name)

@@ -1,0 +1,57 @@
+"""`furrowmap export`: what a run found out, in the format that another program takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.core.values.errors import printable
+
+FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "stac")
+"""As `furrowmap.exporters.exchange.export` has them, which `--help` has no time to import."""
+
+
+@click.command(
+    short_help="Pass results on: GeoParquet, GeoJSON, KML, ISO 11783, STAC…",
+    epilog="\b\nExample:\n  furrowmap export result --to geoparquet\n"
+    "  furrowmap export result --to geojson --layer passes --layer misses -o for_the_web",
+)
+@click.argument("results", metavar="DIR...", nargs=-1, required=True, type=FILE)
+@click.option("--to", "to", type=click.Choice(FORMATS), default="gpkg", show_default=True, help="The format.")
+@click.option(
+    "-o", "--output", type=FILE, metavar="TARGET", help="File or folder to write [default: beside DIR, DIR_FORMAT]."
+)
+@click.option("--layer", "layers", multiple=True, metavar="NAME", help="Only this layer of field.gpkg; repeatable.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the vectors, such as EPSG:4326 [default: the session's].")
+@click.option("--overwrite", is_flag=True, help="Replace TARGET.")
+@common_options
+def export(
+    console: Console,
+    results: tuple[Path, ...],
+    to: str,
+    output: Path | None,
+    layers: tuple[str, ...],
+    dst_crs: str | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Write what `furrowmap run` left in DIR in the format of another program.
+
+    A format that holds one layer a file gives a folder. stac takes many DIRs and makes a catalogue over them. GeoJSON
+    and KML are always in WGS 84.
+    """
+    from furrowmap.core.crs_change import crs_of
+    from furrowmap.exporters.exchange.export import export as write
+
+    crs = crs_of(dst_crs) if dst_crs is not None else None
+    with console.work() as progress:
+        done = write(results, to, output, layers=layers, crs=crs, overwrite=overwrite, progress=progress)
+    for notice in done.notices:
+        console.warn(notice)
+    console.answer(
+        {"target": done.target, "files": done.files, "warnings": done.notices},
+        "\n".join(printable(str(path)) for path in done.files),
+    )

@@ -1,0 +1,138 @@
+"""KML 2.2 (OGC 07-147r2) for phones and globes: folders of placemarks with times, colours and their figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
+
+from furrowmap.core.values.errors import Notice
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+_NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
+_COLOURS: Final = {  # aabbggrr, as in the layers' QGIS styles
+    "passes": ("ff2f6f3f", "804f9f5f"),
+    "coverage": ("ff2f6f3f", "404f9f5f"),
+    "overlaps": ("ff0066ff", "a03388ff"),
+    "misses": ("ff2222dd", "a04444ff"),
+    "zones": ("ff888888", "20888888"),
+    "tool_path": ("ffc06020", "00ffffff"),
+    "trajectory": ("ff606060", "00ffffff"),
+    "events": ("ff000000", "00ffffff"),
+}
+_PLAIN: Final = ("ff404040", "40ffffff")
+_TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
+"""Whichever of these fields a feature has first names it."""
+
+
+def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame]) -> list[Notice]:
+    """One KML file, a folder a layer; the trajectory, a point a scan, is drawn as one line.
+
+    Args:
+        path: of the file.
+        layers: in WGS 84; heights are left out, since phones would take them as above their own ground model.
+    """
+    root = ET.Element("kml", xmlns=_NAMESPACE)
+    document = ET.SubElement(root, "Document")
+    _text(document, "name", "furrowmap")
+    for name in layers:
+        _add_style(document, name)
+    notices = []
+    for name, layer in reversed(
+        list(layers.items())
+    ):  # a KML is drawn in its order, and what is on top comes first here
+        folder = ET.SubElement(document, "Folder")
+        _text(folder, "name", name.replace("_", " "))
+        if name == "trajectory":
+            _add_line(folder, layer)
+            notices.append(Notice("kml-trajectory", "The trajectory is one line in KML, without the scans' fields."))
+        else:
+            for row in layer.to_dict("records"):
+                _add_placemark(folder, name, row, str(layer.geometry.name))
+    ET.indent(root)
+    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    return notices
+
+
+def _add_style(document: ET.Element, layer: str) -> None:
+    line, fill = _COLOURS.get(layer, _PLAIN)
+    style = ET.SubElement(document, "Style", id=layer)
+    _text(ET.SubElement(style, "LineStyle"), "color", line)
+    _text(style.find("LineStyle"), "width", "2")
+    _text(ET.SubElement(style, "PolyStyle"), "color", fill)
+
+
+def _add_line(folder: ET.Element, trajectory: gpd.GeoDataFrame) -> None:
+    points = trajectory.geometry
+    if len(points) < 2:
+        return
+    mark = ET.SubElement(folder, "Placemark")
+    _text(mark, "name", "trajectory")
+    _text(mark, "styleUrl", "#trajectory")
+    _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(np.column_stack([points.x, points.y])))
+
+
+def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry: str) -> None:
+    shape = row.pop(geometry)
+    if shape is None or shape.is_empty:
+        return
+    fields = {str(name): text for name, value in row.items() if (text := _told(value)) is not None}
+    mark = ET.SubElement(folder, "Placemark")
+    key = next((key for key in _TITLES if key in fields), None)
+    _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
+    _add_time(mark, fields)
+    _text(mark, "styleUrl", f"#{layer}")
+    data = ET.SubElement(mark, "ExtendedData")
+    for name, text in fields.items():
+        _text(ET.SubElement(data, "Data", name=name), "value", text)
+    _add_shape(mark, shape)
+
+
+def _add_time(mark: ET.Element, fields: Mapping[str, str]) -> None:
+    """When it was: KML's viewers have a slider for it."""
+    if "start" in fields:
+        span = ET.SubElement(mark, "TimeSpan")
+        _text(span, "begin", fields["start"])
+        if "end" in fields:
+            _text(span, "end", fields["end"])
+    elif "time" in fields:
+        _text(ET.SubElement(mark, "TimeStamp"), "when", fields["time"])
+
+
+def _add_shape(parent: ET.Element, shape: BaseGeometry) -> None:
+    if isinstance(shape, BaseMultipartGeometry):
+        several = ET.SubElement(parent, "MultiGeometry")
+        for part in shape.geoms:
+            _add_shape(several, part)
+    elif isinstance(shape, Polygon):
+        polygon = ET.SubElement(parent, "Polygon")
+        for edge, ring in [("outerBoundaryIs", shape.exterior), *(("innerBoundaryIs", r) for r in shape.interiors)]:
+            linear = ET.SubElement(ET.SubElement(polygon, edge), "LinearRing")
+            _text(linear, "coordinates", _coordinates(np.asarray(ring.coords)))
+    else:
+        _text(ET.SubElement(parent, shape.geom_type), "coordinates", _coordinates(np.asarray(shape.coords)))
+
+
+def _coordinates(xy: Any) -> str:
+    return " ".join(f"{x:.9f},{y:.9f}" for x, y in xy[:, :2].tolist())
+
+
+def _told(value: Any) -> str | None:
+    """A field's value as text; None where it has none."""
+    if value is None or value != value:  # as nan and NaT do
+        return None
+    if hasattr(value, "isoformat"):
+        return f"{value.isoformat(timespec='milliseconds').removesuffix('+00:00')}Z"
+    return f"{value:.4f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+
+
+def _text(parent: ET.Element | None, tag: str, text: str) -> None:
+    assert parent is not None
+    ET.SubElement(parent, tag).text = text

@@ -1,0 +1,193 @@
+"""STAC: a run's products as an item, and many runs as a collection, for catalogues of geodata.
+
+STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and file 2.1; the schemas' names stand in each item.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from pyproj import CRS
+
+from furrowmap.core.crs_change import crs_change
+from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.exchange.result import Result
+
+if TYPE_CHECKING:
+    import pystac
+
+ITEM: Final = "item.json"
+COLLECTION: Final = "collection.json"
+LICENCE: Final = "other"
+"""Nobody but the owner of the recording can say under which licence its products are."""
+_KINDS: Final = {  # media type, title, roles
+    "cloud.copc.laz": ("application/vnd.laszip+copc", "Point cloud", ["data"]),
+    "field.gpkg": ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
+    "report.json": ("application/json", "Figures, warnings, provenance", ["metadata"]),
+    "report.html": ("text/html", "Report to read", ["overview"]),
+    "session.toml": ("application/toml", "Session as it was understood", ["metadata"]),
+}
+_COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
+_EDGE_POINTS: Final = 6
+_DIGITS_DEG: Final = 7
+
+
+def run_item(report: dict[str, Any]) -> pystac.Item:
+    """The item of one run; its assets are named as they lie beside it.
+
+    Args:
+        report: the content of `report.json`; products that a catalogue has no kind for are left out.
+    """
+    import pystac
+    from pystac.extensions.pointcloud import PhenomenologyType, PointcloudExtension
+    from pystac.extensions.projection import ProjectionExtension
+
+    figures = report["figures"]
+    (west, south, low), (east, north, high) = figures["bounds_m"]
+    crs = CRS.from_user_input(report["session"]["crs"]["map"]).to_2d()
+    ring = _footprint(crs, (west, south, east, north))
+    lon, lat = zip(*ring, strict=True)
+    item = pystac.Item(
+        id=_identifier(report),
+        geometry={"type": "Polygon", "coordinates": [ring]},
+        bbox=[min(lon), min(lat), max(lon), max(lat)],
+        datetime=None,
+        start_datetime=_time(figures["start"]),
+        end_datetime=_time(figures["end"]),
+        properties={
+            "title": report["session"]["name"] or "Session without a name",
+            "instruments": [report["session"]["lidar"].get("model") or "lidar"],
+            "furrowmap:version": report["furrowmap"],
+            "furrowmap:inputs": [{key: record[key] for key in ("name", "sha256")} for record in report["inputs"]],
+        },
+    )
+    projection = ProjectionExtension.ext(item, add_if_missing=True)
+    authority = crs.to_authority()
+    projection.apply(
+        code=":".join(authority) if authority else None,
+        projjson=None if authority else json.loads(crs.to_json()),
+        bbox=[west, south, east, north],
+    )
+    cloud = PointcloudExtension.ext(item, add_if_missing=True)
+    area_m2 = max((east - west) * (north - south), 1e-6)
+    cloud.apply(
+        count=figures["points"],
+        type=PhenomenologyType.LIDAR,
+        encoding="COPC",
+        schemas=_schemas(),
+        density=round(figures["points"] / area_m2, 3),
+    )
+    item.properties["furrowmap:height_m"] = [low, high]
+    for name in report["products"]:
+        if kind := _kind(name):
+            media, title, roles = kind
+            item.add_asset(Path(name).stem.split(".")[0], pystac.Asset(f"./{name}", title, None, media, roles))
+    return item
+
+
+def write_item(path: Path, report: dict[str, Any]) -> None:
+    """Write the item of a run beside its products."""
+    item = run_item(report).to_dict(include_self_link=False)
+    _write(path, item)
+
+
+def write_collection(folder: Path, results: Sequence[Result], target: Path) -> None:
+    """Write a collection over many runs: `collection.json`, and an item each that points to the products.
+
+    Args:
+        folder: to write to; its files take their places in `target` together.
+        results: of the runs.
+        target: where the collection will lie: the assets are named as seen from there.
+
+    Raises:
+        InputError: if one of them is there twice.
+    """
+    import pystac
+
+    items = []
+    for result in results:
+        item = run_item(result.report)
+        for asset in item.assets.values():
+            asset.href = _way(result.folder / asset.href, target)
+        items.append(item)
+    names = [item.id for item in items]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"Two of the folders hold results of the same session, '{name}'.",
+                "A catalogue has each session once.",
+                "Name one folder for each session.",
+                code="session-twice",
+            )
+    collection = pystac.Collection(
+        id=target.name or "furrowmap",
+        title=target.name or "furrowmap",
+        description="Georeferenced clouds and worked ground, a session each, made by furrowmap.",
+        extent=pystac.Extent.from_items(items),
+        license=LICENCE,
+    )
+    for item in items:
+        collection.add_link(pystac.Link("item", f"./{item.id}.json", "application/geo+json"))
+        item.add_link(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
+        item.add_link(pystac.Link("parent", f"./{COLLECTION}", "application/json"))
+        item.collection_id = collection.id
+        _write(folder / f"{item.id}.json", item.to_dict(include_self_link=False, transform_hrefs=False))
+    _write(folder / COLLECTION, collection.to_dict(include_self_link=False, transform_hrefs=False))
+
+
+def _write(path: Path, value: dict[str, Any]) -> None:
+    path.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _way(path: Path, start: Path) -> str:
+    try:
+        return Path(os.path.relpath(path.resolve(), start.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        return path.resolve().as_uri()
+
+
+def _identifier(report: dict[str, Any]) -> str:
+    """The session's name in letters that a file may have, and when it began."""
+    name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
+    words = "-".join(part for part in name.split("-") if part)[:80]
+    return f"{words or 'session'}-{_time(report['figures']['start']):%Y%m%dT%H%M%SZ}"
+
+
+def _time(text: str) -> datetime:
+    return datetime.fromisoformat(text)
+
+
+def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:
+    """The box in longitude and latitude, its edges bent as the projection bends them, counter-clockwise."""
+    west, south, east, north = bounds
+    share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1]
+    x = np.concatenate([west + share * (east - west), np.full(len(share), east), east - share * (east - west)])
+    x = np.concatenate([x, np.full(len(share), west)])
+    y = np.concatenate([np.full(len(share), south), south + share * (north - south), np.full(len(share), north)])
+    y = np.concatenate([y, north - share * (north - south)])
+    lon, lat = crs_change(crs, CRS("EPSG:4326"), bounds)(x, y)
+    ring = np.column_stack([lon, lat]).round(_DIGITS_DEG).tolist()
+    return [*ring, ring[0]]
+
+
+def _kind(name: str) -> tuple[str, str, list[str]] | None:
+    if name.endswith(".tif"):
+        return _COG, Path(name).stem.replace("_", " ").upper(), ["data"]
+    return _KINDS.get(name)
+
+
+def _schemas() -> list[Any]:
+    """The dimensions of the cloud's points."""
+    import laspy
+    from pystac.extensions.pointcloud import Schema, SchemaType
+
+    words = {"i": SchemaType.SIGNED, "u": SchemaType.UNSIGNED, "f": SchemaType.FLOATING}
+    dimensions = [(name, np.dtype(str(kind))) for name, kind in laspy.PointFormat(6).dtype().descr]
+    dimensions.append(("scan", np.dtype(np.uint32)))
+    return [Schema.create(name, dtype.itemsize, words[dtype.kind]) for name, dtype in dimensions]
