@@ -79,7 +79,7 @@ class HeightWatch:
         self._grid = np.array([grid.x_m, grid.z_m])
         self._views = np.zeros((2, grid.columns, grid.rows), np.float32)
         self._soil = np.zeros((2, round(2.0 * _SOIL_M / _SOIL_BIN_M)), np.int64)
-        self._times = np.zeros((2, 2))
+        self._times = np.zeros((2, 2, 2))
         self._last_s = float("nan")
         self._turns = array("d")
         self._scans = array("d")
@@ -123,8 +123,9 @@ class HeightWatch:
 
     def _end_turn(self, *, whole: bool) -> None:
         """Note what the turn under way shows; what was seen behind the split is of the next one."""
-        points, total_s = self._times[0]
-        if points:
+        looked, seen = self._times[0]
+        if looked[0]:
+            points, total_s = seen if seen[0] >= FEWEST_POINTS else looked
             self._turns.extend((total_s / points, *self._measured(self._views[0]), whole, _median(self._soil[0])))
         for parts in (self._views, self._soil, self._times):
             parts[0] = parts[1]
@@ -164,7 +165,10 @@ def _median(counts: NDArray[np.int64]) -> float:
 def _gather(  # type: ignore[no-untyped-def]
     xyz_m, laser, t_s, rotation, lever_m, columns, still_m, split, clockwise, ground, box, grid, views, soil, times
 ):  # fmt: skip
-    """Sort a scan's points into side view and soil of the turn under way (0) and of the next (1)."""
+    """Sort a scan's points into side view and soil of the turn under way (0) and of the next (1).
+
+    `times` counts and sums the times of all points looked at (0) and of those of the side view (1).
+    """
     lasers, width = still_m.shape
     _, view_columns, view_rows = views.shape
     bins = soil.shape[1]
@@ -174,8 +178,8 @@ def _gather(  # type: ignore[no-untyped-def]
         if not columns[column]:
             continue
         part = 0 if (column < split) == clockwise else 1
-        times[part, 0] += 1.0
-        times[part, 1] += t_s[i]
+        times[part, 0, 0] += 1.0
+        times[part, 0, 1] += t_s[i]
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
         if not box[0] < x < box[1]:
             continue
@@ -201,6 +205,8 @@ def _gather(  # type: ignore[no-untyped-def]
             continue
         view_column, row = int(u), int(v)
         if view_column < view_columns and row < view_rows - 1:
+            times[part, 1, 0] += 1.0
+            times[part, 1, 1] += t_s[i]
             share = v - row
             views[part, view_column, row] += 1.0 - share
             views[part, view_column, row + 1] += share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,10 +28,16 @@ _STEP_M: Final = 0.12
 """A height that differs by so much from those before and behind it is that of something else."""
 _LEVEL_M: Final = 0.004
 """How well the working position itself is known."""
+_LEVEL_REACH: Final = 2.5
+"""Heights that differ from it by more standard deviations are those of a tool on its way."""
+_LEVEL_ROUNDS: Final = 8
 _WORTH: Final = 0.05
 """Share of the points' log-likelihood that counts, as neighbouring points err together."""
 _BLINK_S: Final = 0.45
 """A tool out of view for less has been covered, not lowered."""
+_JITTER_S: Final = 0.2
+"""Between turns so far apart a tool's own movement at work, of some hertz, is not seen; what is missed
+grows as the square of the time (as a sine over a chord)."""
 _LIFT_SIGMA_M: Final = 0.12
 """How well a working position is known that is never in view."""
 _UNSEEN: Final = 0.9
@@ -87,8 +94,7 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
     """
     threshold = implement.threshold_m(working_depth_m)
     height = _without_strays(heights.height_m, heights.whole)
-    down = height < threshold
-    level = float(np.median(height[down])) if down.any() and implement.levels.hidden != ToolState.DOWN else 0.0
+    level = _working_level(height[height < threshold]) if implement.levels.hidden != ToolState.DOWN else 0.0
     height = height - level
     confidence = _confidence(heights, height, threshold, implement)
     states = _states(heights, height, confidence, threshold, implement)
@@ -111,6 +117,22 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
         lifted_m=implement.lifted_m - level,
         notices=notices,
     )
+
+
+def _working_level(down: FloatArray) -> float:
+    """The working position in the heights (n,) of a tool that is down: the median of those at work.
+
+    Heights of a tool on its way lie above it only; as a share of a short pass they would draw the median upwards.
+    """
+    level, reach = 0.0, np.inf
+    for _ in range(_LEVEL_ROUNDS):
+        near = down[np.abs(down - level) <= reach]
+        if not len(near):
+            break
+        level = float(np.median(near))
+        below = level - near[near <= level]
+        reach = max(_LEVEL_REACH * 1.4826 * float(np.median(below)), _LEVEL_M)
+    return level
 
 
 def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
@@ -212,6 +234,7 @@ def _tool_states(intervals: Sequence[_Interval]) -> ToolStates:
         confidence=np.array([interval.confidence for interval in some], np.float64),
         begin_sigma_s=np.array([interval.begin.sigma_s for interval in some], np.float64),
         end_sigma_s=np.array([interval.end.sigma_s for interval in some], np.float64),
+        common_share=1.0,  # nearly all of it is that of the working position
     )
 
 
@@ -235,9 +258,28 @@ def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float
     k = int(np.flatnonzero(above[1:] != above[:-1])[-1])
     i, j = seen[k], seen[k + 1]
     slope = (height[j] - height[i]) / (t[j] - t[i])
-    at = float(t[i] + (threshold - height[i]) / slope)
+    at = _crossing(t[i - 1 : j + 2], height[i - 1 : j + 2], threshold) if j == i + 1 else None
+    if at is None:
+        at = float(t[i] + (threshold - height[i]) / slope)
     level_m = _LIFT_SIGMA_M if implement.levels.hidden == ToolState.DOWN else _LEVEL_M
-    return _End(at, float(np.hypot(implement.levels.sigma_m, level_m) / abs(slope)))
+    between_m = implement.levels.jitter_m * min(1.0, float(t[j] - t[i]) / _JITTER_S) ** 2
+    return _End(at, math.hypot(implement.levels.sigma_m, level_m, between_m) / abs(float(slope)))
+
+
+def _crossing(t: FloatArray, height: FloatArray, threshold: float) -> float | None:
+    """When the cubic through four successive heights passes the threshold between the middle two.
+
+    A lift speeds up and slows down, and its tool jitters: a straight line between turns 0.2 s apart would be late. None
+    where not all four are known, or where they do not go one way.
+    """
+    step = np.diff(height)
+    if len(t) < 4 or not ((step > 0.0).all() or (step < 0.0).all()):
+        return None
+    since = t - t[1]
+    roots = np.roots(np.polyfit(since, height - threshold, 3))
+    real = roots.real[np.abs(roots.imag) < 1e-9]
+    between = real[(real >= 0.0) & (real <= since[2])]
+    return float(t[1] + between[0]) if len(between) == 1 else None
 
 
 def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float) -> _End:

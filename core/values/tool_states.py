@@ -39,6 +39,8 @@ class ToolStates:
         confidence: (n,) float64, 0 to 1, that `state` is true.
         begin_sigma_s: (n,) float64 standard deviation of `begin_s`; nan where unknown.
         end_sigma_s: (n,) float64 standard deviation of `end_s`; nan where unknown.
+        common_share: share of the transitions' variance that has one cause, such as a working position that is wrong
+            throughout: it makes every time of `down` longer, or every one shorter.
     """
 
     begin_s: FloatArray
@@ -47,6 +49,7 @@ class ToolStates:
     confidence: FloatArray
     begin_sigma_s: FloatArray
     end_sigma_s: FloatArray
+    common_share: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.begin_s)

@@ -174,7 +174,7 @@ def worked_ground(
     unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
     doubtful = shapely.union_all([_unknown_ground(trajectory, states, implement), *unplaced])
     strips = missed(coverage, doubtful, implement.width_m, boundary)
-    areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs]))
+    areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
     passes = tuple(
         _pass(number, when, pass_, ground, area, implement)
         for number, (when, pass_, ground, area) in enumerate(

@@ -41,14 +41,19 @@ class OutlineErrors:
         trajectory: its sigma is that of a Gauss-Markov process of :data:`CORRELATION_S` in position and
             :data:`HEADING_CORRELATION_S` in heading.
         runs: all sweeps, each with its ribbons.
+        common_share: share of the variance of the transitions' times that makes every pass longer, or every one
+            shorter.
     """
 
-    def __init__(self, trajectory: Trajectory, runs: Sequence[tuple[Sweep, Sequence[Ribbon]]]) -> None:
+    def __init__(
+        self, trajectory: Trajectory, runs: Sequence[tuple[Sweep, Sequence[Ribbon]]], common_share: float = 0.0
+    ) -> None:
         self._trajectory = trajectory
+        self._common_share = common_share
         sides = [_segments(side, sweep.t_s[0]) for sweep, pieces in runs for r in pieces for side in (r.left, r.right)]
         ends = [end for sweep, _ in runs for end in _ends(sweep)]
         self._slip_m = np.array([slip for sweep, _ in runs for slip in (sweep.begin_slip_m, sweep.end_slip_m)])
-        self._ahead = np.array([_ahead(sweep, k) for sweep, _ in runs for k in (0, -1)]).reshape(-1, 2)
+        self._outward = np.array([_outward(sweep, k) for sweep, _ in runs for k in (0, -1)]).reshape(-1, 2)
         segments = np.concatenate([np.empty((0, 2, 3)), *sides, *ends])
         self._begin_s, self._end_s = segments[:, 0, 2], segments[:, 1, 2]
         self._end = np.concatenate([np.full(len(segments) - len(ends), -1), np.arange(len(ends))])
@@ -95,13 +100,15 @@ class OutlineErrors:
         ]
 
     def _add_transitions(self, shape: IntArray, end: IntArray, normal: FloatArray, variance: FloatArray) -> None:
-        """Add the variance from the times of the tool's transitions, which are independent of each other."""
+        """Add the variance from the times of the tool's transitions: each by itself, and what they have in common."""
         at_end = end >= 0
         shape, end, normal = shape[at_end], end[at_end], normal[at_end]
-        moved = np.einsum("ij,ij->i", normal, self._ahead[end])
+        moved = np.einsum("ij,ij->i", normal, self._outward[end])
         keys, which = np.unique(np.column_stack([shape, end]), axis=0, return_inverse=True)
-        total = np.bincount(which.ravel(), weights=moved, minlength=len(keys))
-        np.add.at(variance, keys[:, 0], (total * self._slip_m[keys[:, 1]]) ** 2)
+        added = np.bincount(which.ravel(), weights=moved, minlength=len(keys)) * self._slip_m[keys[:, 1]]
+        together = np.bincount(keys[:, 0], weights=added, minlength=len(variance))
+        np.add.at(variance, keys[:, 0], (1.0 - self._common_share) * added**2)
+        variance += self._common_share * together**2
 
 
 def _segments(side: FloatArray, t0_s: float) -> FloatArray:
@@ -119,10 +126,10 @@ def _ends(sweep: Sweep) -> list[FloatArray]:
     return ends
 
 
-def _ahead(sweep: Sweep, k: int) -> FloatArray:
-    """The unit vector at right angles to the tool's line, forward."""
+def _outward(sweep: Sweep, k: int) -> FloatArray:
+    """The unit vector at right angles to the tool's line, away from the sweep: backward at its beginning (0)."""
     x, y = sweep.half_m[k].tolist()
-    return np.array([y, -x]) / math.hypot(x, y)
+    return np.array([y, -x]) / math.copysign(math.hypot(x, y), -1.0 if k == 0 else 1.0)
 
 
 def _outlines(shapes: Sequence[BaseGeometry]) -> tuple[IntArray, FloatArray, FloatArray]:
