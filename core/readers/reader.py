@@ -20,6 +20,7 @@ from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.tool_states import ToolStates
 
 GROUP = "furrowmap.readers"
 
@@ -36,6 +37,7 @@ class ReadOptions:
         near_s: a UTC time near which the recording lies, for clocks that show only a part of it.
         time: "utc" or "gps", for trajectory files that do not say.
         week: GPS week, for trajectory files whose times are seconds of the week.
+        task: id or name of the task that is wanted, for task data of several.
     """
 
     model: str | None = None
@@ -43,6 +45,7 @@ class ReadOptions:
     near_s: float | None = None
     time: str | None = None
     week: int | None = None
+    task: str | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +148,15 @@ class GivesPoses(Protocol):
         ...
 
 
+@runtime_checkable
+class GivesStates(Protocol):
+    """A reader of what somebody else says of the tool."""
+
+    def states(self) -> ToolStates:
+        """When the tool was in the ground, in all files; the end of the last interval may be infinite."""
+        ...
+
+
 @dataclass(frozen=True)
 class Recognised:
     """A file and the reader class that knows it best."""
@@ -207,7 +219,6 @@ def readers() -> tuple[type[Reader], ...]:
 
 
 _STRANGERS: Final = {
-    b"LASF": "a LAS or LAZ point cloud",
     b"# .PCD": "a PCD point cloud",
     b"PK\x03\x04": "a zip archive",
     b"SQLite format 3": "an SQLite database",
@@ -229,8 +240,9 @@ def _unknown(head: Head) -> InputError:
     known = f"Known: {'; '.join(sorted(reader.title for reader in readers()))}."
     if head.path.is_dir():
         return InputError(
-            f"{head.path} is a folder, and holds no bag.",
-            "Of folders only those of ROS 2 bags are read as a whole (metadata.yaml with .db3 or .mcap files).",
+            f"{head.path} is a folder, and holds no bag and no task data.",
+            "Of folders only those of ROS 2 bags (metadata.yaml with .db3 or .mcap files) and of task data "
+            "(TASKDATA.XML) are read as a whole.",
             f"Name the files in it. {known}",
             code="unknown-format",
         )

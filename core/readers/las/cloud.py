@@ -1,0 +1,223 @@
+"""Other people's clouds: LAS, LAZ and COPC, opened with care and read in batches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.las.copc import CopcIndex, is_copc, read_index
+from furrowmap.core.readers.las.crs import stated_crs
+from furrowmap.core.readers.las.gps_time import SAMPLE, LasClock, clock_of
+from furrowmap.core.readers.las.header import LEAST_RECORD_BYTES, LasHeader, read_header
+from furrowmap.core.readers.las.laz import (
+    NUMBER,
+    USER,
+    LazPoints,
+    decode_chunks,
+    find_points,
+    stream_points,
+)
+from furrowmap.core.readers.las.points import CloudBatch, layout, unpack
+from furrowmap.core.readers.las.records import ExtraDimension, Record, extra_dimensions, read_records
+from furrowmap.core.values.errors import InputError, Notice
+
+BATCH_POINTS: Final = 1_000_000
+BATCH_BYTES: Final = 1 << 26
+"""Of records at a time: a record may have up to 65,535 bytes."""
+HEAD_BYTES: Final = 375
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class CloudFile:
+    """A LAS, LAZ or COPC file whose header, records and chunks have been checked.
+
+    Attributes:
+        path: the file.
+        format: "las", "laz" or "copc".
+        header: what it says of itself.
+        points: that can be read.
+        crs: None where the file states none that can be understood.
+        clock: how its times are to be read.
+        extra: dimensions besides those of the point format; they are named, not read.
+        records: between header and points, and behind the points.
+        laz: where the compressed points lie; None where they are not compressed.
+        index: the octree; None where there is none that can be used.
+        notices: what it says that is not so, as far as that shows before the points are read; the rest shows in a
+            :class:`~furrowmap.core.readers.las.survey.Survey`.
+    """
+
+    path: Path
+    format: str
+    header: LasHeader
+    points: int
+    crs: pyproj.CRS | None
+    clock: LasClock
+    extra: tuple[ExtraDimension, ...]
+    records: tuple[Record, ...] = field(repr=False)
+    laz: LazPoints | None = field(repr=False)
+    index: CopcIndex | None = field(repr=False)
+    notices: tuple[Notice, ...]
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of what each point has."""
+        return (*(layout(self.header).names or ()), *(dimension.name for dimension in self.extra))
+
+    def batches(
+        self, box: Box | None = None, resolution: float | None = None, batch_points: int = BATCH_POINTS
+    ) -> Iterator[CloudBatch]:
+        """The points in the order of the file, about `batch_points` at a time.
+
+        Args:
+            box: least x, least y, greatest x, greatest y of the points wanted, in the file's CRS; None for all. Of a
+                COPC file only the nodes that meet it are read.
+            resolution: distance between points that is fine enough; only COPC files have coarser levels, others give
+                all their points.
+            batch_points: a compressed chunk of more (up to four million) is a batch by itself.
+
+        Raises:
+            InputError: if compressed points turn out to be damaged, or the file has become shorter.
+        """
+        kind = layout(self.header)
+        with self.path.open("rb") as file:
+            for records in self._records(file, box, resolution, batch_points):
+                batch = unpack(records.view(kind), self.header, self.clock)
+                if box is not None:
+                    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+                    batch = batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
+                if len(batch):
+                    yield batch
+
+    def _records(
+        self, file: BinaryIO, box: Box | None, resolution: float | None, batch_points: int
+    ) -> Iterator[NDArray[np.uint8]]:
+        laz = self.laz
+        batch_points = max(1, min(batch_points, BATCH_BYTES // self.header.record_bytes))
+        if laz is None:
+            yield from _plain(self.path, file, self.header, self.points, batch_points)
+        elif not laz.wholesale:
+            yield from stream_points(self.path, file, self.header, laz, self.points, batch_points)
+        else:
+            wanted = np.arange(len(laz.points))
+            if self.index is not None and (box is not None or resolution is not None):
+                wanted = self.index.chunks_in(box, resolution)
+            for first, last in _runs(wanted, laz.points, batch_points):
+                yield decode_chunks(self.path, file, laz, first, last)
+
+
+def open_cloud(path: Path) -> CloudFile:
+    """Open a LAS, LAZ or COPC file and check whatever can be checked before its points are read.
+
+    Raises:
+        InputError: if there is no such file, or its points cannot be read as it says they are.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"{path} {'is a folder' if path.is_dir() else 'is not there'}.",
+            "A cloud is a LAS, LAZ or COPC file.",
+            "Check the name.",
+            code="no-such-file",
+        )
+    with path.open("rb") as file:
+        size_bytes = path.stat().st_size
+        header = read_header(path, file.read(HEAD_BYTES), size_bytes)
+        records, notices = read_records(path, file, header)
+        notices = (*header.notices, *notices)
+        said_compressed = any((record.user, record.number) == (USER, NUMBER) for record in records)
+        laz = index = None
+        form = "las"
+        if header.compressed or said_compressed:
+            laz, form, points = find_points(path, file, header, records), "laz", header.points
+            if is_copc(records):
+                index, found = read_index(path, file, header, records, laz)
+                notices, form = (*notices, *found), "copc"
+        else:
+            points, found = _room(path, header)
+            notices += found
+        crs, crs_notices = stated_crs(path, header, records)
+        extra, extra_notices = extra_dimensions(
+            path, records, header.record_bytes - LEAST_RECORD_BYTES[header.point_format]
+        )
+        clock, time_notices = clock_of(path, header, _first_times(path, file, header, points, laz))
+    notices = (*notices, *crs_notices, *extra_notices, *time_notices)
+    return CloudFile(path, form, header, points, crs, clock, extra, records, laz, index, notices)
+
+
+def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
+    """Whole uncompressed points that the file has room for, up to what it promises.
+
+    Raises:
+        InputError: if it promises points and holds none.
+    """
+    behind = [at for at in (header.extended_at, header.waveforms_at) if header.offset <= at <= header.size_bytes]
+    end = min([*(at for at in behind if at), header.size_bytes])
+    room = (end - header.offset) // header.record_bytes
+    if header.points <= room:
+        return header.points, ()
+    if room == 0:
+        raise InputError(
+            f"{path}: the header promises {header.points:,} points, and the file ends before the first of them.",
+            f"It has {header.size_bytes:,} bytes; there is nothing to read.",
+            "Copy or download it again.",
+            code="no-points",
+        )
+    text = (
+        f"{path.name}: the header promises {header.points:,} points, but between byte {header.offset:,} and "
+        f"{end:,} is room for {room:,} whole ones of {header.record_bytes} bytes. Those are read; the rest is lost, or "
+        "never was."
+    )
+    return room, (Notice("points-missing", text),)
+
+
+def _plain(
+    path: Path, file: BinaryIO, header: LasHeader, points: int, batch_points: int
+) -> Iterator[NDArray[np.uint8]]:
+    file.seek(header.offset)
+    done = 0
+    while done < points:
+        wanted = min(batch_points, points - done)
+        data = file.read(wanted * header.record_bytes)
+        if len(data) < wanted * header.record_bytes:
+            raise InputError(
+                f"{path} has become shorter while it was read: {done:,} of {points:,} points.",
+                "Another program may be writing it.",
+                "Wait until it is finished, and try again.",
+                code="file-changed",
+            )
+        done += wanted
+        yield np.frombuffer(data, np.uint8)
+
+
+def _runs(wanted: NDArray[np.intp], points: NDArray[np.int64], batch_points: int) -> Iterator[tuple[int, int]]:
+    """First and last + 1 of chunks that follow each other, about `batch_points` together."""
+    start = total = 0
+    for i, number in enumerate(wanted):
+        gap = i > start and number != wanted[i - 1] + 1
+        if i > start and (gap or total + points[number] > batch_points):
+            yield int(wanted[start]), int(wanted[i - 1]) + 1
+            start, total = i, 0
+        total += int(points[number])
+    if len(wanted):
+        yield int(wanted[start]), int(wanted[-1]) + 1
+
+
+def _first_times(
+    path: Path, file: BinaryIO, header: LasHeader, points: int, laz: LazPoints | None
+) -> NDArray[np.float64]:
+    """GPS times of the first points; empty where there are none."""
+    count = min(SAMPLE, points)
+    if not header.has_time or not count:
+        return np.empty(0)
+    if laz is None:
+        data = next(_plain(path, file, header, count, count))
+    else:
+        data = next(stream_points(path, file, header, laz, count, count))
+    return np.asarray(data.view(layout(header))["gps_time"], np.float64)

@@ -1,0 +1,107 @@
+"""What `inspect` tells about a LAS, LAZ or COPC file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.source import Head
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.scan import Clock
+
+CLASSES: Final = {
+    0: "never classified", 1: "unclassified", 2: "ground", 3: "low vegetation", 4: "medium vegetation",
+    5: "high vegetation", 6: "building", 7: "noise", 8: "model key point", 9: "water", 10: "rail", 11: "road",
+    12: "overlap", 13: "wire guard", 14: "wire conductor", 15: "tower", 16: "wire connector", 17: "bridge deck",
+    18: "high noise",
+}  # fmt: skip
+"""LAS 1.4 R15, table 17."""
+OWN_CLASSES: Final = {64: "vehicle", 65: "implement"}
+"""In clouds that furrowmap wrote."""
+
+
+class LasCloud:
+    """A cloud that somebody has already placed: it can be inspected, and surfaces can be made of it; it has no scans.
+
+    Args:
+        paths: the files; the first one is inspected.
+        options: not used.
+    """
+
+    format: ClassVar[str] = "las"
+    title: ClassVar[str] = "LAS, LAZ or COPC point cloud"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """By its signature."""
+        return 1.0 if head.data.startswith(SIGNATURE) else 0.0
+
+    def inspect(self) -> Inspection:
+        """Read the first file through and say what it is and holds.
+
+        Raises:
+            InputError: if its points cannot be read as it says they are.
+        """
+        from furrowmap.core.readers.las.cloud import open_cloud
+        from furrowmap.core.readers.las.survey import survey
+
+        path = self.paths[0]
+        with path.open("rb") as file:
+            if file.read(4) != SIGNATURE:
+                raise InputError(
+                    f"{path} is a compressed LAS or LAZ file.",
+                    "Clouds are read in pieces, from wherever they are needed; of a compressed stream that cannot be done.",
+                    "Decompress the file, or convert it to LAZ, which is compressed by itself.",
+                    code="cloud-in-archive",
+                )
+        cloud = open_cloud(path)
+        found = survey(cloud)
+        header = cloud.header
+        self.notices = [*cloud.notices, *found.notices()]
+        facts: dict[str, Any] = {
+            "version": f"LAS 1.{header.version}, point format {header.point_format}",
+            "compression": {"las": "none", "laz": "LAZ", "copc": "LAZ, in an octree (COPC)"}[cloud.format],
+            "points": found.points,
+            "crs": _crs_words(cloud.crs.name, cloud.crs.to_epsg()) if cloud.crs is not None else "none stated",
+        }
+        if found.points:
+            digits = [max(0, min(12, round(-np.log10(step)))) for step in header.scale]
+            facts |= {
+                axis: [round(low, places), round(high, places)]
+                for axis, low, high, places in zip("xyz", found.low.tolist(), found.high.tolist(), digits, strict=True)
+            }
+            names = CLASSES | (OWN_CLASSES if header.software.startswith("furrowmap") else {})
+            facts["points_by_class"] = {
+                f"{number} {names.get(number, '')}".strip(): int(found.by_class[number])
+                for number in np.flatnonzero(found.by_class).tolist()
+            }
+            facts["points_by_return"] = {
+                str(number): int(found.by_return[number]) for number in np.flatnonzero(found.by_return).tolist()
+            }
+        if found.withheld:
+            facts["withheld"] = found.withheld
+        facts["scale"] = list(header.scale)
+        facts["gps_time"] = str(cloud.clock.kind)
+        if header.has_time and found.first_time <= found.last_time:
+            facts["gps_times"] = [round(found.first_time, 6), round(found.last_time, 6)]
+        facts["dimensions"] = list(cloud.dimensions)
+        facts["created"] = header.created.isoformat() if header.created else "not stated"
+        facts |= {name: value for name, value in (("system", header.system), ("software", header.software)) if value}
+        clocks = []
+        if found.utc_s is not None:
+            clocks.append(ClockReading(Clock.STATED, *found.utc_s, "its GPS time less the leap seconds"))
+        return Inspection(path, self.format, self.title, facts, tuple(clocks), tuple(self.notices))
+
+
+def _crs_words(name: str, epsg: int | None) -> str:
+    return f"EPSG:{epsg} ({name})" if epsg is not None else name

@@ -1,0 +1,229 @@
+"""The header of a LAS file, and what of it can be believed."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.values.errors import InputError, Notice
+
+SIGNATURE: Final = b"LASF"
+LEAST_RECORD_BYTES: Final = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
+"""Bytes of a point record without extra bytes, of point formats 0 to 10 (LAS 1.4 R15, tables 7 to 17)."""
+HEADER_BYTES: Final = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
+"""By minor version."""
+FARTHEST: Final = 1e13
+"""No coordinate lies farther off in any CRS and unit; nearer ones are resolved to 2 mm and better by a double."""
+FINEST: Final = 1e-12
+"""A step of less, with 32 bits of them, spans less than a hundredth: no place on Earth needs it."""
+COMPRESSED: Final = 0x80
+FIRST_YEAR: Final = 1990
+
+_HEAD: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
+_COUNTS: Final = struct.Struct("<QIQ15Q")
+"""From byte 235: where extended records begin, how many there are, points, points by return."""
+_DAMAGED: Final = "Copy or download it again; if it was made like that, let the program that made it write it anew."
+
+
+@dataclass(frozen=True)
+class LasHeader:
+    """What the header of a LAS file says, as far as it can be true.
+
+    Attributes:
+        version: minor one; all there are begin with 1.
+        encoding: bits: 0 standard time instead of week time, 4 CRS as WKT.
+        system: system identifier, as it stands there.
+        software: that wrote the file, as it stands there.
+        created: when, if that is a date.
+        header_bytes: length of the header, where the records begin.
+        offset: byte at which the points begin.
+        records: number of records that it promises between header and points.
+        point_format: 0 to 10.
+        compressed: whether it says that the points are.
+        record_bytes: of a point, extra bytes included.
+        points: that it promises.
+        by_return: points that it promises by return number, 5 or (LAS 1.4) 15 of them.
+        scale: of x, y and z.
+        shift: the offsets of x, y and z.
+        low: least x, y and z that it promises.
+        high: greatest ones.
+        extended_at: byte at which extended records begin, 0 for none.
+        extended: number of extended records that it promises.
+        waveforms_at: byte at which waveforms begin, 0 for none.
+        size_bytes: of the file.
+        notices: what it says that is not so.
+    """
+
+    version: int
+    encoding: int
+    system: str
+    software: str
+    created: dt.date | None
+    header_bytes: int
+    offset: int
+    records: int
+    point_format: int
+    compressed: bool
+    record_bytes: int
+    points: int
+    by_return: tuple[int, ...]
+    scale: tuple[float, float, float]
+    shift: tuple[float, float, float]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    extended_at: int
+    extended: int
+    waveforms_at: int
+    size_bytes: int
+    notices: tuple[Notice, ...]
+
+    @property
+    def has_time(self) -> bool:
+        """Whether the points carry GPS time."""
+        return self.point_format not in (0, 2)
+
+    @property
+    def says_standard_time(self) -> bool:
+        """Whether it calls the times adjusted standard GPS time; else they are seconds of a week."""
+        return bool(self.encoding & 1)
+
+    @property
+    def says_wkt(self) -> bool:
+        """Whether it says that the CRS stands there as WKT; else as GeoTIFF keys."""
+        return bool(self.encoding & 16)
+
+
+def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
+    """Read the header in the first bytes (375 or more, if there are) of a LAS file.
+
+    Raises:
+        InputError: if it is none, or what it says cannot be.
+    """
+    if data[:4] != SIGNATURE:
+        raise InputError(
+            f"{path} does not begin with 'LASF' but with {data[:4]!r}.",
+            "It is no LAS or LAZ file, whatever it is called, or its first bytes are lost.",
+            "`furrowmap inspect` says what kind of file it is, where that is known.",
+            code="not-las",
+        )
+    least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
+    if len(data) < least:
+        raise _bad(
+            path, f"ends inside its header: {size_bytes} bytes of {least}", "There is no point in it.", "header-cut"
+        )
+    head = _HEAD.unpack_from(data)
+    (_, source, encoding, major, version, system, software, day, year, header_bytes, offset, records) = head[:12]
+    del source
+    kind, record_bytes, points = head[12:15]
+    by_return, doubles = head[15:20], head[20:32]
+    if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
+        raise InputError(
+            f"{path}, byte 24: LAS version {major}.{version}.",
+            "Known are 1.0 to 1.4; what another one's fields mean is not.",
+            "Convert the file to LAS 1.4, or check that it is no other format.",
+            code="las-version",
+        )
+    notices = []
+    waveforms_at = extended_at = extended = 0
+    if version >= 3:
+        (waveforms_at,) = struct.unpack_from("<Q", data, 227)
+    if version >= 4:
+        extended_at, extended, whole, *of_returns = _COUNTS.unpack_from(data, 235)
+        if points and points != whole:
+            notices.append(
+                Notice(
+                    "legacy-count",
+                    f"{path.name}: the header promises {whole:,} points, and {points:,} for old readers.",
+                )
+            )
+        points, by_return = whole or points, tuple(of_returns) if whole else by_return
+    _check_layout(path, header_bytes, least, offset, kind, record_bytes, size_bytes)
+    scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
+    _check_scale(path, scale, shift)
+    created = _date(year, day)
+    if created is None and (year, day) != (0, 0):
+        notices.append(Notice("creation-date", f"{path.name}: made on day {day} of the year {year}, says the header."))
+    return LasHeader(
+        version=version,
+        encoding=encoding,
+        system=_text(system),
+        software=_text(software),
+        created=created,
+        header_bytes=header_bytes,
+        offset=offset,
+        records=records,
+        point_format=kind & 0x3F,
+        compressed=bool(kind & COMPRESSED),
+        record_bytes=record_bytes,
+        points=points,
+        by_return=tuple(by_return),
+        scale=scale,
+        shift=shift,
+        low=(box[1], box[3], box[5]),
+        high=(box[0], box[2], box[4]),
+        extended_at=extended_at,
+        extended=extended,
+        waveforms_at=waveforms_at,
+        size_bytes=size_bytes,
+        notices=tuple(notices),
+    )
+
+
+def _check_layout(
+    path: Path, header_bytes: int, least: int, offset: int, kind: int, record_bytes: int, size_bytes: int
+) -> None:
+    """Raises InputError where points of that kind cannot be found in the file."""
+    nowhere = "Where and how the points lie cannot be told, so none can be read."
+    if header_bytes < least:
+        raise _bad(
+            path, f"byte 94: a header of {header_bytes} bytes, where {least} are the least", nowhere, "header-size"
+        )
+    if not header_bytes <= offset <= size_bytes:
+        between = f"after the header ({header_bytes}) and before the end ({size_bytes})"
+        raise _bad(
+            path, f"byte 96: the points begin at byte {offset}, which is not {between}", nowhere, "points-offset"
+        )
+    if kind & 0x7F >= len(LEAST_RECORD_BYTES):
+        raise _bad(path, f"byte 104: point format {kind}; known are 0 to 10", nowhere, "point-format")
+    shortest = LEAST_RECORD_BYTES[kind & 0x7F]
+    if record_bytes < shortest:
+        said = f"byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which takes {shortest}"
+        raise _bad(path, said, nowhere, "record-length")
+
+
+def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...]) -> None:
+    """Raises InputError where no coordinate can come of them."""
+    for axis, step, start in zip("xyz", scale, shift, strict=True):
+        reach = abs(start) + abs(step) * 2.0**31
+        if not (step >= FINEST and reach <= FARTHEST):
+            raise _bad(
+                path,
+                f"header: a scale of {step:g} and an offset of {start:g} for {axis}",
+                "Coordinates are whole numbers times scale plus offset: with these they are no places.",
+                "scale-impossible",
+            )
+
+
+def _bad(path: Path, what: str, meaning: str, code: str) -> InputError:
+    return InputError(
+        f"{path} {what}." if what.startswith("ends") else f"{path}, {what}.", meaning, _DAMAGED, code=code
+    )
+
+
+def _date(year: int, day: int) -> dt.date | None:
+    if not (FIRST_YEAR <= year <= dt.datetime.now(dt.UTC).year + 1 and 1 <= day <= 366):
+        return None
+    return dt.date(year, 1, 1) + dt.timedelta(days=day - 1)
+
+
+def _text(field: bytes) -> str:
+    return field.split(b"\0")[0].decode("utf-8", "replace").strip()
+
+
+def is_number(values: tuple[float, ...]) -> bool:
+    """Whether all of them are finite."""
+    return all(math.isfinite(value) for value in values)

@@ -1,0 +1,277 @@
+"""Compressed points: what is checked of a LAZ file before its decoder sees it, and the decoding.
+
+The decoder (lazrs) trusts what it reads: a chunk table of 2³² entries makes it ask for 68 GB, which ends the process,
+and there is no checksum. Everything it would take from the file and use as a size is compared with the file first:
+the items of a point, the number of chunks, the bytes of each, and the lengths of the layers inside (Isenburg 2013,
+*LASzip: lossless compression of LiDAR data*; LAZ specification 1.4 R1, sections 2 to 4).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import lazrs
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.las.header import LasHeader
+from furrowmap.core.readers.las.records import Record
+from furrowmap.core.values.errors import InputError
+
+USER: Final = "laszip encoded"
+NUMBER: Final = 22204
+POINTWISE, LAYERED = 2, 3
+"""Compressors that cut points into chunks which can be decoded by themselves."""
+VARIABLE: Final = 0xFFFF_FFFF
+"""Chunk size that means: each chunk's stands in the table."""
+MOST_CHUNKS: Final = 1 << 24
+LARGEST_CHUNK_BYTES: Final = 1 << 27
+"""Of a chunk, decompressed, that is decoded at one go, as others beside it are; larger ones are streamed."""
+
+_RECORD: Final = struct.Struct("<HHBBHIIqqH")
+_ITEMS: Final = {
+    0: (6,), 1: (6, 7), 2: (6, 8), 3: (6, 7, 8), 4: (6, 7, 9), 5: (6, 7, 8, 9),
+    6: (10,), 7: (10, 11), 8: (10, 12), 9: (10, 13), 10: (10, 12, 13),
+}  # fmt: skip
+"""Items by point format, extra bytes left out."""
+_ITEM_BYTES: Final = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
+_LAYERS: Final = {10: 9, 11: 1, 12: 2, 13: 1}
+"""Layers of the items of layered chunks; extra bytes have one for each byte."""
+_EXTRA: Final = {0, 14}
+_AGAIN: Final = "Copy or download it again; if it was made like that, let the program that made it write it anew."
+
+
+@dataclass(frozen=True)
+class LazPoints:
+    """Where the compressed points of a file lie, checked.
+
+    Attributes:
+        vlr: record that the decoder needs.
+        points: (n,) of each chunk.
+        begins: (n,) byte in the file at which each chunk begins.
+        sizes: (n,) bytes of each chunk.
+        layers: of a chunk, 0 where points are compressed one by one.
+        record_bytes: of a point, decompressed.
+    """
+
+    vlr: bytes
+    points: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+    layers: int
+    record_bytes: int
+
+    @property
+    def wholesale(self) -> bool:
+        """Whether each chunk is small enough to be decoded at one go."""
+        return not len(self.points) or int(self.points.max()) * self.record_bytes <= LARGEST_CHUNK_BYTES
+
+
+def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence[Record]) -> LazPoints:
+    """Check what the file says of its compressed points.
+
+    Raises:
+        InputError: if they cannot be found or decoded as it says.
+    """
+    stated = next((record for record in records if (record.user, record.number) == (USER, NUMBER)), None)
+    if stated is None or len(stated.data) < _RECORD.size:
+        raise _refusal(
+            path, "no record says how its points are compressed (the LASzip record is not there)", "laz-record"
+        )
+    compressor, _, _, _, _, _, chunk_points, _, _, items = _RECORD.unpack_from(stated.data)
+    if compressor not in (POINTWISE, LAYERED):
+        raise InputError(
+            f"{path}: its points are compressed by method {compressor}; known are {POINTWISE} and {LAYERED}.",
+            "That is the method of LASzip before 2011, which wrote no chunks; it is not read here."
+            if compressor == 1
+            else "There is no such method, so the record is damaged, or from a program of the future.",
+            "Decompress the file with LASzip (`laszip -i in.laz -o out.las`) and use what comes out.",
+            code="laz-compressor",
+        )
+    layers = _check_items(path, header, stated.data, items, layered=compressor == LAYERED)
+    if header.points == 0:
+        none = np.zeros(0, np.int64)
+        return LazPoints(stated.data, none, none, none, layers, header.record_bytes)
+    table = _chunk_table(path, file, header, stated.data, chunk_points)
+    sizes = np.array([size for _, size in table], np.int64)
+    points = np.array([number for number, _ in table], np.int64)
+    if chunk_points != VARIABLE:
+        points[:] = chunk_points
+        points[-1] = header.points - (len(points) - 1) * chunk_points
+    begins = header.offset + 8 + np.cumsum(sizes) - sizes
+    return LazPoints(stated.data, points, begins, sizes, layers, header.record_bytes)
+
+
+def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, layered: bool) -> int:
+    """Layers of a chunk.
+
+    Raises:
+        InputError: if the items do not make a point of the header's format.
+    """
+    if items > 8 or len(data) < _RECORD.size + 6 * items:
+        raise _refusal(path, f"its LASzip record promises {items:,} items in {len(data)} bytes", "laz-items")
+    said = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
+    kinds = tuple(kind for kind, _, _ in said if kind not in _EXTRA)
+    sizes = sum(size for _, size, _ in said)
+    fits = kinds == _ITEMS[header.point_format] and all(_ITEM_BYTES.get(kind, size) == size for kind, size, _ in said)
+    new = layered == (header.point_format >= 6) and all((version >= 3) <= layered for _, _, version in said)
+    if not fits or not new or sizes != header.record_bytes:
+        told = ", ".join(f"{kind} of {size} bytes (version {version})" for kind, size, version in said)
+        raise _refusal(
+            path,
+            f"its LASzip record has the items {told}, which are no point of format {header.point_format} with "
+            f"{header.record_bytes} bytes",
+            "laz-items",
+        )
+    return sum(_LAYERS.get(kind, size) for kind, size, _ in said) if layered else 0
+
+
+def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chunk_points: int) -> list[tuple[int, int]]:
+    """Points and bytes of each chunk.
+
+    Raises:
+        InputError: if it cannot be true.
+    """
+    start = header.offset + 8
+    file.seek(header.offset)
+    at = _signed(file.read(8))
+    if at == -1:  # written in one go, where nobody could go back: the place of the table stands at the very end
+        file.seek(max(0, header.size_bytes - 8))
+        at = _signed(file.read(8))
+    if not start < at <= header.size_bytes - 8:
+        raise _refusal(
+            path,
+            f"its table of chunks should begin at byte {at:,}, but the file has {header.size_bytes:,}: it was cut off, "
+            "or never finished",
+            "laz-chunk-table",
+        )
+    file.seek(at)
+    _, count = struct.unpack("<2I", file.read(8))
+    room = at - start
+    if chunk_points == 0:
+        raise _refusal(path, "its chunks are of 0 points, says the LASzip record", "laz-chunk-size")
+    # Each chunk begins with a whole point.
+    most = min(room // header.record_bytes, header.points, MOST_CHUNKS)
+    expected = -(-header.points // chunk_points)
+    if not 0 < count <= most or (chunk_points != VARIABLE and count != expected):
+        of_points = f" of {chunk_points:,} points" if chunk_points != VARIABLE else ""
+        said = f"the header promises {header.points:,} points, and the table {count:,} x a chunk{of_points}"
+        raise _refusal(path, f"{said}, in {room:,} bytes; that cannot be", "laz-chunk-count")
+    # With a record of the method's version alone, the decoder neither seeks nor allocates beyond `count` entries.
+    file.seek(at)
+    with decoding(path, "the table of chunks"):
+        table: list[tuple[int, int]] = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
+    least = min(size for _, size in table)
+    sizes = sum(size for _, size in table)
+    points = sum(number for number, _ in table)
+    fewest = min(number for number, _ in table)
+    if least < header.record_bytes or sizes != room or len(table) != count:
+        raise _refusal(
+            path, f"its table of chunks has {sizes:,} bytes in chunks, where there are {room:,}", "laz-chunk-table"
+        )
+    if chunk_points == VARIABLE and (points != header.points or fewest <= 0):
+        raise _refusal(
+            path,
+            f"its table of chunks has {points:,} points, where the header has {header.points:,}",
+            "laz-chunk-table",
+        )
+    return table
+
+
+def decode_chunks(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
+    """The records (n × bytes of one) of chunks `first` up to but without `last`, which follow each other; in parallel.
+
+    Raises:
+        InputError: if a chunk is damaged, as far as that can be told.
+    """
+    begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
+    file.seek(begin)
+    data = file.read(end - begin)
+    if len(data) != end - begin:
+        raise _refusal(path, f"it ends at byte {begin + len(data):,}, within chunk {first + 1}", "laz-chunk-damaged")
+    if laz.layers:
+        for number in range(first, last):
+            _check_layers(path, laz, number, data[int(laz.begins[number]) - begin :])
+    records = np.empty(int(laz.points[first:last].sum()) * laz.record_bytes, np.uint8)
+    table = list(zip(laz.points[first:last].tolist(), laz.sizes[first:last].tolist(), strict=True))
+    with decoding(path, f"chunks {first + 1} to {last} (bytes {begin:,} to {end:,})"):
+        lazrs.decompress_points_with_chunk_table(data, laz.vlr, records, table)
+    return records
+
+
+def stream_points(
+    path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, points: int, batch_points: int
+) -> Iterator[NDArray[np.uint8]]:
+    """The records of the first `points`, `batch_points` of them at a time, decoded one after the other.
+
+    Raises:
+        InputError: if a chunk is damaged, as far as that can be told.
+    """
+    if laz.layers:
+        for number in range(int(np.searchsorted(np.cumsum(laz.points), points)) + 1):
+            file.seek(int(laz.begins[number]))
+            _check_layers(path, laz, number, file.read(laz.record_bytes + 4 + 4 * laz.layers))
+    file.seek(header.offset)
+    with decoding(path, "the first chunk"):
+        decoder = lazrs.LasZipDecompressor(file, laz.vlr)
+    done = 0
+    while done < points:
+        count = min(batch_points, points - done)
+        records = np.empty(count * laz.record_bytes, np.uint8)
+        with decoding(path, f"points {done + 1:,} to {done + count:,}"):
+            decoder.decompress_many(records)
+        done += count
+        yield records
+
+
+def _check_layers(path: Path, laz: LazPoints, number: int, data: bytes) -> None:
+    """A layered chunk is its first point, the number of its points, the lengths of its layers, and the layers.
+
+    Raises:
+        InputError: if they do not fill the chunk.
+    """
+    points, size = int(laz.points[number]), int(laz.sizes[number])
+    lengths = laz.record_bytes + 4 + 4 * laz.layers
+    if size < lengths or len(data) < lengths:
+        raise _refusal(path, f"chunk {number + 1} has {size} bytes, too few for its layers", "laz-chunk-damaged")
+    counted, *layers = struct.unpack_from(f"<{1 + laz.layers}I", data, laz.record_bytes)
+    if counted != points or lengths + sum(layers) != size:
+        raise _refusal(
+            path,
+            f"chunk {number + 1} (byte {int(laz.begins[number]):,}) says it has {counted:,} points in "
+            f"{lengths + sum(layers):,} bytes; the table says {points:,} in {size:,}",
+            "laz-chunk-damaged",
+        )
+
+
+@contextmanager
+def decoding(path: Path, what: str) -> Iterator[None]:
+    """Errors of the decoder, its panics included, as one that a user can act on."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit, GeneratorExit, MemoryError, InputError):
+        raise
+    except BaseException as error:
+        # A panic of Rust is no Exception: it derives from BaseException alone, and its class cannot be imported.
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise _refusal(path, f"{what} cannot be decoded ({said})", "laz-chunk-damaged") from error
+
+
+def _signed(data: bytes) -> int:
+    return struct.unpack("<q", data)[0] if len(data) == 8 else 0
+
+
+def _refusal(path: Path, what: str, code: str) -> InputError:
+    return InputError(
+        f"{path}: {what}.",
+        "Compressed points cannot be told apart from there on, so none of them is used.",
+        _AGAIN,
+        code=code,
+    )

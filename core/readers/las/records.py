@@ -1,0 +1,142 @@
+"""The variable-length records between header and points, and the extended ones behind the points."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+
+from furrowmap.core.readers.las.header import LasHeader
+from furrowmap.core.values.errors import Notice
+
+LONGEST: Final = 1 << 20
+"""Of an extended record only so many bytes are read: a CRS, or the page of a small hierarchy, takes less."""
+MOST_EXTENDED: Final = 10_000
+_HEAD: Final = struct.Struct("<2x16sHH32x")
+_EXTENDED_HEAD: Final = struct.Struct("<2x16sHQ32x")
+_EXTRA: Final = struct.Struct("<2xBB32s156x")
+EXTRA_TYPES: Final = (
+    *("undocumented", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float32", "float64"),
+)
+"""Of the extra dimensions (LAS 1.4 R15, table 24)."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record.
+
+    Attributes:
+        user: whose kind of record it is.
+        number: which of that user's.
+        data: its content, of extended ones up to a megabyte.
+        at: byte at which the content begins.
+        extended: whether it stands behind the points.
+    """
+
+    user: str
+    number: int
+    data: bytes
+    at: int
+    extended: bool = False
+
+
+@dataclass(frozen=True)
+class ExtraDimension:
+    """A dimension of the points besides those of their format.
+
+    Attributes:
+        name: as it stands there.
+        type: of its values.
+    """
+
+    name: str
+    type: str
+
+
+def read_records(path: Path, file: BinaryIO, header: LasHeader) -> tuple[tuple[Record, ...], tuple[Notice, ...]]:
+    """All records that lie where they may lie; a notice tells of each chain that breaks off."""
+    notices: list[Notice] = []
+    records = [*_near(path, file, header, notices), *_far(path, file, header, notices)]
+    return tuple(records), tuple(notices)
+
+
+def extra_dimensions(
+    path: Path, records: tuple[Record, ...], spare_bytes: int
+) -> tuple[tuple[ExtraDimension, ...], tuple[Notice, ...]]:
+    """The extra dimensions that a file describes, where they fit into the `spare_bytes` of a point."""
+    found: list[ExtraDimension] = []
+    taken = 0
+    for record in records:
+        if (record.user, record.number) == ("LASF_Spec", 4):
+            for kind, options, name in _EXTRA.iter_unpack(record.data[: len(record.data) // 192 * 192]):
+                known = kind < len(EXTRA_TYPES)
+                # Types 11 to 30 were vectors of two or three (LAS 1.4 R13).
+                base, many = (kind, 1) if known else ((kind - 1) % 10 + 1, (kind - 1) // 10 + 1)
+                taken += options if kind == 0 else many * np.dtype(EXTRA_TYPES[base]).itemsize
+                label = EXTRA_TYPES[base] if many == 1 else f"{many} {EXTRA_TYPES[base]}"
+                found.append(ExtraDimension(name.split(b"\0")[0].decode("utf-8", "replace"), label))
+    if taken > spare_bytes:
+        text = f"{path.name} describes extra dimensions of {taken} bytes; its points have {spare_bytes} to spare."
+        return (), (Notice("extra-bytes", text),)
+    return tuple(found), ()
+
+
+def _near(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -> Iterator[Record]:
+    file.seek(header.header_bytes)
+    data = file.read(min(header.offset, header.size_bytes) - header.header_bytes)
+    at = 0
+    for number in range(header.records):
+        end = at + _HEAD.size
+        length = _HEAD.unpack_from(data, at)[2] if end <= len(data) else 0
+        if end + length > len(data):
+            notices.append(
+                Notice(
+                    "records-broken",
+                    f"{path.name}: of {header.records:,} records that the header promises, number {number + 1} (byte "
+                    f"{header.header_bytes + at}) does not end before the points begin at byte {header.offset}. It and "
+                    "all behind it are lost: perhaps the CRS.",
+                )
+            )
+            return
+        yield _record(_HEAD.unpack_from(data, at), data[end : end + length], header.header_bytes + end)
+        at = end + length
+    # LAS 1.0 puts two bytes between records and points; more may be there, but a name would be a record uncounted.
+    rest = data[at:]
+    if len(rest) >= _HEAD.size and rest[2:].startswith((b"LASF_", b"copc\0", b"laszip")):
+        notices.append(
+            Notice(
+                "records-uncounted",
+                f"{path.name}: behind the {header.records} records that the header counts, another one begins at byte "
+                f"{header.header_bytes + at}. The length of one or their number is wrong; perhaps the CRS is lost.",
+            )
+        )
+
+
+def _far(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -> Iterator[Record]:
+    at = header.extended_at
+    for number in range(header.extended):
+        file.seek(min(at, header.size_bytes))
+        head = file.read(_EXTENDED_HEAD.size)
+        length = _EXTENDED_HEAD.unpack(head)[2] if len(head) == _EXTENDED_HEAD.size else 0
+        end = at + _EXTENDED_HEAD.size + length
+        if at < header.offset or end > header.size_bytes or number == MOST_EXTENDED:
+            notices.append(
+                Notice(
+                    "extended-records-broken",
+                    f"{path.name}: of {header.extended:,} records that the header promises behind the points, number "
+                    f"{number + 1} (byte {at}) is not there: the file has {header.size_bytes} bytes. It and all behind "
+                    "it are lost.",
+                )
+            )
+            return
+        data = file.read(min(length, LONGEST))
+        yield _record(_EXTENDED_HEAD.unpack(head), data, at + _EXTENDED_HEAD.size, extended=True)
+        at = end
+
+
+def _record(head: tuple[bytes, int, int], data: bytes, at: int, *, extended: bool = False) -> Record:
+    return Record(head[0].split(b"\0")[0].decode("utf-8", "replace"), head[1], data, at, extended)
