@@ -21,7 +21,7 @@ from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 from furrowmap.core.work.ground import WorkedGround, worked_ground
-from furrowmap.core.work.smoothing import smooth_path
+from furrowmap.core.trajectory.smoothing import smooth_path
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
 from furrowmap.core.readers.rosbag.messages import FIXED_SIGMA_M
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "readers.md").read_text(encoding="utf-8")
-GIVES = ("scans", "track", "poses")
+GIVES = ("scans", "track", "poses", "states")
 
 
 def row(reader: type[Reader]) -> str:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import make_smoothing_spline
 
-from furrowmap.core.work.smoothing import smooth_path, smoothed, white_noise
+from furrowmap.core.trajectory.smoothing import smooth_path, smoothed, white_noise
 
 
 @settings(max_examples=30, deadline=None)

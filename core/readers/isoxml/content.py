@@ -1,0 +1,254 @@
+"""What TASKDATA.XML says: fields with their boundaries, devices and their elements, tasks and their time logs.
+
+ISO 11783-10:2015, annex D, names its elements by three letters and their attributes by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.readers.isoxml.files import MAIN, TaskFiles
+from furrowmap.core.readers.isoxml.xml import Element, parse_xml
+from furrowmap.core.values.errors import InputError, Notice
+
+ROOT: Final = "ISO11783_TaskData"
+EXTERNAL: Final = "XFC"
+BOUNDARY_POLYGON: Final = "1"
+EXTERIORS: Final = ("1", "")
+INTERIOR: Final = "2"
+PARALLEL: Final = frozenset({"4", "5"})
+"""Types of device elements that lie side by side: sections and units."""
+
+
+@dataclass(frozen=True)
+class Partfield:
+    """A field, `PFD`.
+
+    Attributes:
+        id: within the file, such as "PFD-2".
+        name: as its farmer calls it.
+        stated_area_m2: what the file itself says; nan where it does not.
+        boundary: longitudes and latitudes in degrees; None where the file has none.
+    """
+
+    id: str
+    name: str
+    stated_area_m2: float
+    boundary: BaseGeometry | None
+
+
+@dataclass(frozen=True)
+class DeviceElement:
+    """A part of a machine, `DET`.
+
+    Attributes:
+        id: within the file, such as "DET-1".
+        kind: 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
+        name: of the part.
+        parent: id of the element that it is a part of; "" for the machine itself.
+        device: name of the machine.
+    """
+
+    id: str
+    kind: str
+    name: str
+    parent: str
+    device: str
+
+
+@dataclass(frozen=True)
+class TimeSpan:
+    """A `TIM`: when something was done, and the totals then.
+
+    Attributes:
+        begin: as written, with or without a zone; "" where it is open.
+        end: likewise.
+        kind: 4 for effective work.
+        totals: raw value by (data dictionary identifier, element).
+    """
+
+    begin: str
+    end: str
+    kind: str
+    totals: dict[tuple[int, str], int]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task, `TSK`.
+
+    Attributes:
+        id: within the file, such as "TSK1".
+        name: of the task.
+        partfield: id of its field; "" where there is none.
+        logs: names of its time logs without suffix, in the order of the file.
+        spans: its times, likewise.
+    """
+
+    id: str
+    name: str
+    partfield: str
+    logs: tuple[str, ...]
+    spans: tuple[TimeSpan, ...]
+
+
+@dataclass(frozen=True)
+class TaskData:
+    """The content of a set of task data.
+
+    Attributes:
+        version: of the standard's files, such as "4.1".
+        maker: of the program that wrote them.
+        partfields: by id.
+        elements: of all machines, by id.
+        tasks: in the order of the file.
+        notices: what is missing or odd.
+    """
+
+    version: str
+    maker: str
+    partfields: dict[str, Partfield]
+    elements: dict[str, DeviceElement]
+    tasks: tuple[Task, ...]
+    notices: tuple[Notice, ...] = field(default=())
+
+
+def read_content(files: TaskFiles) -> TaskData:
+    """What the main file and the files that it refers to say.
+
+    Raises:
+        InputError: if the main file is no task data. A file that it refers to and that cannot be read is told.
+    """
+    notices = list(files.notices)
+    root = parse_xml(files.read(MAIN), files.named(MAIN))
+    if root.tag != ROOT:
+        raise InputError(
+            f"{files.named(MAIN)}: its root is <{root.tag[:40]}>, not <{ROOT}>.",
+            "The file is no task data after ISO 11783-10.",
+            "Give the TASKDATA folder that the terminal wrote.",
+            code="task-data-missing",
+        )
+    items = list(_items(files, root, notices))
+    maker = root.get("TaskControllerManufacturer") or root.get("ManagementSoftwareManufacturer")
+    partfields = [_partfield(item, notices) for item in items if item.tag == "PFD"]
+    elements = [part for item in items if item.tag == "DVC" for part in _elements(item)]
+    return TaskData(
+        version=f"{root.get('VersionMajor')}.{root.get('VersionMinor')}",
+        maker=maker,
+        partfields=_by_id(partfields, "partfield", notices),
+        elements=_by_id(elements, "device element", notices),
+        tasks=tuple(_task(item) for item in items if item.tag == "TSK"),
+        notices=tuple(notices),
+    )
+
+
+def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[Element]:
+    """The elements of the main file, those in external files in the place of the reference to them."""
+    for item in root.children:
+        if item.tag != "XFR":
+            yield item
+            continue
+        name = f"{item.get('A')}.XML"
+        try:
+            external = parse_xml(files.read(name), files.named(name))
+        except InputError as error:
+            notices.append(Notice("external-file-lost", f"{error.lines[0]} What it holds is missing."))
+            continue
+        yield from external.children if external.tag == EXTERNAL else ()
+
+
+_T = TypeVar("_T", Partfield, DeviceElement)
+
+
+def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
+    by_id: dict[str, _T] = {}
+    for one in found:
+        if one.id in by_id:
+            notices.append(Notice("id-twice", f"There are two of the {kind} {one.id}; the first is taken."))
+        else:
+            by_id[one.id] = one
+    return by_id
+
+
+def _partfield(item: Element, notices: list[Notice]) -> Partfield:
+    name = item.get("C") or item.get("A")
+    polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
+    boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
+    area = _whole(item.get("D"))
+    return Partfield(
+        item.get("A"), name, float(area) if area else float("nan"), None if boundary.is_empty else boundary
+    )
+
+
+def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
+    """A polygon with its holes; rings that are none are told and left out.
+
+    Version 3 writes exteriors and holes as rings of one polygon, version 4 may have several exteriors.
+    """
+    shells: list[BaseGeometry] = []
+    holes: list[BaseGeometry] = []
+    for ring in item.all("LSG"):
+        places = [(_degrees(p.get("D")), _degrees(p.get("C"))) for p in ring.all("PNT")]
+        usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
+        if len(usable) < 3 or len(usable) < len(places) or ring.get("A") not in (*EXTERIORS, INTERIOR):
+            text = f"Field {name}: a ring of its boundary ({len(usable)} of {len(places)} corners) is left out."
+            notices.append(Notice("boundary-ring", text))
+        else:
+            (holes if ring.get("A") == INTERIOR else shells).append(shapely.make_valid(shapely.Polygon(usable)))
+    return shapely.difference(shapely.union_all(shells), shapely.union_all(holes))
+
+
+def _degrees(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("inf")
+
+
+def _elements(device: Element) -> Iterator[DeviceElement]:
+    parts = list(device.all("DET"))
+    by_number = {part.get("B"): part.get("A") for part in parts}
+    for part in parts:
+        parent = by_number.get(part.get("F"), "")
+        name = part.get("D") or part.get("A")
+        yield DeviceElement(
+            part.get("A"), part.get("C"), name, parent if parent != part.get("A") else "", device.get("B")
+        )
+
+
+def _task(item: Element) -> Task:
+    return Task(
+        id=item.get("A"),
+        name=item.get("B") or item.get("A"),
+        partfield=item.get("E"),
+        logs=tuple(log.get("A") for log in item.all("TLG")),
+        spans=tuple(_span(span) for span in item.all("TIM")),
+    )
+
+
+def _span(item: Element) -> TimeSpan:
+    totals = {}
+    for value in item.all("DLV"):
+        ddi, number = _hex(value.get("A")), _whole(value.get("B"))
+        if ddi is not None and number is not None:
+            totals[ddi, value.get("C")] = number
+    return TimeSpan(item.get("A"), item.get("B"), item.get("D"), totals)
+
+
+def _hex(text: str) -> int | None:
+    try:
+        return int(text, 16)
+    except ValueError:
+        return None
+
+
+def _whole(text: str) -> int | None:
+    try:
+        return int(text)
+    except ValueError:
+        return None

@@ -1,0 +1,157 @@
+"""ISO 11783-10 task data as a recording: where the machine was, and whether it worked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.isoxml.content import TaskData
+from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
+from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.source import Head
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+
+
+class TaskDataLog:
+    """The tasks of ISO 11783-10 task data: a TASKDATA folder, its TASKDATA.XML, or a zip archive of it.
+
+    Args:
+        paths: the sets of one recording, in the order of time.
+        options: `task` is used.
+    """
+
+    format: ClassVar[str] = "isoxml"
+    title: ClassVar[str] = "ISO 11783-10 task data (folder or .zip)"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain where there is a main file; possible for archives without one, of which the reader says so."""
+        zipped = head.suffix == ".zip" or head.data.startswith(b"PK\x03\x04")
+        if not (head.path.is_dir() or zipped or head.path.name.upper() == MAIN):
+            return 0.0
+        if is_task_data(head.path):
+            return 1.0
+        return 0.3 if zipped or (head.path.is_dir() and any(head.path.glob("[Tt][Ll][Gg]*"))) else 0.0
+
+    def track(self) -> GnssTrack:
+        """The positions of the task, or of all tasks in the order of time.
+
+        Raises:
+            InputError: if there are none, or tasks that are not told apart were worked at the same time.
+        """
+        tasks = self._tasks()
+        columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}
+        return GnssTrack(**columns, source=", ".join(str(path) for path in self.paths))
+
+    def states(self) -> ToolStates:
+        """Whether the machine worked, over time.
+
+        Raises:
+            InputError: as :meth:`track`.
+        """
+        parts = [task.states for task in self._tasks()]
+        return ToolStates(
+            begin_s=np.concatenate([part.begin_s for part in parts]),
+            end_s=np.concatenate([part.end_s for part in parts]),
+            state=np.concatenate([part.state for part in parts]),
+            confidence=np.concatenate([part.confidence for part in parts]),
+            begin_sigma_s=np.concatenate([part.begin_sigma_s for part in parts]),
+            end_sigma_s=np.concatenate([part.end_sigma_s for part in parts]),
+        )
+
+    def inspect(self) -> Inspection:
+        """Read the first set through and say what it is and holds.
+
+        Raises:
+            InputError: if it cannot be read.
+        """
+        content, tasks = read_tasks(open_task_files(self.paths[0]), self.options.task)
+        facts: dict[str, Any] = {
+            "version": content.version,
+            "maker": content.maker,
+            "fields": {field.id: field.name for field in content.partfields.values()},
+            "tasks": {task.id: _task_facts(task) for task in tasks},
+        }
+        placed = [task for task in tasks if len(task.track)]
+        width_m = whole_width_m(placed)
+        facts["width_m"] = round(width_m, 3) if np.isfinite(width_m) else None
+        clocks = tuple(
+            ClockReading(Clock.GNSS, *_span(task), f"of task {task.id}, {_clock_note(task)}") for task in placed
+        )
+        if len(placed) == 1:
+            track = placed[0].track
+            facts |= utc_facts(track.t_s) | timing_facts(track.t_s) | position_facts(track)
+        return Inspection(self.paths[0], self.format, self.title, facts, clocks, _notices(content, tasks))
+
+    def _tasks(self) -> list[LoggedTask]:
+        """The tasks that are wanted and have positions, in the order of time.
+
+        Raises:
+            InputError: if there are none, or two of them were worked at the same time.
+        """
+        found = []
+        self.notices = []
+        for path in self.paths:
+            content, tasks = read_tasks(open_task_files(path), self.options.task)
+            self.notices += _notices(content, tasks)
+            found += [task for task in tasks if len(task.track)]
+        if not found:
+            raise InputError(
+                f"{self.paths[0]}: none of its time logs has a position.",
+                "Where the machine was is not known.",
+                "Export the task data once the work is done: time logs are written on the machine's terminal.",
+                code="no-positions",
+            )
+        found.sort(key=_span)
+        for one, other in pairwise(found):
+            if _span(other)[0] <= _span(one)[1]:
+                raise InputError(
+                    f"{self.paths[0]}: the tasks {one.id} and {other.id} were both worked at "
+                    f"{iso_utc(_span(other)[0])}.",
+                    "Two machines, or two logs of one, cannot be read as one drive.",
+                    f'Name the task that is meant: `[recording] task = "{one.id}"`.',
+                    code="tasks-overlap",
+                )
+        return found
+
+
+def _span(task: LoggedTask) -> tuple[float, float]:
+    return float(task.track.t_s[0]), float(task.track.t_s[-1])
+
+
+def _clock_note(task: LoggedTask) -> str:
+    if not np.isfinite(task.local_minus_utc_s):
+        return "by the terminal's clock, taken as UTC"
+    return f"the terminal's clock less {task.local_minus_utc_s:g} s"
+
+
+def _task_facts(task: LoggedTask) -> dict[str, Any]:
+    length_s = task.states.end_s - task.states.begin_s
+    return {
+        "name": task.name,
+        "field": task.field.name if task.field is not None else None,
+        "time_logs": list(task.logs),
+        "positions": len(task.track),
+        **(utc_facts(task.track.t_s) if len(task.track) else {}),
+        "working_s": round(float(length_s[task.states.state == ToolState.DOWN].sum()), 1),
+        "counted_area_m2": round(task.counted_m2, 1) if np.isfinite(task.counted_m2) else None,
+    }
+
+
+def _notices(content: TaskData, tasks: Sequence[LoggedTask]) -> tuple[Notice, ...]:
+    return tuple(dict.fromkeys([*content.notices, *(notice for task in tasks for notice in task.notices)]))

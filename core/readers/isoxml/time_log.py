@@ -1,0 +1,346 @@
+"""Time logs, `TLG`: an XML header that says what a record holds, and the records in binary.
+
+ISO 11783-10:2015, annex D.8 and clause 8.8.2.2. A record, little-endian: milliseconds of the day (u32), days since
+1980-01-01 (u16), the attributes of PTN that the header leaves open in their order, the number of values (u8), and for
+each value its place among the header's DLV (u8) and an i32. A record holds only what has changed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.isoxml.xml import Element, parse_xml
+from furrowmap.core.values.errors import InputError, Notice
+
+FloatArray = NDArray[np.float64]
+
+EPOCH_S: Final = 315_532_800
+"""1980-01-01, from which days are counted, in POSIX seconds."""
+DAY_S: Final = 86_400
+POSITION: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
+"""Bytes of each attribute of PTN: latitude, longitude, up, status, PDOP, HDOP, satellites, GPS time and day."""
+MOST_VALUES: Final = 255
+EARLIEST_DAY: Final = 1461
+"""1984-01-01; a record of an earlier day is a clock that was not set, and still a record."""
+NOT_AVAILABLE: Final = 0x7FFFFFFF
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What one of the values is, a `DLV` of the header.
+
+    Attributes:
+        ddi: data dictionary identifier (ISO 11783-11).
+        element: id of the machine's part that it belongs to.
+    """
+
+    ddi: int
+    element: str
+
+
+@dataclass(frozen=True)
+class Header:
+    """What records hold.
+
+    Attributes:
+        open: letters of the PTN attributes that each record has.
+        fixed: raw value of the PTN attributes that the header states for all.
+        channels: of the values, in their order.
+    """
+
+    open: str
+    fixed: dict[str, float]
+    channels: tuple[Channel, ...]
+
+
+@dataclass(frozen=True)
+class TimeLog:
+    """A time log's records in the order of the file.
+
+    Attributes:
+        name: of the file, for messages.
+        clock_s: (n,) what the terminal's clock showed, as if it were UTC, POSIX seconds.
+        lat_deg: (n,) nan where there is no position.
+        lon_deg: (n,) likewise.
+        up_m: (n,) height above the ellipsoid; nan where not stated.
+        status: (n,) int8: the codes of NMEA 2000 (0 none, 1 single, 2 DGNSS, 3 precise, 4 RTK fixed, 5 float, ...), −1
+            where not stated.
+        hdop: (n,) nan where not stated.
+        satellites: (n,) int16, −1 where not stated.
+        gps_s: (n,) UTC by GPS, POSIX seconds; nan where not stated.
+        header: what the values are.
+        record: (m,) int64 index of the record of each value.
+        channel: (m,) uint8 index among the channels of each value.
+        value: (m,) int32 raw.
+        notices: what was damaged.
+    """
+
+    name: str
+    clock_s: FloatArray
+    lat_deg: FloatArray
+    lon_deg: FloatArray
+    up_m: FloatArray
+    status: NDArray[np.int8]
+    hdop: FloatArray
+    satellites: NDArray[np.int16]
+    gps_s: FloatArray
+    header: Header
+    record: NDArray[np.int64]
+    channel: NDArray[np.uint8]
+    value: NDArray[np.int32]
+    notices: tuple[Notice, ...]
+
+    def __len__(self) -> int:
+        return len(self.clock_s)
+
+    @cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """(n,) whether a record has a position."""
+        return np.isfinite(self.lat_deg)
+
+    def channels(self, ddi: int) -> list[int]:
+        """Indices of the channels of a data dictionary identifier that have at least one value."""
+        seen = np.zeros(MOST_VALUES + 1, bool)
+        seen[self.channel] = True
+        return [k for k, channel in enumerate(self.header.channels) if channel.ddi == ddi and seen[k]]
+
+    def latest(self, channel: int) -> FloatArray:
+        """(n,) the raw value that holds at each record: the last one logged; nan before the first."""
+        mine = self.channel == channel
+        at, value = self.record[mine], self.value[mine].astype(np.float64)
+        row = np.searchsorted(at, np.arange(len(self)), side="right") - 1
+        return np.where(row >= 0, value[np.maximum(row, 0)] if len(value) else np.nan, np.nan)
+
+
+def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
+    """A time log from the content of its two files.
+
+    Where records make no sense (a byte was lost or added) reading goes on with the next place from which two records
+    in a row do, and the bytes between are told.
+
+    Raises:
+        InputError: if the header is no header, or its records cannot be told apart.
+    """
+    layout = read_header(header, name)
+    data = np.frombuffer(records, np.uint8)
+    width = 6 + sum(POSITION[letter] for letter in layout.open)
+    offsets = np.array([_offset(layout.open, letter) for letter in ("A", "B", "I")], np.int64)
+    found = _records(data, width, offsets, len(layout.channels))
+    starts, lost, breaks = found
+    values = int(data[starts + width].astype(np.int64).sum()) if len(starts) else 0
+    record, channel, value = _values(data, starts, width, values)
+    notices = _damage(name, len(data), int(lost), int(breaks))
+    return _assembled(name, layout, data, starts, (record, channel, value), notices)
+
+
+def read_header(data: bytes, name: str) -> Header:
+    """The header of a time log.
+
+    Raises:
+        InputError: if it is none.
+    """
+    root = parse_xml(data, f"{name}.xml")
+    position = next(root.all("PTN"), None)
+    if root.tag != "TIM" or position is None:
+        raise InputError(
+            f"{name}.xml: no header of a time log (root <{root.tag[:40]}>{', without PTN' * (position is None)}).",
+            "Without it the binary records cannot be told apart.",
+            "Copy the whole TASKDATA folder from the terminal.",
+            code="time-log-header",
+        )
+    channels = [_channel(item, name) for item in root.all("DLV")]
+    if len(channels) > MOST_VALUES + 1:
+        raise InputError(
+            f"{name}.xml: {len(channels)} values; records number them from 0 to {MOST_VALUES}.",
+            "The header is not one of ISO 11783-10.",
+            "Copy the whole TASKDATA folder from the terminal.",
+            code="time-log-header",
+        )
+    present = [letter for letter in POSITION if letter in position.attributes]
+    stated = {letter: float(position.get(letter)) for letter in present if _is_number(position.get(letter))}
+    return Header("".join(letter for letter in present if letter not in stated), stated, tuple(channels))
+
+
+def _channel(item: Element, name: str) -> Channel:
+    try:
+        return Channel(int(item.get("A"), 16), item.get("C"))
+    except ValueError:
+        raise InputError(
+            f"{name}.xml: {item.get('A')!r} is no hexadecimal number of the data dictionary.",
+            "What the records hold there cannot be known.",
+            "Copy the whole TASKDATA folder from the terminal.",
+            code="time-log-header",
+        ) from None
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _offset(letters: str, letter: str) -> int:
+    """Bytes from a record's beginning to an attribute of PTN; −1 where it has none."""
+    if letter not in letters:
+        return -1
+    return 6 + sum(POSITION[other] for other in letters[: letters.index(letter)])
+
+
+def _assembled(
+    name: str,
+    header: Header,
+    data: NDArray[np.uint8],
+    starts: NDArray[np.int64],
+    values: tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int32]],
+    notices: tuple[Notice, ...],
+) -> TimeLog:
+    n = len(starts)
+
+    def column(offset: int, kind: str) -> NDArray[Any]:
+        """Numbers (n,) at an offset of each record."""
+        size = np.dtype(kind).itemsize
+        return np.ascontiguousarray(data[starts[:, None] + (offset + np.arange(size))]).view(kind)[:, 0]
+
+    def attribute(letter: str, kind: str) -> FloatArray:
+        """An attribute of PTN (n,), raw; nan where it is not stated."""
+        offset = _offset(header.open, letter)
+        if offset < 0:
+            return np.full(n, header.fixed.get(letter, np.nan))
+        return column(offset, kind).astype(np.float64) if n else np.zeros(0)
+
+    if not n:
+        empty = np.zeros(0)
+        return TimeLog(
+            name, empty, empty, empty, empty, np.zeros(0, np.int8), empty, np.zeros(0, np.int16), empty, header,
+            *values, notices,
+        )  # fmt: skip
+    clock_s = EPOCH_S + DAY_S * column(4, "<u2").astype(np.float64) + column(0, "<u4") / 1000.0
+    lat, lon = 1e-7 * attribute("A", "<i4"), 1e-7 * attribute("B", "<i4")
+    nowhere = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0)) | ((lat == 0.0) & (lon == 0.0))
+    status = attribute("D", "<u1")
+    stated = np.isfinite(status) & (status < 9)
+    nowhere |= stated & (status == 0)
+    up = attribute("C", "<i4")
+    gps = EPOCH_S + DAY_S * attribute("I", "<u2") + attribute("H", "<u4") / 1000.0
+    hdop, satellites = attribute("F", "<u2"), attribute("G", "<u1")
+    return TimeLog(
+        name=name,
+        clock_s=clock_s,
+        lat_deg=np.where(nowhere, np.nan, lat),
+        lon_deg=np.where(nowhere, np.nan, lon),
+        up_m=np.where(np.abs(up) < NOT_AVAILABLE, up / 1000.0, np.nan),
+        status=np.where(stated, status, -1).astype(np.int8),
+        hdop=np.where(hdop < 0xFFFE, hdop / 100.0, np.nan),
+        satellites=np.where(satellites < 0xFE, satellites, -1).astype(np.int16),
+        gps_s=np.where((attribute("I", "<u2") < 0xFFFE) & (attribute("I", "<u2") > 0), gps, np.nan),
+        header=header,
+        record=values[0],
+        channel=values[1],
+        value=values[2],
+        notices=notices,
+    )
+
+
+def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
+    if not lost:
+        return ()
+    text = f"{name}.bin: {lost:,} of {size:,} bytes are no records and left out (places: {breaks})."
+    return (Notice("time-log-damaged", text),)
+
+
+@numba.njit(cache=True, nogil=True)
+def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> int:
+    """Where the record ends that begins at a byte; −1 if none that makes sense does, −2 if the file ends in it."""
+    size = len(data)
+    if at + width + 1 > size:
+        return -2
+    millis = data[at] + (data[at + 1] << 8) + (data[at + 2] << 16) + (np.int64(data[at + 3]) << 24)
+    if millis > 86_400_999:
+        return -1
+    end = at + width + 1 + 5 * np.int64(data[at + width])
+    if end > size:
+        return -2
+    for k in range(at + width + 1, end, 5):
+        if data[k] >= channels:
+            return -1
+    for k in range(2):
+        if offsets[k] >= 0:
+            place = at + offsets[k]
+            raw = np.int32(
+                np.uint32(data[place])
+                | (np.uint32(data[place + 1]) << np.uint32(8))
+                | (np.uint32(data[place + 2]) << np.uint32(16))
+                | (np.uint32(data[place + 3]) << np.uint32(24))
+            )
+            limit = 900_000_000 if k == 0 else 1_800_000_000
+            # 0x7FFFFFFF and its neighbours say that there is no position
+            if (raw > limit or raw < -limit) and raw < 0x7FFFFFF0 and raw > -0x7FFFFFF0:
+                return -1
+    return end
+
+
+@numba.njit(cache=True, nogil=True)
+def _day(data: Any, at: int) -> int:
+    return np.int64(data[at + 4]) + (np.int64(data[at + 5]) << 8)
+
+
+@numba.njit(cache=True, nogil=True)
+def _records(data: Any, width: int, offsets: Any, channels: int) -> Any:
+    """Where each record begins (n,), how many bytes are no records, and at how many places."""
+    size = len(data)
+    starts = np.empty(size // (width + 1) + 1, np.int64)
+    n, at, lost, breaks = 0, 0, 0, 0
+    broken = False
+    while at < size:
+        end = _record_end(data, at, width, offsets, channels)
+        good = end > 0
+        if good and (broken or n > 0) and n > 0 and abs(_day(data, at) - _day(data, starts[n - 1])) > 366:
+            good = False  # a log of years is none: the step was lost
+        if good and broken:
+            # after damage two records in a row, of neighbouring days, tell that the step is found again
+            follower = _record_end(data, end, width, offsets, channels) if end < size else -1
+            good = follower > 0 and abs(_day(data, end) - _day(data, at)) <= 1
+        if good:
+            starts[n] = at
+            n += 1
+            at = end
+            broken = False
+        else:
+            if not broken:
+                breaks += 1
+            broken = True
+            lost += 1
+            at += 1
+    return starts[:n].copy(), lost, breaks
+
+
+@numba.njit(cache=True, nogil=True)
+def _values(data: Any, starts: Any, width: int, count: int) -> Any:
+    """(record, channel, value) of all values."""
+    record = np.empty(count, np.int64)
+    channel = np.empty(count, np.uint8)
+    value = np.empty(count, np.int32)
+    k = 0
+    for n in range(len(starts)):
+        at = starts[n] + width
+        for _ in range(np.int64(data[at])):
+            place = at + 1
+            record[k] = n
+            channel[k] = data[place]
+            value[k] = np.int32(
+                np.uint32(data[place + 1])
+                | (np.uint32(data[place + 2]) << np.uint32(8))
+                | (np.uint32(data[place + 3]) << np.uint32(16))
+                | (np.uint32(data[place + 4]) << np.uint32(24))
+            )
+            at += 5
+            k += 1
+    return record, channel, value

@@ -1,0 +1,144 @@
+"""What a time log says of the work: whether the machine worked, how wide, and what its own counters showed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement
+from furrowmap.core.readers.isoxml.time_log import TimeLog
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.tool_states import ToolState
+
+FloatArray = NDArray[np.float64]
+
+ACTUAL_WIDTH: Final = 67
+"""Actual working width, mm; the numbers are those of ISO 11783-11's data dictionary."""
+WORK_STATE: Final = 141
+"""Actual work state: 0 off, 1 on, 2 error, 3 not installed."""
+CONDENSED_STATES: Final = range(161, 177)
+"""Actual condensed work state of sections 1 to 16, 17 to 32 and so on: two bits each, with the same meaning."""
+SECTIONS_EACH: Final = 16
+TOTAL_AREA: Final = 116
+"""m²"""
+EFFECTIVE_DISTANCE: Final = 117
+"""mm, as 118, the ineffective one."""
+EFFECTIVE_TIME: Final = 119
+"""s, as 120, the ineffective one."""
+
+
+@dataclass(frozen=True)
+class LoggedWork:
+    """The work in a time log, a value for each of its n records.
+
+    Attributes:
+        state: (n,) int8, values of :class:`ToolState`.
+        width_m: (n,) what works of the machine's width; nan where the log does not say.
+        counted_m2: what the machine's own counter of area gained; nan where it has none.
+        notices: what of it is doubtful.
+    """
+
+    state: NDArray[np.int8]
+    width_m: FloatArray
+    counted_m2: float
+    notices: tuple[Notice, ...]
+
+
+def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWork:
+    """The work that a time log tells of.
+
+    The states of the smallest parts that have one count: a boom may be switched on whose sections are all off. The
+    machine works where any of them does.
+
+    Args:
+        log: the time log.
+        elements: the machines' parts by their ids; a log may name others.
+    """
+    notices: list[Notice] = []
+    states = _states(log, elements, notices)
+    state = np.full(len(log), ToolState.UNKNOWN, np.int8)
+    if states:
+        table = np.stack(list(states.values()))
+        state[(table == ToolState.UP).any(axis=0)] = ToolState.UP
+        state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
+    width = _width(log, elements, states)
+    state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
+    return LoggedWork(state, width, _counted(log, elements), tuple(notices))
+
+
+def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:
+    """The state (n,) of each of the smallest parts that have one."""
+    own = {log.header.channels[k].element: _state(log.latest(k)) for k in log.channels(WORK_STATE)}
+    sections = _section_states(log)
+    for element, any_on in sections.items():
+        if not (any_on == ToolState.DOWN).any() and (own.get(element, any_on) == ToolState.DOWN).any():
+            text = f"{log.name}: the condensed states of {element} never show a section at work; its own state counts."
+            notices.append(Notice("sections-contradicted", text))
+        elif element in own:
+            own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
+        else:
+            own[element] = any_on
+    above = {parent for element in own for parent in ancestors(element, elements)}
+    return {element: state for element, state in own.items() if element not in above}
+
+
+def _section_states(log: TimeLog) -> dict[str, NDArray[np.int8]]:
+    """For each element with condensed states whether any of its sections works (n,)."""
+    found: dict[str, NDArray[np.int8]] = {}
+    for ddi in CONDENSED_STATES:
+        for k in log.channels(ddi):
+            bits = log.latest(k)
+            known = np.isfinite(bits)
+            pairs = np.where(known, bits, 0).astype(np.int64)[:, None] >> (2 * np.arange(SECTIONS_EACH)) & 3
+            state = np.where((pairs == 1).any(axis=1), ToolState.DOWN, ToolState.UP)
+            state = np.where(known, state, ToolState.UNKNOWN).astype(np.int8)
+            element = log.header.channels[k].element
+            found[element] = np.maximum(found[element], state) if element in found else state
+    return found
+
+
+def _state(raw: FloatArray) -> NDArray[np.int8]:
+    """States (n,) from values of the work state (n,)."""
+    return np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
+
+
+def _width(log: TimeLog, elements: Mapping[str, DeviceElement], states: Mapping[str, NDArray[np.int8]]) -> FloatArray:
+    """The working width (n,): that of the largest parts that state one.
+
+    Sections lie side by side, and those at work add up; functions lie behind each other, and the widest counts.
+    """
+    widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
+    topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
+    width = np.full(len(log), np.nan)
+    parallel = np.zeros(len(log))
+    for element in topmost:
+        if element in elements and elements[element].kind in PARALLEL:
+            working = states[element] == ToolState.DOWN if element in states else np.ones(len(log), bool)
+            parallel += np.where(working & np.isfinite(widths[element]), widths[element], 0.0)
+        else:
+            width = np.fmax(width, widths[element])
+    sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
+    return np.fmax(width, parallel) if sections else width
+
+
+def ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
+    """Ids of the parts that an element is a part of, the next one first."""
+    found: list[str] = []
+    while element in elements and (element := elements[element].parent) and element not in found:
+        found.append(element)
+    return found
+
+
+def _counted(log: TimeLog, elements: Mapping[str, DeviceElement]) -> float:
+    """Gain (m²) of the counter of area, that of the whole machine where its parts count too."""
+    gains = {
+        log.header.channels[k].element: np.nanmax(values) - np.nanmin(values)
+        for k in log.channels(TOTAL_AREA)
+        if np.isfinite(values := log.latest(k)).any()
+    }
+    topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
+    return float(max(topmost, default=np.nan))

@@ -1,0 +1,94 @@
+"""XML of strangers: elements and their attributes, without document types, entities or bottomless nesting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+from xml.parsers import expat  # document types, and with them entities, are refused below
+
+from furrowmap.core.values.errors import InputError
+
+DEEPEST: Final = 64
+MOST_ELEMENTS: Final = 5_000_000
+
+
+@dataclass
+class Element:
+    """An element, its attributes and the elements in it, in their order; text is left out, as task data have none."""
+
+    tag: str
+    attributes: dict[str, str]
+    children: list[Element] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """The children of that tag."""
+        return (child for child in self.children if child.tag == tag)
+
+    def get(self, name: str) -> str:
+        """An attribute; "" where it is not there."""
+        return self.attributes.get(name, "")
+
+
+def parse_xml(data: bytes, name: str) -> Element:
+    """The root element of an XML document.
+
+    Args:
+        data: the file's bytes.
+        name: stands for the file in messages.
+
+    Raises:
+        InputError: if it is no well-formed XML (with line and column), declares a document type, or nests or holds
+            more elements than any task data do.
+    """
+    tree = _Tree(name)
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = tree.start
+    parser.EndElementHandler = tree.end
+    parser.StartDoctypeDeclHandler = tree.doctype
+    try:
+        parser.Parse(data, True)  # noqa: FBT003 (expat takes it by position only)
+    except expat.ExpatError as error:
+        raise InputError(
+            f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}.",
+            "The file is no well-formed XML, so nothing in it can be trusted.",
+            "Copy it again from the terminal; if it is the same there, ask its maker.",
+            code="xml-damaged",
+        ) from None
+    assert tree.root is not None  # expat refuses a document without an element
+    return tree.root
+
+
+class _Tree:
+    """Builds the elements as expat meets them."""
+
+    def __init__(self, name: str) -> None:
+        self.root: Element | None = None
+        self._name = name
+        self._open: list[Element] = []
+        self._count = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes)
+        self._count += 1
+        if self._count > MOST_ELEMENTS or len(self._open) >= DEEPEST:
+            raise self._hostile(f"more than {MOST_ELEMENTS:,} elements, or more than {DEEPEST} within each other")
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+
+    def end(self, tag: str) -> None:  # noqa: ARG002 (expat's signature)
+        self._open.pop()
+
+    def doctype(self, *_: object) -> None:
+        raise self._hostile("a document type, with which XML can name other files and grow without bound")
+
+    def _hostile(self, what: str) -> InputError:
+        return InputError(
+            f"{self._name}: it holds {what}.",
+            "Task data never do, so the file is not what it says or not harmless; none of it was used.",
+            "Export the task data again from the terminal or the farm software.",
+            code="xml-hostile",
+        )

@@ -1,0 +1,160 @@
+"""The tool's states from a table of the times at which they changed."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+
+COLUMNS: Final = ("t_s", "time", "state", "sigma_s", "confidence")
+"""The columns of the table that are read; `t_s` is preferred to `time`, the last two may be missing."""
+LARGEST_BYTES: Final = 50_000_000
+_STATES: Final = {state.label: state for state in ToolState}
+
+
+class StatesCsv:
+    """A CSV whose rows say from when on the tool was `down`, `up` or `unknown`.
+
+    The last row's state lasts to the end of the drive.
+
+    Args:
+        paths: the files of one recording, in the order of time.
+        options: none is used.
+    """
+
+    format: ClassVar[str] = "states-csv"
+    title: ClassVar[str] = "tool states in CSV"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain where the header names times and states."""
+        line, _, rest = head.data.partition(b"\n")
+        if not rest or len(line) > 4096 or b"\0" in head.data:
+            return 0.0
+        names = _header(line.decode("utf-8", "replace"))[0]
+        return 1.0 if "state" in names and {"time", "t_s"} & set(names) else 0.0
+
+    def states(self) -> ToolStates:
+        """The states of all files; the end of the last is infinite unless its state is `unknown`.
+
+        Raises:
+            InputError: with the line, if a row is none of the table's, or times do not increase.
+        """
+        rows = [row for path in self.paths for row in _rows(path)]
+        for (t_s, *_), (later_s, *_, where) in pairwise(rows):
+            if later_s <= t_s:
+                raise InputError(
+                    f"{where}: {iso_utc(later_s)} is not after the row before ({iso_utc(t_s)}).",
+                    "Each row says from when on a state lasted, so their times must increase.",
+                    "Put the rows in the order of time, one for each time.",
+                    code="rows-out-of-order",
+                )
+        begin_s = np.array([row[0] for row in rows], np.float64)
+        state = np.array([row[1] for row in rows], np.int8)
+        sigma_s = np.array([row[2] for row in rows], np.float64)
+        known = state != ToolState.UNKNOWN
+        return ToolStates(
+            begin_s=begin_s[known],
+            end_s=np.append(begin_s[1:], np.inf)[known],
+            state=state[known],
+            confidence=np.array([row[3] for row in rows], np.float64)[known],
+            begin_sigma_s=sigma_s[known],
+            end_sigma_s=np.append(sigma_s[1:], np.nan)[known],
+        )
+
+    def inspect(self) -> Inspection:
+        """Read the first file through and say what it is and holds.
+
+        Raises:
+            InputError: as :meth:`states`.
+        """
+        states = StatesCsv(self.paths[:1], self.options).states()
+        length_s = np.where(np.isfinite(states.end_s), states.end_s, states.begin_s) - states.begin_s
+        facts: dict[str, Any] = {
+            "intervals": len(states),
+            **{
+                f"{state.label}_s": round(float(length_s[states.state == state].sum()), 1)
+                for state in (ToolState.DOWN, ToolState.UP)
+            },
+        }
+        if len(states):
+            facts |= {"first": iso_utc(float(states.begin_s[0])), "last": iso_utc(float(states.begin_s[-1]))}
+        return Inspection(self.paths[0], self.format, self.title, facts)
+
+
+def _header(line: str) -> tuple[list[str], str]:
+    """Names of the columns, and what separates them."""
+    line = line.lstrip("\ufeff").strip()
+    separator = max(",;\t", key=line.count)
+    return [name.strip().strip('"').strip() for name in line.split(separator)], separator
+
+
+def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, str]]:
+    """(t_s, state, sigma_s, confidence, where it stands) of each row."""
+    with Source(path) as source:
+        data = source.read(LARGEST_BYTES + 1)
+    if len(data) > LARGEST_BYTES:
+        raise _bad(f"{path}: more than {LARGEST_BYTES:,} bytes")
+    lines = data.decode("utf-8", "replace").splitlines()
+    names, separator = _header(lines[0] if lines else "")
+    for number, cells in enumerate(csv.reader(lines[1:], delimiter=separator), start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        where = f"{path}, line {number}"
+        row = dict(zip(names, (cell.strip() for cell in cells), strict=False))
+        word = row.get("state", "").lower()
+        if word not in _STATES:
+            raise _bad(f"{where}: the state is {word[:40]!r}")
+        sigma_s, confidence = _number(row, "sigma_s", where, math.nan), _number(row, "confidence", where, 1.0)
+        yield _time_s(row, where), _STATES[word], sigma_s, min(max(confidence, 0.0), 1.0), where
+
+
+def _time_s(row: dict[str, str], where: str) -> float:
+    if row.get("t_s"):
+        t_s = _number(row, "t_s", where, math.nan)
+        if not math.isfinite(t_s):
+            raise _bad(f"{where}: the time is {row['t_s'][:40]!r}")
+        return t_s
+    text = row.get("time", "")
+    try:
+        when = dt.datetime.fromisoformat(text)
+    except ValueError:
+        raise _bad(f"{where}: the time is {text[:40]!r}") from None
+    return when.timestamp() if when.tzinfo is not None else when.replace(tzinfo=dt.UTC).timestamp()
+
+
+def _number(row: dict[str, str], name: str, where: str, default: float) -> float:
+    text = row.get(name, "")
+    if not text:
+        return default
+    try:
+        return float(text)
+    except ValueError:
+        raise _bad(f"{where}: {name} is {text[:40]!r}") from None
+
+
+def _bad(what: str) -> InputError:
+    return InputError(
+        f"{what}.",
+        "A table of the tool's states has a row for each change: `time` (ISO 8601, UTC unless it says otherwise) or "
+        "`t_s` (POSIX seconds), and `state` (down, up or unknown).",
+        "Mend or take out that line.",
+        code="states-unreadable",
+    )

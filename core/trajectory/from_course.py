@@ -1,0 +1,142 @@
+"""A trajectory from positions a second apart, as machines log them: the vehicle drives forward along its course.
+
+At that rate positions do not show which way a vehicle moves (a turn on the headland looks like a change of direction),
+so :mod:`.from_gnss` cannot tell reverse from forward. A machine at work does not reverse, and where it does not work it
+does not matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_GAP_S: Final = 15.0
+"""A machine on its way bridges this without surprises; logs pause for seconds where nothing changes."""
+CREEPING_MPS: Final = 0.3
+"""Slower than this, positions a second apart show no course."""
+STANDING_MPS: Final = 0.05
+FARTHEST_DEG: Final = 0.5
+"""Positions further from the middle of a drive are of another place, or of none."""
+LEAST: Final = 2
+
+
+@dataclass(frozen=True)
+class CourseTrajectory:
+    """A trajectory and what there is to say about it.
+
+    Attributes:
+        trajectory: of the vehicle frame.
+        used: (n,) whether each position of the track was used.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    used: NDArray[np.bool_]
+    notices: tuple[Notice, ...]
+
+
+def trajectory_from_course(
+    track: GnssTrack, frame: MapFrame, lever_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> CourseTrajectory:
+    """The trajectory of a vehicle that drives forward along its course.
+
+    Roll and pitch are zero; a height that the track does not state is 0. Positions far away from all others, and those
+    that no drive leads to, are left out and told.
+
+    Args:
+        track: positions of the antenna, such as one a second.
+        frame: the map.
+        lever_m: the antenna in the vehicle frame.
+
+    Raises:
+        InputError: if fewer than two positions are left.
+        RefusedError: if the place lies outside the area of the map's CRS.
+    """
+    notices: list[Notice] = []
+    placed = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
+    near = placed.copy()
+    near[placed] = _near(track.lon_deg[placed], track.lat_deg[placed])
+    if not np.array_equal(near, placed):
+        text = (
+            f"{track.source}: {int(placed.sum() - near.sum())} positions lie more than {FARTHEST_DEG}° from the others "
+            "and are not used."
+        )
+        notices.append(Notice("positions-elsewhere", text))
+    _expect_some(track, near)
+    here = track[near]
+    en = np.column_stack(frame.project(here.lon_deg, here.lat_deg))
+    kept, en = without_jumps(here, en, {}, notices)
+    used = near.copy()
+    used[near] = np.isin(here.t_s, kept.t_s)
+    _expect_some(track, used)
+    heading, speed = _course(kept.t_s, en)
+    turned = np.radians(90.0 - heading)
+    along, across = np.array([np.cos(turned), np.sin(turned)]).T, np.array([-np.sin(turned), np.cos(turned)]).T
+    origin = en - lever_m[0] * along - lever_m[1] * across
+    height = np.where(np.isfinite(kept.height_m), kept.height_m - lever_m[2], 0.0)
+    sigma = np.full((len(kept), 6), np.nan)
+    sigma[:, :2] = sigmas_m(kept)[:, :1]
+    sigma[:, 5] = np.degrees(white_noise(en) / np.maximum(speed, CREEPING_MPS) / float(np.median(np.diff(kept.t_s))))
+    trajectory = trajectory_from_attitude(
+        kept.t_s,
+        np.column_stack([origin, height]),
+        0.0,
+        0.0,
+        heading,
+        max_gap_s=LONGEST_GAP_S,
+        speed_mps=speed,
+        motion=np.where(speed > STANDING_MPS, Motion.FORWARD, Motion.STANDING).astype(np.int8),
+        fix=kept.fix,
+        sigma=sigma,
+        heading_from="course",
+    )
+    return CourseTrajectory(trajectory, used, tuple(notices))
+
+
+def _near(lon_deg: FloatArray, lat_deg: FloatArray) -> NDArray[np.bool_]:
+    """Whether places (n,) are near to where most are."""
+    off = np.hypot(
+        (lon_deg - np.median(lon_deg)) * np.cos(np.radians(np.median(lat_deg))), lat_deg - np.median(lat_deg)
+    )
+    return np.asarray(off < FARTHEST_DEG)
+
+
+def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
+    if used.sum() < LEAST:
+        raise InputError(
+            f"{track.source or 'The log'}: {int(used.sum())} of its {len(track)} positions can be used.",
+            "Between fewer than two positions nothing was driven.",
+            "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
+            code="gnss-no-positions",
+        )
+
+
+def _course(t_s: FloatArray, en_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Heading (n,) in degrees clockwise from grid north, and speed (n,), along a smooth path without the gaps.
+
+    At a stand the heading is that of the course before and behind it.
+    """
+    heading, speed = np.zeros(len(t_s)), np.zeros(len(t_s))
+    for part in np.split(np.arange(len(t_s)), 1 + np.flatnonzero(np.diff(t_s) > LONGEST_GAP_S)):
+        if len(part) < LEAST:
+            continue
+        since = t_s[part] - t_s[part[0]]
+        velocity = smooth_path(since, en_m[part] - en_m[part[0]])(since, 1)
+        speed[part] = np.hypot(velocity[:, 0], velocity[:, 1])
+        moves = speed[part] > CREEPING_MPS
+        if moves.any():
+            course = np.unwrap(np.arctan2(velocity[moves, 0], velocity[moves, 1]))
+            heading[part] = np.degrees(np.interp(since, since[moves], course))
+    return heading % 360.0, speed
