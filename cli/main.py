@@ -15,11 +15,11 @@ from typing import Any, Final, NoReturn
 
 import click
 
-from furrowmap.cli.console import error_value, put_error, put_json
+from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "export", "calibrate", "simulate")
+VERBS: Final = ("init", "inspect", "run", "export", "calibrate", "simulate", "worker")
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")
@@ -126,29 +126,44 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
     for stream in (sys.stdout, sys.stderr):
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
     try:
-        status = furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False)
+        error = attempt(arguments, interruption)
+        if error is not None:
+            put_error(error)
+            if "--json" in arguments:
+                put_json({"error": error_value(error)})
         sys.stdout.flush()
-    except (SystemExit, GeneratorExit):
-        raise
     except BrokenPipeError:
         # Whoever read the answer has had enough. Python flushes once more at its end, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except BaseException as raised:  # noqa: BLE001 (the one place where errors end, the panics of libraries included)
+    return error.exit_status if error is not None else 0
+
+
+def attempt(
+    arguments: Sequence[str], interruption: Interruption | None = None, console: Console | None = None
+) -> FurrowmapError | None:
+    """Do what the arguments say, and say how it went wrong.
+
+    Args:
+        arguments: without the program's name.
+        interruption: what handles the signals, if anything does.
+        console: to talk to, instead of the one that the arguments describe.
+
+    Raises:
+        BrokenPipeError: if nobody reads the answer.
+    """
+    try:
+        furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False, obj=console)
+    except (SystemExit, GeneratorExit, BrokenPipeError):
+        raise
+    except BaseException as raised:  # the one place where errors end, the panics of libraries included
         asked = interruption is not None and interruption.asked
-        return _end(raised, Cancelled() if asked else _in_three_lines(raised, arguments), arguments)
-    return int(status or 0)
-
-
-def _end(raised: BaseException, error: FurrowmapError, arguments: Sequence[str]) -> int:
-    """Tell how it ended, and give the exit status."""
-    if "--debug" in arguments:
-        traceback.print_exception(raised)
-    log.debug("ended by %s", error.code, exc_info=raised)
-    put_error(error)
-    if "--json" in arguments:
-        put_json({"error": error_value(error)})
-    return error.exit_status
+        error = Cancelled() if asked else _in_three_lines(raised, arguments)
+        if "--debug" in arguments:
+            traceback.print_exception(raised)
+        log.debug("ended by %s", error.code, exc_info=raised)
+        return error
+    return None
 
 
 def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:

@@ -18,7 +18,7 @@ FILE = click.Path(path_type=Path)
 
 
 def common_options(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb these options, and as its first argument the console that they describe."""
+    """Give a verb these options, and as its first argument the console of the call, or that which they describe."""
 
     @click.option("--json", "as_json", is_flag=True, help="Answer as JSON on standard output.")
     @click.option("-q", "--quiet", is_flag=True, help="No bar, and on standard error only warnings and errors.")
@@ -32,7 +32,7 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
         del debug  # is looked at where errors end
         _start_log(verbose, log_file)
         keep_kernels()
-        verb(Console(as_json, quiet, verbose > 0), **arguments)
+        verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
 

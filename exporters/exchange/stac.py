@@ -18,6 +18,7 @@ from pyproj import CRS
 from furrowmap.core.crs_change import crs_change
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.exchange.result import Result
+from furrowmap.exporters.json_text import json_text
 
 if TYPE_CHECKING:
     import pystac
@@ -94,7 +95,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
 def write_item(path: Path, report: dict[str, Any]) -> None:
     """Write the item of a run beside its products."""
     item = run_item(report).to_dict(include_self_link=False)
-    _write(path, item)
+    path.write_text(json_text(item), encoding="utf-8")
 
 
 def write_collection(folder: Path, results: Sequence[Result], target: Path) -> None:
@@ -137,12 +138,10 @@ def write_collection(folder: Path, results: Sequence[Result], target: Path) -> N
         item.add_link(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
         item.add_link(pystac.Link("parent", f"./{COLLECTION}", "application/json"))
         item.collection_id = collection.id
-        _write(folder / f"{item.id}.json", item.to_dict(include_self_link=False, transform_hrefs=False))
-    _write(folder / COLLECTION, collection.to_dict(include_self_link=False, transform_hrefs=False))
-
-
-def _write(path: Path, value: dict[str, Any]) -> None:
-    path.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        value = item.to_dict(include_self_link=False, transform_hrefs=False)
+        (folder / f"{item.id}.json").write_text(json_text(value), encoding="utf-8")
+    whole = collection.to_dict(include_self_link=False, transform_hrefs=False)
+    (folder / COLLECTION).write_text(json_text(whole), encoding="utf-8")
 
 
 def _way(path: Path, start: Path) -> str:
