@@ -1,0 +1,147 @@
+"""When a line carried over the ground passed each cell: the first and the last time, and in which pass."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.grid import Grid
+
+FloatArray = NDArray[np.float64]
+
+CHUNK: Final = 32
+"""Steps looked up together: some metres of way."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """Successive places of a line without a gap between them.
+
+    Attributes:
+        number: of the pass that it belongs to, from 1.
+        t_s: (n,) UTC, never falling.
+        middle_m: (n, 2) middle of the line in the map frame.
+        half_m: (n, 2) from the middle to the line's left end.
+    """
+
+    number: int
+    t_s: FloatArray
+    middle_m: FloatArray
+    half_m: FloatArray
+
+
+@dataclass(frozen=True)
+class Passage:
+    """When the line passed the centres of a grid's cells; the arrays have the grid's shape.
+
+    Attributes:
+        grid: where.
+        first_s: UTC of the first passage; infinite where there was none.
+        last_s: UTC of the last passage; minus infinite likewise.
+        number: int32 pass of the last passage; 0 likewise.
+    """
+
+    grid: Grid
+    first_s: FloatArray
+    last_s: FloatArray
+    number: NDArray[np.int32]
+
+    @property
+    def passed(self) -> NDArray[np.bool_]:
+        """Where the line passed at all."""
+        passed: NDArray[np.bool_] = self.number > 0
+        return passed
+
+
+class Passages:
+    """The steps of lines over the ground, found again by place.
+
+    Args:
+        tracks: in any order.
+    """
+
+    def __init__(self, tracks: Iterable[Track]) -> None:
+        steps = [_steps(track) for track in tracks]
+        self._steps = np.concatenate(steps) if steps else np.zeros((0, 11))
+        starts = np.arange(0, len(self._steps), CHUNK)
+        reach = np.hypot(self._steps[:, 6:10:2], self._steps[:, 7:10:2]).max(axis=1, initial=0.0)[:, None]
+        low = np.minimum(self._steps[:, 2:4], self._steps[:, 4:6]) - reach
+        high = np.maximum(self._steps[:, 2:4], self._steps[:, 4:6]) + reach
+        self._low = np.minimum.reduceat(low, starts) if len(starts) else np.zeros((0, 2))
+        self._high = np.maximum.reduceat(high, starts) if len(starts) else np.zeros((0, 2))
+
+    def __bool__(self) -> bool:
+        return bool(len(self._steps))
+
+    def over(self, grid: Grid, beside_m: float = 0.0) -> Passage:
+        """The passages over a grid's cells of the line made longer by `beside_m` at both ends."""
+        first, last = np.full(grid.shape, np.inf), np.full(grid.shape, -np.inf)
+        number = np.zeros(grid.shape, np.int32)
+        west, south, east, north = grid.bounds_m
+        near = (self._low <= (east + beside_m, north + beside_m)).all(axis=1)
+        near &= (self._high >= (west - beside_m, south - beside_m)).all(axis=1)
+        for k in np.flatnonzero(near).tolist():
+            steps = self._steps[k * CHUNK : (k + 1) * CHUNK]
+            pass_over(steps, beside_m, grid.cell_m, grid.west, grid.north, first, last, number)
+        return Passage(grid, first, last, number)
+
+
+def _steps(track: Track) -> FloatArray:
+    """One row a step: times, middles and half lines at its two ends, number of the pass."""
+    ends = [np.column_stack([a[:-1], a[1:]]) for a in (track.t_s, track.middle_m, track.half_m)]
+    return np.column_stack([*ends, np.full(len(track.t_s) - 1, float(track.number))])
+
+
+@numba.njit(
+    "void(float64[:, ::1], float64, float64, int64, int64, float64[:, ::1], float64[:, ::1], int32[:, ::1])",
+    cache=True,
+    nogil=True,
+)
+def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  # type: ignore[no-untyped-def]
+    """Kernel of :meth:`Passages.over`.
+
+    Within a step the middle M and the half line H change linearly with s from 0 to 1. The line passes P where
+    ``(P - M(s)) x H(s) = 0``, a quadratic in s, and reaches it where P is no further from M(s) than H is long.
+    """
+    rows, columns = first_s.shape
+    for k in range(len(steps)):
+        t0, t1, mx, my, mx1, my1, hx, hy, hx1, hy1 = steps[k, :10]
+        long0, long1 = np.hypot(hx, hy), np.hypot(hx1, hy1)
+        if long0 == 0.0 or long1 == 0.0:
+            continue
+        f0, f1 = 1.0 + beside_m / long0, 1.0 + beside_m / long1
+        wide0, high0, wide1, high1 = f0 * abs(hx), f0 * abs(hy), f1 * abs(hx1), f1 * abs(hy1)
+        a = max(0, int(np.floor(min(mx - wide0, mx1 - wide1) / cell_m)) - west)
+        b = min(columns - 1, int(np.floor(max(mx + wide0, mx1 + wide1) / cell_m)) - west)
+        c = max(0, north - 1 - int(np.floor(max(my + high0, my1 + high1) / cell_m)))
+        d = min(rows - 1, north - 1 - int(np.floor(min(my - high0, my1 - high1) / cell_m)))
+        dmx, dmy, dhx, dhy = mx1 - mx, my1 - my, hx1 - hx, hy1 - hy
+        square = dmy * dhx - dmx * dhy
+        for row in range(c, d + 1):
+            py = (north - 0.5 - row) * cell_m - my
+            for column in range(a, b + 1):
+                px = (west + 0.5 + column) * cell_m - mx
+                level = px * hy - py * hx
+                slope = px * dhy - py * dhx - (dmx * hy - dmy * hx)
+                s = -level / slope if slope != 0.0 else -1.0
+                for _ in range(3):  # Newton's; the steps are short, so that the quadratic is hardly one
+                    rise = slope + 2.0 * square * s
+                    if rise != 0.0:
+                        s -= (level + (slope + square * s) * s) / rise
+                if not -1e-9 <= s <= 1.0 + 1e-9:
+                    continue
+                lx, ly = hx + s * dhx, hy + s * dhy
+                along = (px - s * dmx) * lx + (py - s * dmy) * ly
+                length = np.hypot(lx, ly)
+                if abs(along) > length * (length + beside_m):
+                    continue
+                t = t0 + s * (t1 - t0)
+                first_s[row, column] = min(first_s[row, column], t)
+                if t >= last_s[row, column]:
+                    last_s[row, column] = t
+                    number[row, column] = int(steps[k, 10])
