@@ -126,7 +126,7 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
     for stream in (sys.stdout, sys.stderr):
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
     try:
-        error = attempt(arguments, interruption)
+        status, error = attempt(arguments, interruption)
         if error is not None:
             put_error(error)
             if "--json" in arguments:
@@ -136,24 +136,27 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
         # Whoever read the answer has had enough. Python flushes once more at its end, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    return error.exit_status if error is not None else 0
+    return status
 
 
 def attempt(
     arguments: Sequence[str], interruption: Interruption | None = None, console: Console | None = None
-) -> FurrowmapError | None:
-    """Do what the arguments say, and say how it went wrong.
+) -> tuple[int, FurrowmapError | None]:
+    """Do what the arguments say.
 
     Args:
         arguments: without the program's name.
         interruption: what handles the signals, if anything does.
         console: to talk to, instead of the one that the arguments describe.
 
+    Returns:
+        The exit status, and what went wrong if that ended the work.
+
     Raises:
         BrokenPipeError: if nobody reads the answer.
     """
     try:
-        furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False, obj=console)
+        status = furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False, obj=console)
     except (SystemExit, GeneratorExit, BrokenPipeError):
         raise
     except BaseException as raised:  # the one place where errors end, the panics of libraries included
@@ -162,8 +165,8 @@ def attempt(
         if "--debug" in arguments:
             traceback.print_exception(raised)
         log.debug("ended by %s", error.code, exc_info=raised)
-        return error
-    return None
+        return error.exit_status, error
+    return int(status or 0), None
 
 
 def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:

@@ -38,7 +38,6 @@ from furrowmap.cli.kernels import compilation_told, keep_kernels
 from furrowmap.cli.main import attempt
 from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
 from furrowmap.core.values.progress import Progress
-from furrowmap.exporters.json_text import plain
 
 PROTOCOL: Final = 1
 PERIOD_S: Final = 0.1
@@ -80,18 +79,16 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     """
     tell = _Teller(answers)
     tell("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())
+    error: FurrowmapError | None
     try:
         arguments = _arguments(orders.readline(_LONGEST_LINE))
-    except UsageError as error:
-        return _end(tell, error)
-    threading.Thread(target=_heed, args=(orders,), daemon=True).start()
-    return _end(tell, attempt(arguments, INTERRUPTION, WorkerConsole(tell=tell)))
-
-
-def _end(tell: Tell, error: FurrowmapError | None) -> int:
+    except UsageError as raised:
+        status, error = raised.exit_status, raised
+    else:
+        threading.Thread(target=_heed, args=(orders,), daemon=True).start()
+        status, error = attempt(arguments, INTERRUPTION, WorkerConsole(tell=tell))
     if error is not None:
         tell("error", **error_value(error))
-    status = error.exit_status if error is not None else 0
     tell("done", status=status)
     return status
 
@@ -152,6 +149,8 @@ class _Teller:
         self._lock = threading.Lock()
 
     def __call__(self, kind: str, **content: object) -> None:
+        from furrowmap.exporters.json_text import plain
+
         line = json.dumps(plain({"type": kind, **content}), ensure_ascii=False, allow_nan=False)
         with self._lock:
             self._answers.write(line.encode() + b"\n")

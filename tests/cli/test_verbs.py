@@ -109,6 +109,7 @@ def test_run__writes_the_products_beside_the_session(session: Path, capsys: pyte
     assert sorted(path.name for path in folder.iterdir()) == [
         "cloud.copc.laz",
         "field.gpkg",
+        "item.json",
         "report.html",
         "report.json",
         "session.toml",
