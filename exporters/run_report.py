@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
@@ -159,15 +160,19 @@ def _accuracy(found: Run) -> dict[str, Any]:
 
 
 def _observability(found: Run) -> dict[str, Any]:
-    """What held each unknown of the poses."""
-    words = Counter(found.tally.poses.heading_from.tolist())
-    level = "file" if found.located.source == "file" else "ground" if found.located.matching else "assumed level"
+    """What held each unknown of the poses, as shares of the scans."""
+    poses = found.tally.poses
+
+    def shares(words: NDArray[np.str_]) -> dict[str, float]:
+        return {word: round(count / len(poses), 4) for word, count in Counter(words.tolist()).most_common()}
+
+    level = shares(poses.level_from)
     return {
-        "position": found.located.source,
-        "height": found.located.source,
+        "position": shares(poses.position_from),
+        "height": shares(poses.height_from),
         "roll": level,
         "pitch": level,
-        "heading": {word: round(count / len(found.tally.poses), 4) for word, count in words.most_common()},
+        "heading": shares(poses.heading_from),
         "positions": found.located.positions,
         "gaps": [[iso_utc(a), iso_utc(b)] for a, b in found.located.trajectory.gaps_s.tolist()],
     }

@@ -195,5 +195,8 @@ def _poses(trajectory: Trajectory, number: list[int], t_s: list[float], points: 
         fix=trajectory.fix[nearest],
         sigma=trajectory.sigma[nearest],
         heading_from=trajectory.heading_from[nearest],
+        position_from=trajectory.position_from[nearest],
+        height_from=trajectory.height_from[nearest],
+        level_from=trajectory.level_from[nearest],
         points=np.asarray(points, np.int64),
     )

@@ -34,6 +34,15 @@ from furrowmap.core.matching.surface import (
     passage_of,
     tiles_over,
 )
+from furrowmap.core.matching.wall_steps import (
+    LEAST_UPRIGHT,
+    PlacedUpright,
+    WallSums,
+    wall_columns,
+    wall_session,
+    wall_windows,
+)
+from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter
 from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.trajectory import Trajectory
@@ -45,6 +54,8 @@ WINDOW_S: Final = 3.0
 WINDOW_CELL_M: Final = 0.3
 WINDOW_THIN: Final = 4
 """Windows are matched with every fourth return."""
+WALL_WINDOW_THIN: Final = 3
+"""What stands is matched in windows with every third return."""
 WINDOW_ROUNDS: Final = (3, 14)
 """At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
 TURNED: Final = np.radians(0.4)
@@ -102,7 +113,8 @@ class Problem:
         mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
         stance: how the vehicle stands on the ground at the end; None before.
         relief: what the surface's slopes are worth.
-        sums: of the last step; None before the first.
+        sums: of the ground's returns in the last step; None before the first.
+        walls: the same of what stands; None where too little does.
         last: the last equations, for the sigmas; None before those of the whole session.
     """
 
@@ -120,7 +132,13 @@ class Problem:
     stance: Stance | None = None
     relief: Relief = field(default_factory=Relief)
     sums: Sums | None = None
+    walls: WallSums | None = None
     last: Last | None = None
+
+    @property
+    def walls_correlated(self) -> float:
+        """How many returns of a wall share an error, by the last step."""
+        return (self.walls.scatter if self.walls is not None else Scatter()).correlated
 
 
 @dataclass(frozen=True)
@@ -246,13 +264,16 @@ def _window_step(problem: Problem, *, together: bool) -> float:
         return sums, freed
 
     found = _in_threads(work, windows)
-    held = _hold(problem, [sums for sums, _ in found], together=together)
+    walls = _window_walls(problem, placing, coarse)
+    held = _hold(problem, [sums for sums, _ in found], walls, together=together)
     if coarse is None:
         return _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
     for _, freed in found:
         equations.band[: len(freed.band)] += freed.band
         equations.right += freed.right
+    for patches in walls.patches:
+        free_patches(equations, patches, WALL_PATCH_M, centre)
     return _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
 
 
@@ -270,7 +291,8 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
         return sums, patches
 
     found = _in_threads(work, blocks)
-    held = _hold(problem, [sums for sums, _ in found], together=together)
+    walls = _session_walls(problem, placing, thin, coarse)
+    held = _hold(problem, [sums for sums, _ in found], walls, together=together)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
@@ -279,8 +301,54 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     centre = coarse.centres(problem.knots, problem.state)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
     free_patches(equations, [p for _, patches in found for p in patches], SESSION_PATCH_M, centre)
+    for patches in walls.patches:
+        free_patches(equations, patches, WALL_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
     _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
+
+
+def _window_walls(problem: Problem, placing: _Placing, coarse: CoarseKnots | None) -> WallSums:
+    """What the walls of short windows say, which overlap by half as those of the ground."""
+    windows = [
+        (c, part)
+        for c, chain in enumerate(problem.knots.chains)
+        for part in _windows(problem.returns.upright.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WALL_WINDOW_THIN)
+        if len(problem.returns.upright) >= LEAST_UPRIGHT
+    ]
+
+    def work(share: Sequence[tuple[int, slice]]) -> WallSums:
+        return wall_windows(share, placing.upright, problem.knots, problem.state, problem.walls_correlated, 0.5, coarse)
+
+    return _walls_together(problem, _in_threads(work, windows))
+
+
+def _session_walls(problem: Problem, placing: _Placing, thin: int, coarse: CoarseKnots | None) -> WallSums:
+    """What the walls of the whole session say."""
+    blocks = [
+        (c, part)
+        for c, chain in enumerate(problem.knots.chains)
+        for part in _windows(problem.returns.upright.t_s, chain, BLOCK_S, BLOCK_S, thin)
+        if len(problem.returns.upright) >= LEAST_UPRIGHT
+    ]
+    if not blocks:
+        return _walls_together(problem, [])
+    walls = wall_columns(blocks, placing.upright, problem.state)
+
+    def work(share: Sequence[tuple[int, slice]]) -> WallSums:
+        return wall_session(
+            walls, share, placing.upright, problem.knots, problem.state, problem.walls_correlated, coarse
+        )
+
+    return _walls_together(problem, _in_threads(work, blocks))
+
+
+def _walls_together(problem: Problem, parts: Sequence[WallSums]) -> WallSums:
+    """What the threads have summed up, which the problem keeps."""
+    whole = WallSums(Sums.of(len(problem.knots)))
+    for part in parts:
+        whole = whole.plus(part)
+    problem.walls = whole
+    return whole
 
 
 def _blocks(problem: Problem, thin: int) -> list[tuple[int, slice]]:
@@ -338,26 +406,27 @@ class _Placing:
         return cls(problem, np.ascontiguousarray(state.xyz_m), rotation, turns(rotation), _passage(problem))
 
     def returns(self, chain: int, part: slice) -> _Placed:
-        source, chained = self.problem.returns, self.problem.knots.chains[chain]
-        t = np.array(source.t_s[part])
-        turn, sensor = self.problem.mounting_turn, self.problem.sensor_m
-        vehicle = np.array(source.xyz_m[part])
-        if not np.array_equal(turn, np.eye(3)):
-            vehicle = (vehicle @ turn.T + (sensor - turn @ sensor)).astype(np.float32)
-        xyz = place(
-            t,
-            vehicle,
-            chained.first,
-            chained.begin_s,
-            STEP_S,
-            self.position_m,
-            self.rotation,
-            self.turn,
-        )
+        """Returns of the ground."""
+        source = self.problem.returns
+        t, xyz = self._placed(chain, source.t_s[part], source.xyz_m[part])
         layer = layers(t, xyz, self.passage, GUARD_S)
         # Of all returns a view, in which :func:`agree` leaves their weights for the next surface; else a copy.
         trust = np.ascontiguousarray(self.problem.trust[part])
         return _Placed(t, xyz, layer, np.array(source.half[part]), trust)
+
+    def upright(self, chain: int, part: slice) -> PlacedUpright:
+        """Returns of what stands."""
+        source = self.problem.returns.upright
+        t, xyz = self._placed(chain, source.t_s[part], source.xyz_m[part])
+        return PlacedUpright(t, xyz, np.array(source.half[part]))
+
+    def _placed(self, chain: int, t_s: FloatArray, vehicle_m: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
+        """Copies of the times, and the places in the map."""
+        chained, turn, sensor = self.problem.knots.chains[chain], self.problem.mounting_turn, self.problem.sensor_m
+        t, vehicle = np.array(t_s), np.array(vehicle_m)
+        if not np.array_equal(turn, np.eye(3)):
+            vehicle = (vehicle @ turn.T + (sensor - turn @ sensor)).astype(np.float32)
+        return t, place(t, vehicle, chained.first, chained.begin_s, STEP_S, self.position_m, self.rotation, self.turn)
 
 
 def _agree(
@@ -414,17 +483,18 @@ def _in_threads(work: Callable[[Sequence[tuple[int, slice]]], Found], items: lis
         return list(pool.map(work, shares))
 
 
-def _hold(problem: Problem, parts: Sequence[Sums], *, together: bool) -> Held:
+def _hold(problem: Problem, parts: Sequence[Sums], walls: WallSums, *, together: bool) -> Held:
     """The equations of all knots from what the threads have summed up, which the problem keeps."""
     sums = parts[0]
     for other in parts[1:]:
         sums = sums.plus(other)
     problem.sums, problem.relief = sums, sums.relief()
+    seen = sums.plus(walls.sums)
     return hold(
         problem.knots,
         problem.state,
-        sums,
-        sums.right_all if together else sums.right,
+        seen,
+        seen.right_all if together else seen.right,
         problem.positions,
         problem.origin_m,
         problem.lever_m,

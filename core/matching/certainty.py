@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.agreement import Sums
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots
-from furrowmap.core.matching.equations import Held
+from furrowmap.core.matching.equations import LEVEL_SIGMA, Held
 from furrowmap.core.matching.knots import STEP_S, State
 from furrowmap.core.trajectory.banded import NormalEquations
 
@@ -21,7 +21,9 @@ HEADING_SHARE: Final = 0.5
 show agree in half of the standard deviation (0.2 to 0.55 of it on simulated soils, 0.9 on a robot's low scanner) that
 :data:`~furrowmap.core.matching.agreement.CORRELATED` makes of it."""
 AROUND_S: Final = 0.5
-"""The relief's hold on the heading is judged over this time to either side."""
+"""What the scans hold is judged over this time to either side."""
+PLACED_M: Final = 0.05
+"""Without GNSS, scans that hold the place no better leave it to wheels and inertia."""
 
 
 def sigmas(
@@ -57,27 +59,96 @@ def sigmas(
     return out
 
 
-def relief_heading_sigma(sums: Sums) -> FloatArray:
-    """Standard deviation (n,) in degrees of the heading that the relief alone shows within a second; inf without any.
+@dataclass(frozen=True)
+class Hold:
+    """How firmly the scans hold poses, within AROUND_S to either side.
 
-    The other five unknowns of the pose are eliminated from the returns' normal equations.
+    Attributes:
+        heading: (n,) information (1 / rad²) about the heading, the other five unknowns eliminated.
+        place: (n,) information (1 / m²) about the place where there is least of it, the other unknowns eliminated.
+        level: (n,) whether roll and pitch are held.
     """
+
+    heading: FloatArray
+    place: FloatArray
+    level: NDArray[np.bool_]
+
+
+def hold_of(normal: FloatArray) -> Hold:
+    """What normal matrices (n, 21) of the slices between knots hold; nothing where there is no ground in them."""
     half = round(AROUND_S / STEP_S)
-    total = np.cumsum(np.pad(sums.normal, ((half + 1, half), (0, 0))), axis=0)
+    total = np.cumsum(np.pad(normal, ((half + 1, half), (0, 0))), axis=0)
     near = total[2 * half + 1 :] - total[: -2 * half - 1]
     n = len(near)
     square = np.zeros((n, 6, 6))
     row, column = np.triu_indices(6)
     square[:, row, column] = square[:, column, row] = near
     known = square[:, 2, 2] > 0
-    out = np.full(n, np.inf)
-    if known.any():
-        m = square[known]
-        others = m[:, :5, :5] + np.eye(5) * (1e-9 * m[:, 2, 2])[:, None, None]
-        link = m[:, 5, :5]
-        left = m[:, 5, 5] - np.einsum("ni,ni->n", link, np.linalg.solve(others, link[:, :, None])[:, :, 0])
-        out[known] = np.degrees(1.0 / np.sqrt(np.maximum(left, 1e-12)))
+    out = Hold(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
+    if not known.any():
+        return out
+    m = square[known]
+    m += np.eye(6) * (1e-9 * m[:, 2, 2])[:, None, None]
+    out.heading[known] = _left(m, [5])[:, 0, 0]
+    out.place[known] = np.linalg.eigvalsh(_left(m, [0, 1]))[:, 0]
+    out.level[known] = np.linalg.eigvalsh(_left(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
     return out
+
+
+def _left(normal: FloatArray, kept: list[int]) -> FloatArray:
+    """Normal matrices (n, 6, 6) of the unknowns kept, the others eliminated (Schur complement)."""
+    others = [i for i in range(6) if i not in kept]
+    link = normal[:, kept][:, :, others]
+    rest = np.linalg.solve(normal[:, others][:, :, others], link.transpose(0, 2, 1))
+    left: FloatArray = normal[:, kept][:, :, kept] - link @ rest
+    return left
+
+
+@dataclass(frozen=True)
+class HeldBy:
+    """What held each knot's unknowns.
+
+    Attributes:
+        heading: (n,) words, as in :class:`~furrowmap.core.values.trajectory.Trajectory`.
+        position: (n,) the same.
+        height: (n,) the same.
+        level: (n,) the same, of roll and pitch.
+    """
+
+    heading: NDArray[np.str_]
+    position: NDArray[np.str_]
+    height: NDArray[np.str_]
+    level: NDArray[np.str_]
+
+
+def held_by(
+    ground: FloatArray,
+    walls: FloatArray,
+    heading_sigma_deg: FloatArray,
+    heading_word: NDArray[np.str_],
+    has_position: NDArray[np.bool_],
+) -> HeldBy:
+    """What held the poses: of all that did, what did so most firmly.
+
+    Args:
+        ground: (n, 21) normal matrices of the ground's returns between knots.
+        walls: (n, 21) of those of what stands.
+        heading_sigma_deg: (n,) of the headings before matching.
+        heading_word: (n,) what held them.
+        has_position: (n,) whether GNSS gave a position at the time.
+    """
+    relief, both = hold_of(ground), hold_of(ground + walls)
+    by_walls = both.heading - relief.heading > relief.heading
+    scans = np.where(by_walls, "walls", "relief")
+    firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2
+    placing = np.where(both.place - relief.place > relief.place, "walls", "relief")
+    placed = np.where(both.place > 1.0 / PLACED_M**2, placing, "carried")
+    return HeldBy(
+        heading=np.where(firmer, scans, heading_word),
+        position=np.where(has_position, "gnss", placed),
+        height=np.where(has_position, "gnss", np.where(relief.level, "ground", "carried")),
+        level=np.where(relief.level, "ground", "assumed"),
+    )
 
 
 @numba.njit(cache=True, nogil=True)

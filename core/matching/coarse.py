@@ -246,11 +246,12 @@ def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band
                     knots[used] = knot
                     sums[used] = part
                     used += 1
-        upright = whole[2, 2]
-        if upright <= 0.0:
+        # Of ground that is what holds its height, of a wall its place.
+        most = max(whole[0, 0], whole[1, 1], whole[2, 2])
+        if most <= 0.0:
             continue
         for a in range(6):
-            whole[a, a] += upright * (LEVEL_RIDGE if a < 2 or a == 5 else UPRIGHT_RIDGE)
+            whole[a, a] += most * (LEVEL_RIDGE if a < 2 or a == 5 else UPRIGHT_RIDGE)
         inverse = np.linalg.inv(whole)
         cx, cy = (place[begin, 0] + 0.5) * patch_m, (place[begin, 1] + 0.5) * patch_m
         moved = np.empty((used * 6, 6))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -112,14 +112,44 @@ def knots_over(t_s: NDArray[np.float64]) -> Knots:
 
 
 def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> State:
-    """The state that a trajectory states, straight across its gaps and held at its ends."""
+    """The state that a trajectory states, held at its ends.
+
+    Across a gap in which the vehicle keeps its direction of travel it follows the cubic that leaves and reaches the
+    gap's ends with the speeds and headings there; across any other it goes straight.
+    """
     t = np.clip(knots.t_s, *trajectory.span_s)
     xyz = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(3)])
-    k, share = np.clip(np.searchsorted(trajectory.t_s, t, side="right") - 1, 0, len(trajectory) - 2), None
-    share = (t - trajectory.t_s[k]) / (trajectory.t_s[k + 1] - trajectory.t_s[k])
+    k = np.clip(np.searchsorted(trajectory.t_s, t, side="right") - 1, 0, len(trajectory) - 2)
+    step = trajectory.t_s[k + 1] - trajectory.t_s[k]
+    share = (t - trajectory.t_s[k]) / step
     start = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True)
-    rotation = (start * Rotation.from_rotvec(share[:, None] * trajectory.turn_rad[k])).as_matrix()
-    return State(xyz - origin_m, rotation, np.zeros((len(t), 3)))
+    rotation = start * Rotation.from_rotvec(share[:, None] * trajectory.turn_rad[k])
+    motion = trajectory.motion[k]
+    driven = (step > trajectory.max_gap_s) & (motion != Motion.STANDING) & (motion == trajectory.motion[k + 1])
+    if driven.any():
+        k, share, step = k[driven], share[driven, None], step[driven, None]
+        forward = Rotation.from_quat(trajectory.quaternion, scalar_first=True).as_matrix()[:, :2, 0]
+        way = trajectory.speed_mps[:, None] * forward
+        curve = _hermite(trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2], step * way[k], step * way[k + 1], share)
+        xyz[driven, :2] = curve[0]
+        tangent = curve[1] * motion[driven, None]
+        turned = np.arctan2(tangent[:, 1], tangent[:, 0])
+        now = rotation[driven].as_matrix()[:, :2, 0]
+        back = Rotation.from_rotvec(np.column_stack([np.zeros((len(k), 2)), turned - np.arctan2(now[:, 1], now[:, 0])]))
+        matrix = rotation.as_matrix()
+        matrix[driven] = (back * rotation[driven]).as_matrix()
+        return State(xyz - origin_m, matrix, np.zeros((len(t), 3)))
+    return State(xyz - origin_m, rotation.as_matrix(), np.zeros((len(t), 3)))
+
+
+def _hermite(
+    begin: FloatArray, end: FloatArray, leaving: FloatArray, reaching: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Places and derivatives by `share` on the cubic with these ends and derivatives there."""
+    s, r = share, 1.0 - share
+    place = begin * r * r * (1 + 2 * s) + leaving * s * r * r + end * s * s * (1 + 2 * r) - reaching * s * s * r
+    slope = 6 * s * r * (end - begin) + leaving * r * (1 - 3 * s) + reaching * s * (3 * s - 2)
+    return place, slope
 
 
 @numba.njit(cache=True, nogil=True)

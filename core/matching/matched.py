@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
-from furrowmap.core.matching.certainty import relief_heading_sigma, sigmas
+from furrowmap.core.matching.certainty import held_by, sigmas
 from furrowmap.core.matching.clock_offset import clock_offset
 from furrowmap.core.matching.knots import STEP_S
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
@@ -137,6 +137,7 @@ def _mounting_notices(stance: Stance, stated: Mounting, used: Mounting) -> list[
 
 def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     assert problem.sums is not None
+    assert problem.walls is not None
     assert problem.last is not None
     state, knots, last = problem.state, problem.knots, problem.last
     sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together)
@@ -145,17 +146,26 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
     quaternion = Rotation.from_matrix(state.rotation).as_quat(scalar_first=True)
-    by_relief = relief_heading_sigma(problem.sums) < np.interp(knots.t_s, start.t_s, start.sigma[:, 5])
-    heading_from = np.where(by_relief, "relief", np.where(motion == Motion.STANDING, "standing", "gnss"))
+    fix = _fix(problem.positions, knots.t_s)
+    held = held_by(
+        problem.sums.normal,
+        problem.walls.sums.normal,
+        np.interp(knots.t_s, start.t_s, start.sigma[:, 5]),
+        np.where(motion == Motion.STANDING, "standing", start.heading_from[_nearest(start.t_s, knots.t_s)]),
+        fix != Fix.NONE,
+    )
     return Trajectory(
         t_s=knots.t_s,
         xyz_m=state.xyz_m + problem.origin_m,
         quaternion=same_hemisphere(quaternion),
         speed_mps=np.where(standing, 0.0, speed),
         motion=motion,
-        fix=_fix(problem.positions, knots.t_s),
+        fix=fix,
         sigma=sigma,
-        heading_from=heading_from,
+        heading_from=held.heading,
+        position_from=held.position,
+        height_from=held.height,
+        level_from=held.level,
         max_gap_s=1.5 * STEP_S,
     )
 
@@ -174,21 +184,32 @@ def _speed(problem: Problem) -> FloatArray:
 
 def _fix(positions: Positions, t_s: FloatArray) -> NDArray[np.int8]:
     """The quality of the nearest position (n,); none where there is none near."""
-    after = np.clip(np.searchsorted(positions.t_s, t_s), 1, len(positions.t_s) - 1)
-    before_s, after_s = t_s - positions.t_s[after - 1], positions.t_s[after] - t_s
-    nearest = np.where(before_s < after_s, after - 1, after)
-    near = np.minimum(np.abs(before_s), np.abs(after_s)) <= max(FIX_REACH_S, float(np.median(np.diff(positions.t_s))))
+    nearest = _nearest(positions.t_s, t_s)
+    near = np.abs(positions.t_s[nearest] - t_s) <= max(FIX_REACH_S, float(np.median(np.diff(positions.t_s))))
     return np.where(near, positions.fix[nearest], Fix.NONE).astype(np.int8)
+
+
+def _nearest(known_s: FloatArray, t_s: FloatArray) -> NDArray[np.intp]:
+    """Indices (n,) of the nearest of the times known, which increase."""
+    after = np.clip(np.searchsorted(known_s, t_s), 1, len(known_s) - 1)
+    return np.where(t_s - known_s[after - 1] < known_s[after] - t_s, after - 1, after)
 
 
 def _figures(problem: Problem, mounting: Mounting) -> dict[str, Any]:
     """What the report tells about matching."""
     assert problem.sums is not None
-    tally = problem.sums.tally
+    assert problem.walls is not None
+    tally, walls = problem.sums.tally, problem.walls.scatter
     return {
         "residual_rms_m": round(float(np.sqrt(tally[6] / max(tally[5], 1.0))), 4),
         "returns": len(problem.returns),
         "returns_matched": int(tally[5]),
+        "walls": {
+            "returns": len(problem.returns.upright),
+            "returns_matched": int(walls.matched),
+            "residual_rms_m": round(float(np.sqrt(walls.squares / walls.matched)), 4) if walls.matched else None,
+            "correlated": round(walls.correlated, 1) if walls.matched else None,
+        },
         "relief_slope_rms": round(float(np.sqrt(problem.relief.variance)), 4),
         "body_footprint_m2": round(float(problem.returns.body.sum()) * PIXEL_M**2, 2),
         "mounting_rpy_deg": [round(angle, 3) for angle in mounting.rpy_deg],

@@ -5,14 +5,15 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, islice
-from typing import Final
+from typing import IO, Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Motion, Trajectory
@@ -52,12 +53,14 @@ class GroundReturns:
         half: (n,) uint8: 0 or 1, which of two independent halves of the scans a return belongs to.
         body: (80, 80) bool: the vehicle's own footprint, rows to the left, columns forward, 0.2 m a pixel, the
             vehicle's origin in the middle.
+        upright: returns of what stands on it, off the vehicle's body as well.
     """
 
     t_s: FloatArray
     xyz_m: NDArray[np.float32]
     half: NDArray[np.uint8]
     body: NDArray[np.bool_]
+    upright: UprightReturns = field(default_factory=no_upright)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -88,12 +91,13 @@ def ground_returns(
     seen = np.zeros((PIXELS, PIXELS), np.int32)
     idle = np.zeros_like(seen)
     begin_s, end_s = trajectory.span_s[0] - BEYOND_S, trajectory.span_s[1] + BEYOND_S
-    total = count = number = 0
-    stride, last_s = 1, -np.inf
+    count = number = 0
+    stride, upright_stride, last_s = 1, 1, -np.inf
     scans = iter(scans)
     first = list(islice(scans, LEARN_SCANS))
     ground_m = ground_height_m(first, rotation, lever)
-    with tempfile.TemporaryFile(prefix="furrowmap-") as scratch:
+    with ExitStack() as stack:
+        ground, upright = (_Store(stack.enter_context(tempfile.TemporaryFile(prefix="furrowmap-"))) for _ in range(2))
         for scan in chain(first, scans):
             if on_scan is not None:
                 on_scan(scan)
@@ -103,30 +107,20 @@ def ground_returns(
             if t_s[0] < begin_s or t_s[-1] > end_s:
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
-            kept, candidates = select(
-                np.ascontiguousarray(scan.xyz_m, np.float32),
-                np.ascontiguousarray(scan.column, np.uint16),
-                rotation,
-                lever,
-                ground_m,
-                stride,
-                seen if moves else idle,
-            )
+            xyz, column = np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.column, np.uint16)
+            kept, candidates = select(xyz, column, rotation, lever, ground_m, stride, seen if moves else idle)
+            standing, standing_in_all = select_upright(xyz, column, rotation, lever, ground_m, upright_stride)
             count += moves
             number += 1
             duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
             last_s = float(t_s[-1])
             stride = max(1, round(candidates / (RATE_HZ * duration_s)))
-            record = np.empty(len(kept[0]), _RECORD)
-            record["t_s"] = t_s[kept[0]]
-            record["xyz_m"] = kept[1]
-            record["half"] = number % 2
-            scratch.write(record.tobytes())
-            total += len(record)
-        scratch.flush()
-        stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
+            upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
+            for store, (index, vehicle_m) in ((ground, kept), (upright, standing)):
+                store.add(t_s[index], vehicle_m, number % 2)
+        stored, stored_upright = ground.all(), upright.all()
     body = grown(seen >= max(1.0, BODY_SHARE * count))
-    return _without_body(stored, body)
+    return GroundReturns(*_without_body(stored, body), body, UprightReturns(*_without_body(stored_upright, body)))
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
@@ -152,8 +146,30 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
 _RECORD: Final = np.dtype([("t_s", "<f8"), ("xyz_m", "<f4", (3,)), ("half", "u1")])
 
 
-def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundReturns:
-    """The stored returns off the body, each field an array on a scratch file of its own."""
+class _Store:
+    """Returns on a scratch file."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._count = 0
+
+    def add(self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: int) -> None:
+        """The returns of a scan, or some of them."""
+        record = np.empty(len(t_s), _RECORD)
+        record["t_s"], record["xyz_m"], record["half"] = t_s, xyz_m, half
+        self._file.write(record.tobytes())
+        self._count += len(record)
+
+    def all(self) -> NDArray[np.void]:
+        """All of them, mapped; the mapping outlives the file."""
+        self._file.flush()
+        return np.memmap(self._file, _RECORD, "r", shape=(self._count,)) if self._count else np.empty(0, _RECORD)
+
+
+def _without_body(
+    stored: NDArray[np.void], body: NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.float32], NDArray[np.uint8]]:
+    """Times, places and halves of the stored returns off the body, each an array on a scratch file of its own."""
     step = 1 << 20
     names = ("t_s", "xyz_m", "half")
     total = 0
@@ -169,15 +185,14 @@ def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundRe
             for name in names:
                 files[name].write(np.ascontiguousarray(part[name]).tobytes())
         if not total:
-            return GroundReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), body)
+            return np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
         for file in files.values():
             file.flush()
         # The mappings outlive the files, which have no name and go with them.
-        return GroundReturns(
+        return (
             np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
             np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
             np.memmap(files["half"], np.uint8, "r", shape=(total,)),
-            body,
         )
 
 

@@ -136,6 +136,8 @@ def trajectory_from_gnss(
         heading_from=np.where(
             np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "gnss")
         ),
+        position_from="gnss",
+        level_from="assumed",
     )
     return GnssTrajectory(
         trajectory,

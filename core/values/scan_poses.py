@@ -28,6 +28,9 @@ class ScanPoses:
         fix: (n,) int8, values of :class:`~furrowmap.core.values.gnss.Fix`; −1 where the pose came from elsewhere.
         sigma: (n, 6) in the order of :data:`~furrowmap.core.values.trajectory.SIGMAS`; nan where unknown.
         heading_from: (n,) short words, as in :class:`~furrowmap.core.values.trajectory.Trajectory`.
+        position_from: (n,) as heading_from, of easting and northing.
+        height_from: (n,) the same of the height.
+        level_from: (n,) the same of roll and pitch.
         points: (n,) int64 points of the scan in the cloud; 0 where it was left out.
     """
 
@@ -40,6 +43,9 @@ class ScanPoses:
     fix: NDArray[np.int8]
     sigma: FloatArray
     heading_from: NDArray[np.str_]
+    position_from: NDArray[np.str_]
+    height_from: NDArray[np.str_]
+    level_from: NDArray[np.str_]
     points: NDArray[np.int64]
 
     def __post_init__(self) -> None:

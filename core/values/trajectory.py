@@ -32,6 +32,10 @@ SIGMAS = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
 """What the columns of :attr:`Trajectory.sigma` belong to."""
 
 
+HELD_BY = ("heading_from", "position_from", "height_from", "level_from")
+"""Names of the words that say what held an unknown."""
+
+
 @dataclass(frozen=True)
 class Poses:
     """Poses of the vehicle frame in the map frame at given times; nan where there is none.
@@ -65,7 +69,10 @@ class Trajectory:
         motion: (n,) int8, values of :class:`Motion`.
         fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 where it came from elsewhere.
         sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
-        heading_from: (n,) short words: what held the heading ('gnss', 'antennas', 'standing', 'file').
+        heading_from: (n,) words: what held the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'file').
+        position_from: (n,) what held easting and northing ('gnss', 'relief', 'walls', 'carried', 'file').
+        height_from: (n,) what held the height ('gnss', 'ground', 'carried', 'file').
+        level_from: (n,) what held roll and pitch ('ground', 'assumed', 'file').
         max_gap_s: between knots further apart than this there is no pose.
     """
 
@@ -77,12 +84,16 @@ class Trajectory:
     fix: NDArray[np.int8]
     sigma: FloatArray
     heading_from: NDArray[np.str_]
+    position_from: NDArray[np.str_]
+    height_from: NDArray[np.str_]
+    level_from: NDArray[np.str_]
     max_gap_s: float
 
     def __post_init__(self) -> None:
         n = len(self.t_s)
         shapes = {"xyz_m": (n, 3), "quaternion": (n, 4), "speed_mps": (n,), "motion": (n,), "fix": (n,)}
-        for name, shape in (shapes | {"sigma": (n, 6), "heading_from": (n,)}).items():
+        words = dict.fromkeys(HELD_BY, (n,))
+        for name, shape in (shapes | {"sigma": (n, 6)} | words).items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"Trajectory.{name} has shape {getattr(self, name).shape}, not {shape}")
         if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
@@ -157,6 +168,8 @@ def trajectory_from_attitude(
     fix: NDArray[np.int8] | None = None,
     sigma: FloatArray | None = None,
     heading_from: NDArray[np.str_] | str = "file",
+    position_from: str = "file",
+    level_from: str = "file",
 ) -> Trajectory:
     """A trajectory from attitude in the conventions of files; what is not given is unknown.
 
@@ -172,6 +185,8 @@ def trajectory_from_attitude(
         fix: (n,).
         sigma: (n, 6).
         heading_from: (n,) or one word for all.
+        position_from: one word for all, as `level_from`; of positions and heights.
+        level_from: see `position_from`.
     """
     n = len(t_s)
     roll, pitch, heading = (
@@ -187,6 +202,9 @@ def trajectory_from_attitude(
         fix=np.full(n, -1, np.int8) if fix is None else fix.astype(np.int8),
         sigma=np.full((n, 6), np.nan) if sigma is None else sigma,
         heading_from=np.full(n, heading_from) if isinstance(heading_from, str) else heading_from,
+        position_from=np.full(n, position_from),
+        height_from=np.full(n, position_from),
+        level_from=np.full(n, level_from),
         max_gap_s=max_gap_s,
     )
 

@@ -27,7 +27,8 @@ JAPAN = CRS.from_epsg(6677)
 FIELDS = [
     *("scan", "time", "t_s", "roll_deg", "pitch_deg", "heading_deg", "speed_mps", "motion", "fix"),
     *("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg"),
-    *("heading_from", "implement", "implement_confidence", "tool_height_m", "pass"),
+    *("heading_from", "position_from", "height_from", "level_from"),
+    *("implement", "implement_confidence", "tool_height_m", "pass"),
 ]
 
 T0_S = 1_781_141_020.300  # 2026-06-11T01:23:40.300Z
@@ -68,6 +69,9 @@ def poses(truth: dict[str, np.ndarray]) -> ScanPoses:
         fix=truth["fix"],
         sigma=truth["sigma"],
         heading_from=np.where(truth["scan"] % 2 == 0, "gnss", "antennas"),
+        position_from=np.full(len(truth["scan"]), "gnss"),
+        height_from=np.full(len(truth["scan"]), "ground"),
+        level_from=np.full(len(truth["scan"]), "assumed"),
         points=np.full(len(truth["scan"]), 25_000),
     )
 
@@ -94,6 +98,9 @@ def test_trajectory__is_read_back_as_it_was_given(field: Path, truth: dict[str, 
         None if f == -1 else Fix(f).name.lower() for f in truth["fix"]
     ]
     assert layer["heading_from"].tolist() == ["gnss" if s % 2 == 0 else "antennas" for s in truth["scan"]]
+    assert layer[["position_from", "height_from", "level_from"]].drop_duplicates().to_numpy().tolist() == [
+        ["gnss", "ground", "assumed"]
+    ]
 
 
 def test_time__is_utc_to_the_millisecond_in_the_form_of_the_standard(field: Path, truth: dict[str, np.ndarray]) -> None:

@@ -63,6 +63,9 @@ def worked_field() -> tuple[ScanPoses, FieldWork]:
         fix=np.where(number < 300, 4, 5).astype(np.int8),
         sigma=trajectory.sigma[1:-1],
         heading_from=np.full(len(t_s), "gnss"),
+        position_from=np.full(len(t_s), "gnss"),
+        height_from=np.full(len(t_s), "ground"),
+        level_from=np.full(len(t_s), "assumed"),
         points=np.full(len(t_s), 25_000),
     )
     return scans, work

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.matching.agreement import Sums
-from furrowmap.core.matching.certainty import AROUND_S, HEADING_SHARE, relief_heading_sigma, sigmas
+from furrowmap.core.matching.certainty import AROUND_S, HEADING_SHARE, held_by, hold_of, sigmas
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
 from furrowmap.core.matching.equations import Held
 from furrowmap.core.matching.knots import STEP_S, State, knots_over
@@ -58,21 +57,50 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
         np.testing.assert_allclose(found[k, 3:], expected * np.array([1.0, 1.0, HEADING_SHARE]), rtol=1e-8)
 
 
-def test_relief_heading_sigma__is_that_of_the_returns_within_a_second() -> None:
-    random = np.random.default_rng(6)
-    n = 120
-    sums = Sums.of(n)
-    matrices = np.zeros((n, 6, 6))
-    for k in range(20, 90):
-        root = 100 * random.normal(size=(8, 6))
+def some_normals(n: int, first: int, last: int, seed: int, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """Random normal matrices of the slices from `first` to `last`, square and as upper triangles."""
+    random = np.random.default_rng(seed)
+    matrices, upper = np.zeros((n, 6, 6)), np.zeros((n, 21))
+    for k in range(first, last):
+        root = scale * random.normal(size=(8, 6))
         matrices[k] = root.T @ root
-        sums.normal[k] = matrices[k][np.triu_indices(6)]
-    found = relief_heading_sigma(sums)
+        upper[k] = matrices[k][np.triu_indices(6)]
+    return matrices, upper
+
+
+def test_hold_of__is_what_the_returns_within_a_second_know() -> None:
+    matrices, upper = some_normals(120, 20, 90, 6, 100.0)
+    found = hold_of(upper)
     half = round(AROUND_S / STEP_S)
     for k in (0, 15, 60, 100):
         near = matrices[max(0, k - half) : k + half + 1].sum(axis=0)
         if not near.any():
-            assert np.isinf(found[k])
+            assert found.heading[k] == found.place[k] == 0.0
+            assert not found.level[k]
         else:
-            assert found[k] == pytest.approx(np.degrees(np.sqrt(np.linalg.inv(near)[5, 5])), rel=1e-6)
-    assert np.isinf(found[119])
+            known = np.linalg.inv(near)
+            assert found.heading[k] == pytest.approx(1.0 / known[5, 5], rel=1e-6)
+            assert found.place[k] == pytest.approx(1.0 / np.linalg.eigvalsh(known[:2, :2])[-1], rel=1e-6)
+            assert found.level[k]
+    assert found.heading[119] == 0.0
+
+
+def test_held_by__names_what_holds_most_firmly() -> None:
+    n = 200
+    _, relief = some_normals(n, 0, 200, 1, 10.0)
+    _, walls = some_normals(n, 80, 200, 2, 100.0)
+    has_position = np.arange(n) < 150
+    unsure, sure = (np.full(n, sigma_deg) for sigma_deg in (20.0, 1e-4))
+    held = held_by(relief, walls, unsure, np.full(n, "gnss"), has_position)
+    assert set(held.heading[:50]) == {"relief"}
+    assert set(held.heading[110:]) == {"walls"}
+    assert set(held.position[:150]) == {"gnss"}
+    assert set(held.position[150:]) == {"walls"}
+    assert set(held.height[:150]) == {"gnss"}
+    assert set(held.height[150:]) == {"ground"}
+    assert set(held.level) == {"ground"}
+    assert set(held_by(relief, walls, sure, np.full(n, "antennas"), has_position).heading) == {"antennas"}
+    blind = held_by(0 * relief, 0 * walls, unsure, np.full(n, "gnss"), has_position)
+    assert set(blind.heading) == {"gnss"}
+    assert set(blind.position[150:]) == set(blind.height[150:]) == {"carried"}
+    assert set(blind.level) == {"assumed"}

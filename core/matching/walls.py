@@ -1,0 +1,464 @@
+"""What stands: walls, fences and hedges' faces, which show place and yaw at once where the ground has no relief.
+
+Returns well above the ground are counted into upright columns, each half of the scans on its own. A column whose
+returns lie along a line in plan, over a good part of its height, is a piece of a wall: its normal is the direction in
+which they scatter least (a two-dimensional normal distributions transform; Biber and Straßer 2003, The Normal
+Distributions Transform, section 3). Crowns of trees, roofs and whatever moves fill their columns and are no lines. A
+return's distance along the normal from the other half's line is its residual. It changes with the pose as that of the
+ground's returns does, with a level normal, so that walls add to the same equations; patches of wall move along with
+the poses as those of ground do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.matching.agreement import UPPER, CoarseGrid, Patches, Sums
+from furrowmap.core.matching.knots import STEP_S, Chain
+from furrowmap.core.matching.surface import TILE, TILE_BITS, Tiles, tiles_over
+
+FloatArray = NDArray[np.float64]
+
+NEAR_M: Final = 1.5
+FAR_M: Final = 40.0
+ABOVE_M: Final = 0.35
+ABOVE_SLOPE: Final = 0.05
+ABOVE_MOST_M: Final = 1.0
+"""What stands is higher above the plane under the vehicle than ABOVE_M and ABOVE_SLOPE of the distance, or than
+ABOVE_MOST_M; straw and tall weeds are not."""
+UPRIGHT_RATE_HZ: Final = 3_000.0
+CELL_M: Final = 0.5
+"""Side of a column."""
+LEAST_RETURNS: Final = 16
+"""In one half of a column: with fewer its normal turns by chance, which holds the vehicle along the wall as well."""
+LEAST_HEIGHT_M: Final = 0.4
+LEAST_LENGTH_M: Final = 0.06
+"""Standard deviation along the line; half a metre of wall has 0.14 m."""
+THICKEST_M: Final = 0.06
+SLIMMEST: Final = 0.35
+"""A line is no thicker (standard deviation) than THICKEST_M and this share of its length."""
+WHOLE: Final = 3.0
+"""So many standard deviations to either side of a line lie in its column."""
+FLOOR_M: Final = 0.008
+"""No wall is known better."""
+HUBER: Final = 2.5
+GATE: Final = 6.0
+GROUP_S: Final = 1.0
+"""Returns of one half in one column and such a time share what is wrong with them."""
+CORRELATED_START: Final = 20.0
+CORRELATED_LEAST: Final = 4.0
+LEAST_GROUPS: Final = 50
+WALL_PATCH_M: Final = 8.0
+WALL_LAYER: Final = 2
+"""Layer of a wall's patch in :class:`~furrowmap.core.matching.agreement.Patches`."""
+
+
+@dataclass(frozen=True)
+class UprightReturns:
+    """Returns of what stands, in the order of time.
+
+    Attributes:
+        t_s: (n,) float64 UTC by the trajectory's clock.
+        xyz_m: (n, 3) float32 in the vehicle frame.
+        half: (n,) uint8: 0 or 1, which of two independent halves of the scans a return belongs to.
+    """
+
+    t_s: FloatArray
+    xyz_m: NDArray[np.float32]
+    half: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+def no_upright() -> UprightReturns:
+    """Nothing stands anywhere."""
+    return UprightReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8))
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Upright columns, of which only those in use take memory.
+
+    Attributes:
+        tiles: where they are.
+        number: (tiles, 32, 32) int32 number of each column, −1 where there is none.
+        sums: (columns, 2, 8) of each half: count; sums of easting and northing against the column's centre and of
+            their products ee, en, nn; least and greatest height.
+    """
+
+    tiles: Tiles
+    number: NDArray[np.int32]
+    sums: FloatArray
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Pieces of walls.
+
+    Attributes:
+        columns: in which they stand.
+        line: (columns, 2, 5) of each half: easting, northing of a point of the line against the column's centre;
+            level unit normal; variance across (m²), infinite where there is no line.
+    """
+
+    columns: Columns
+    line: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Columns in which both halves show a line."""
+        return int(np.isfinite(self.line[:, :, 4]).all(axis=1).sum())
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What residuals of walls have in common, learned from groups of one column and one second.
+
+    Attributes:
+        groups: how many there were.
+        together: sum over groups of (Σ r)² / m, with residuals r in standard deviations.
+        apart: sum over groups of Σ r² / m.
+        matched: returns.
+        squares: sum of their squared residuals (m²).
+    """
+
+    groups: float = 0.0
+    together: float = 0.0
+    apart: float = 0.0
+    matched: float = 0.0
+    squares: float = 0.0
+
+    @classmethod
+    def of(cls, tally: FloatArray) -> Scatter:
+        """Of a tally (5,) in this order."""
+        return cls(*tally.tolist())
+
+    def plus(self, other: Scatter) -> Scatter:
+        """Both together."""
+        return Scatter(
+            self.groups + other.groups,
+            self.together + other.together,
+            self.apart + other.apart,
+            self.matched + other.matched,
+            self.squares + other.squares,
+        )
+
+    @property
+    def correlated(self) -> float:
+        """So many returns share an error."""
+        if self.groups < LEAST_GROUPS or self.apart <= 0.0:
+            return CORRELATED_START
+        return max(self.together / self.apart, CORRELATED_LEAST)
+
+
+def columns_over(xyz_m: FloatArray) -> Columns:
+    """No columns yet, in tiles wherever one of the points (n, 2 or 3) is."""
+    tiles = tiles_over(np.ascontiguousarray(xyz_m[:, :2]), CELL_M)
+    return Columns(tiles, np.full((tiles.count, TILE, TILE), -1, np.int32), np.zeros((0, 2, 8)))
+
+
+def add_upright(columns: Columns, xyz_m: FloatArray, half: NDArray[np.uint8]) -> Columns:
+    """The columns with more returns (n, 3); those outside the tiles are left out."""
+    tiles, had = columns.tiles, len(columns.sums)
+    count = _number(xyz_m, CELL_M, tiles.west, tiles.south, tiles.number, columns.number, had)
+    fresh = np.zeros((count - had, 2, 8))
+    fresh[:, :, 6], fresh[:, :, 7] = np.inf, -np.inf
+    sums = np.concatenate([columns.sums, fresh])
+    _add(xyz_m, half, CELL_M, tiles.west, tiles.south, tiles.number, columns.number, sums)
+    return Columns(tiles, columns.number, sums)
+
+
+def lines(columns: Columns) -> Lines:
+    """The pieces of walls among the columns."""
+    return Lines(columns, _fit(columns.sums))
+
+
+def agree_upright(
+    chain: Chain,
+    t_s: FloatArray,
+    xyz_m: FloatArray,
+    half: NDArray[np.uint8],
+    walls: Lines,
+    position_m: FloatArray,
+    correlated: float,
+    share: float,
+    sums: Sums,
+    coarse: CoarseGrid,
+) -> tuple[Patches, Scatter]:
+    """Match returns of what stands to the pieces of walls.
+
+    Args:
+        chain: that covers them.
+        t_s: (n,) times, increasing.
+        xyz_m: (n, 3) placed, against the local origin.
+        half: (n,) 0 or 1.
+        walls: of these and other returns.
+        position_m: (knots, 3) positions at all knots.
+        correlated: how many returns share an error.
+        share: factor on all weights.
+        sums: are added to.
+        coarse: knots and patches of the coarse unknowns.
+
+    Returns:
+        Sums by patch, empty where `coarse` wants none, and what the residuals scatter by.
+    """
+    tiles = walls.columns.tiles
+    tally = np.zeros(5)
+    place, interval, early, late, right = _agree(
+        t_s,
+        xyz_m,
+        half,
+        chain.first,
+        chain.count,
+        chain.begin_s,
+        CELL_M,
+        tiles.west,
+        tiles.south,
+        tiles.number,
+        walls.columns.number,
+        walls.line,
+        position_m,
+        correlated,
+        share,
+        sums.normal,
+        sums.right,
+        sums.right_all,
+        sums.count,
+        tally,
+        coarse.first,
+        coarse.every,
+        coarse.patch_m,
+    )
+    return Patches(place, interval, early, late, right), Scatter.of(tally)
+
+
+def wall_grid(grid: CoarseGrid) -> CoarseGrid:
+    """The coarse knots as for the ground, with patches the size of walls."""
+    return replace(grid, patch_m=WALL_PATCH_M)
+
+
+@numba.njit(cache=True, nogil=True)
+def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type: ignore[no-untyped-def]
+    """Indices and vehicle coordinates of every `stride`-th firing's returns well above the ground, and how many in all.
+
+    The ground lies about `ground_m` above the vehicle frame's origin.
+    """
+    n = len(xyz_m)
+    index = np.empty(n, np.int64)
+    out = np.empty((n, 3), np.float32)
+    kept = candidates = 0
+    for i in range(n):
+        px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2] - ground_m
+        if not z > ABOVE_M:
+            continue
+        x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
+        y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
+        square = x * x + y * y
+        if not NEAR_M * NEAR_M < square < FAR_M * FAR_M:
+            continue
+        if z < min(ABOVE_M + ABOVE_SLOPE * np.sqrt(square), ABOVE_MOST_M):
+            continue
+        candidates += 1
+        if column[i] % stride == 0:
+            index[kept] = i
+            out[kept, 0], out[kept, 1], out[kept, 2] = x, y, z + ground_m
+            kept += 1
+    return (index[:kept], out[:kept]), candidates
+
+
+@numba.njit(cache=True, nogil=True)
+def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ignore[no-untyped-def]
+    """Number the columns in which points are, from `count` on; returns how many there are then."""
+    rows, columns = tile_number.shape
+    for i in range(len(xyz_m)):
+        x, y = int(np.floor(xyz_m[i, 0] / cell_m)), int(np.floor(xyz_m[i, 1] / cell_m))
+        row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+        if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
+            continue
+        tile = tile_number[row, column]
+        if number[tile, y & TILE - 1, x & TILE - 1] < 0:
+            number[tile, y & TILE - 1, x & TILE - 1] = count
+            count += 1
+    return count
+
+
+@numba.njit(cache=True, nogil=True)
+def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-untyped-def]
+    """Number of the column at a place, −1 where there is none, and the place against its centre."""
+    x, y = int(np.floor(e / cell_m)), int(np.floor(n / cell_m))
+    row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
+    rows, columns = tile_number.shape
+    if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
+        return -1, 0.0, 0.0
+    found = number[tile_number[row, column], y & TILE - 1, x & TILE - 1]
+    return found, e - (x + 0.5) * cell_m, n - (y + 0.5) * cell_m
+
+
+@numba.njit(cache=True, nogil=True)
+def _add(xyz_m, half, cell_m, west, south, tile_number, number, sums):  # type: ignore[no-untyped-def]
+    for i in range(len(xyz_m)):
+        c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
+        if c < 0:
+            continue
+        s = sums[c, half[i]]
+        s[0] += 1.0
+        s[1] += e
+        s[2] += n
+        s[3] += e * e
+        s[4] += e * n
+        s[5] += n * n
+        s[6] = min(s[6], xyz_m[i, 2])
+        s[7] = max(s[7], xyz_m[i, 2])
+
+
+@numba.njit(cache=True, nogil=True)
+def _fit(sums):  # type: ignore[no-untyped-def]
+    count = len(sums)
+    out = np.zeros((count, 2, 5))
+    out[:, :, 4] = np.inf
+    for c in range(count):
+        for h in range(2):
+            s = sums[c, h]
+            if s[0] < LEAST_RETURNS or s[7] - s[6] < LEAST_HEIGHT_M:
+                continue
+            e, n = s[1] / s[0], s[2] / s[0]
+            ee, en, nn = s[3] / s[0] - e * e, s[4] / s[0] - e * n, s[5] / s[0] - n * n
+            middle, half_way = 0.5 * (ee + nn), np.hypot(0.5 * (ee - nn), en)
+            across, along = max(middle - half_way, 0.0), middle + half_way
+            if along < LEAST_LENGTH_M**2 or across > THICKEST_M**2 or across > SLIMMEST**2 * along:
+                continue
+            direction = 0.5 * np.arctan2(2.0 * en, ee - nn)
+            ne, nn = -np.sin(direction), np.cos(direction)
+            variance = across * (1.0 + 2.0 / s[0]) + FLOOR_M**2
+            # A wall along the border of two columns would be cut in half lengthwise.
+            reach = WHOLE * np.sqrt(variance)
+            if abs(e) + reach * abs(ne) > 0.5 * CELL_M or abs(n) + reach * abs(nn) > 0.5 * CELL_M:
+                continue
+            out[c, h, 0], out[c, h, 1], out[c, h, 2], out[c, h, 3] = e, n, ne, nn
+            out[c, h, 4] = variance
+    return out
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _agree(  # type: ignore[no-untyped-def]
+    t_s, xyz_m, half, first, count, begin_s, cell_m, west, south, tile_number, number, line, position_m, correlated,
+    share, normal, right, right_all, used, tally, first_coarse, every, patch_m,
+):  # fmt: skip
+    n = len(t_s)
+    patch_west = patch_south = patch_columns = patch_rows = 0
+    if every > 0 and n > 0:
+        patch_west = int(np.floor(xyz_m[:, 0].min() / patch_m))
+        patch_south = int(np.floor(xyz_m[:, 1].min() / patch_m))
+        patch_columns = int(np.floor(xyz_m[:, 0].max() / patch_m)) - patch_west + 1
+        patch_rows = int(np.floor(xyz_m[:, 1].max() / patch_m)) - patch_south + 1
+    slot = np.full((patch_rows, patch_columns), -1, np.int64)
+    last = np.full((patch_rows, patch_columns), -1, np.int64)
+    most = 0
+    if every > 0:
+        most = min(n, patch_rows * patch_columns * (count // every + 2))
+    out_place = np.empty((most, 3), np.int64)
+    out_interval = np.empty(most, np.int64)
+    early = np.zeros((most, UPPER))
+    late = np.zeros((most, UPPER))
+    out_right = np.zeros((most, 6))
+    patches = 0
+    group = np.full(2 * len(line), -1, np.int64)
+    held = np.zeros((2 * len(line), 3))
+    j = np.empty(6)
+    g = np.empty(6)
+    for i in range(n):
+        c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
+        if c < 0:
+            continue
+        other, own = line[c, 1 - half[i]], line[c, half[i]]
+        if not (np.isfinite(other[4]) and np.isfinite(own[4])):
+            continue
+        variance = other[4]
+        residual = other[2] * (e - other[0]) + other[3] * (north - other[1])
+        normed = abs(residual) / np.sqrt(variance)
+        if normed > GATE:
+            continue
+        # Against both halves' line, along the other half's normal.
+        residual_all = residual - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
+        w = share / (variance * correlated)
+        if normed > HUBER:
+            w *= HUBER / normed
+        tally[3] += 1.0
+        tally[4] += min(normed, HUBER) ** 2 * variance
+        now = int((t_s[i] - begin_s) / GROUP_S)
+        of = 2 * c + half[i]
+        if now != group[of]:
+            _close(held[of], tally)
+            group[of] = now
+        signed = min(max(residual / np.sqrt(variance), -HUBER), HUBER)
+        held[of, 0] += 1.0
+        held[of, 1] += signed
+        held[of, 2] += signed * signed
+
+        local = min(int((t_s[i] - begin_s) / STEP_S), count - 2)
+        k = first + local
+        qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
+        qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
+        qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
+        j[0], j[1], j[2] = other[2], other[3], 0.0
+        j[3], j[4], j[5] = -qz * other[3], qz * other[2], qx * other[3] - qy * other[2]
+        entry = 0
+        for a in range(6):
+            weighted = w * j[a]
+            right[k, a] -= weighted * residual
+            right_all[k, a] -= weighted * residual_all
+            for b in range(a, 6):
+                normal[k, entry] += weighted * j[b]
+                entry += 1
+        used[k] += 1
+
+        if every == 0:
+            continue
+        interval = local // every
+        late_share = (local + 0.5) / every - interval
+        px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
+        if last[py - patch_south, px - patch_west] != interval:
+            last[py - patch_south, px - patch_west] = interval
+            slot[py - patch_south, px - patch_west] = patches
+            out_place[patches, 0], out_place[patches, 1], out_place[patches, 2] = px, py, WALL_LAYER
+            out_interval[patches] = first_coarse + interval
+            patches += 1
+        p = slot[py - patch_south, px - patch_west]
+        lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
+        g[0], g[1], g[2] = other[2], other[3], 0.0
+        g[3], g[4], g[5] = -lz * other[3], lz * other[2], lx * other[3] - ly * other[2]
+        entry = 0
+        for a in range(6):
+            weighted = w * g[a]
+            out_right[p, a] -= weighted * residual_all
+            for b in range(a, 6):
+                product = weighted * g[b]
+                early[p, entry] += (1.0 - late_share) * product
+                late[p, entry] += late_share * product
+                entry += 1
+    for of in range(len(held)):
+        _close(held[of], tally)
+    return (
+        out_place[:patches].copy(),
+        out_interval[:patches].copy(),
+        early[:patches].copy(),
+        late[:patches].copy(),
+        out_right[:patches].copy(),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _close(held, tally):  # type: ignore[no-untyped-def]
+    """Count a group of one column and one second, if it holds a few returns, and begin the next."""
+    if held[0] >= 4.0:
+        tally[0] += 1.0
+        tally[1] += held[1] * held[1] / held[0]
+        tally[2] += held[2] / held[0]
+    held[:] = 0.0
