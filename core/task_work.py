@@ -203,7 +203,7 @@ def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Impleme
         Notice(
             "part-of-width",
             f"{task.track.source}: on {np.sum(way_m[part]):,.0f} of {np.sum(way_m):,.0f} m of way only a part of the "
-            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up to "
-            f"{missing:,.0f} m² of it were not worked then.",
+            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up "
+            f"to {missing:,.0f} m² of it were not worked then.",
         )
     ]
