@@ -20,6 +20,7 @@ from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Inputs, Run, run
 from furrowmap.core.run_without_lidar import run_without_lidar
+from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import RefusedError, printable
@@ -43,6 +44,8 @@ PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
 STATES: Final = "states.csv"
 ITEM: Final = "item.json"
+SCALE_M: Final = 0.001
+"""Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
 PRODUCTS: Final = (CLOUD, FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
@@ -110,6 +113,7 @@ class _Cloud:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._writer: CopcWriter | None = None
+        self._watch = GroundWatch()
 
     def __enter__(self) -> Self:
         return self
@@ -120,6 +124,7 @@ class _Cloud:
             self._path,
             crs_wkt=las_wkt(frame.crs),
             origin_m=origin_m,
+            scale_m=SCALE_M,
             extra=(("scan", "uint32", "scan (revolution) number"),),
         ).__enter__()
 
@@ -127,6 +132,7 @@ class _Cloud:
         """Take the points of one scan."""
         assert self._writer is not None
         scan = placed.scan
+        self._watch.add(placed.xyz_m[placed.kept])
         self._writer.append(
             PointBatch(
                 placed.xyz_m,
@@ -140,14 +146,17 @@ class _Cloud:
         )
 
     def finish(self, progress: Progress, work: FieldWork) -> CopcSummary:
-        """Sort, compress and write the points, each with the pass in which it was measured."""
+        """Sort, compress and write the points, each with its class and the pass in which it was measured."""
         assert self._writer is not None
+        ground = self._watch.ground()
 
         def mark(records: Records) -> None:
-            number = work.pass_at(las_time_to_utc(records["gps_time"]))
-            records["point_source_id"] = np.minimum(number, MOST_PASSES)
+            ground.classify(records["X"], records["Y"], records["Z"], SCALE_M, records["classification"])
+            if work.passes:
+                number = work.pass_at(las_time_to_utc(records["gps_time"]))
+                records["point_source_id"] = np.minimum(number, MOST_PASSES)
 
-        return self._writer.close(progress, mark if work.passes else None)
+        return self._writer.close(progress, mark)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

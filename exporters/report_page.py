@@ -24,6 +24,7 @@ from furrowmap.core.implement.model import Implement
 from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.atomic import atomic_output
@@ -39,6 +40,7 @@ from furrowmap.exporters.drawings import (
 )
 from furrowmap.exporters.png import data_uri
 from furrowmap.exporters.relief import Relief, shaded_ground
+from furrowmap.exporters.run_report import points_by_class
 
 HECTARE_M2: Final = 10_000.0
 SMALL_M2: Final = 1_000.0
@@ -82,6 +84,7 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None)
         _section("GNSS", _quality(poses, found.frame)),
         _section("How good it is, and what to know", _accuracy(found)),
         *_views(work),
+        *_classes(summary),
     ]
     page = template.substitute(
         title=escape(found.session.name or "Field report"),
@@ -199,6 +202,18 @@ def _passes(work: FieldWork) -> Iterable[str]:
     if more:
         note = f"The layer passes of field.gpkg holds {more} more. {note}"
     yield _section("Passes", f'<div class="scroll">{_table(head, rows)}</div><p class="soft">{escape(note)}</p>')
+
+
+def _classes(cloud: CopcSummary | None) -> Iterable[str]:
+    """What the points of the cloud are."""
+    if cloud is None or not cloud.points:
+        return
+    rows = [
+        (f"{name} ({PointClass[name.upper()].value})", f"{count:,}", f"{count / cloud.points:.1%}")
+        for name, count in points_by_class(cloud).items()
+    ]
+    note = "In brackets the class's number in the cloud. Noise: returns alone in the air, or below the ground."
+    yield _section("What the points are", f'{_table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
 
 
 def _quality(poses: ScanPoses, frame: MapFrame) -> str:

@@ -14,6 +14,7 @@ from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.ground import Area, WorkedGround
@@ -59,6 +60,7 @@ def _figures(found: Run, cloud: CopcSummary | None) -> dict[str, Any]:
     distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
     return {
         "points": tally.points,
+        "points_by_class": points_by_class(cloud) if cloud is not None else {},
         "points_read": tally.points_read,
         "points_without_pose": tally.points_without_pose,
         "points_standing_left_out": tally.points_standing,
@@ -76,6 +78,11 @@ def _figures(found: Run, cloud: CopcSummary | None) -> dict[str, Any]:
         "implement": _implement(found.work),
         **(_worked(found.work.ground) if found.work.ground is not None else {}),
     }
+
+
+def points_by_class(cloud: CopcSummary) -> dict[str, int]:
+    """How many points of a cloud are of each class: "ground", "other", "noise", "vehicle", "implement"."""
+    return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
 
 
 def _bounds(found: Run, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
