@@ -77,11 +77,10 @@ def _seldom(track: GnssTrack) -> bool:
     return float(np.median(np.diff(track.t_s))) > SLOWEST_DIRECTIONS_S or not np.isfinite(track.height_m).any()
 
 
-def _tally(trajectory: Trajectory) -> Tally:
+def knot_poses(trajectory: Trajectory) -> ScanPoses:
     """What stands in the place of scans: the knots of the trajectory, without points."""
-    n = len(trajectory)
-    poses = ScanPoses(
-        scan=np.arange(n),
+    return ScanPoses(
+        scan=np.arange(len(trajectory)),
         t_s=trajectory.t_s,
         xyz_m=trajectory.xyz_m,
         quaternion=trajectory.quaternion,
@@ -90,7 +89,10 @@ def _tally(trajectory: Trajectory) -> Tally:
         fix=trajectory.fix,
         sigma=trajectory.sigma,
         heading_from=trajectory.heading_from,
-        points=np.zeros(n, np.int64),
+        points=np.zeros(len(trajectory), np.int64),
     )
+
+
+def _tally(trajectory: Trajectory) -> Tally:
     first_s, last_s = trajectory.span_s
-    return Tally(0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, poses)
+    return Tally(0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, knot_poses(trajectory))
