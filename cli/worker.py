@@ -54,7 +54,8 @@ class Tell(Protocol):
 
 @click.command(
     short_help="Work for another program, by lines of JSON.",
-    epilog='\b\nExample of an order:\n  {"type": "start", "arguments": ["run", "session.toml"]}',
+    epilog="\b\nExample:\n  furrowmap worker < pipe\nThrough the pipe comes first:\n"
+    '  {"type": "start", "arguments": ["run", "session.toml"]}',
 )
 def worker() -> None:
     """Do one verb for another program: what, it says on standard input; how it goes, it hears on standard output.

@@ -19,10 +19,11 @@ from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.states_elsewhere import Agreement, agreement
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session import REPLACE, Implement, Session, resolve
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.boundary import boundary_on_map
@@ -56,6 +57,8 @@ class FieldWork:
         paths: of the tool; empty where `ground` is None, as `events`.
         events: along them.
         notices: for the report.
+        elsewhere: states from elsewhere that took the place of those seen; None where they did not.
+        agreement: of states from elsewhere with those seen; None where there are not both.
     """
 
     seen: SeenImplement | None = None
@@ -66,11 +69,20 @@ class FieldWork:
     paths: tuple[ToolPath, ...] = ()
     events: tuple[Event, ...] = ()
     notices: tuple[Notice, ...] = ()
+    elsewhere: ToolStates | None = None
+    agreement: Agreement | None = None
+
+    @property
+    def states(self) -> ToolStates | None:
+        """The tool's states from which the ground is computed; None where none are known."""
+        if self.elsewhere is not None:
+            return self.elsewhere
+        return self.history.states if self.history is not None else None
 
     @cached_property
     def passes(self) -> list[PassTimes]:
         """When the tool was down."""
-        return pass_times(self.history.states) if self.history is not None else []
+        return pass_times(self.states) if self.states is not None else []
 
     def pass_at(self, t_s: ArrayLike) -> NDArray[np.intp]:
         """Number (n,) of the pass at times (n,), 1 for the first; 0 between passes."""
@@ -136,28 +148,60 @@ class ImplementWatch:
                 self._heights.add(replace(scan, t_s=scan.t_s - ahead_s) if ahead_s else scan)
             yield scan
 
-    def work(self, trajectory: Trajectory, frame: MapFrame, boundary: BaseGeometry | None) -> FieldWork:
-        """What the tool did and which ground it worked, after the second reading."""
+    def work(
+        self,
+        trajectory: Trajectory,
+        frame: MapFrame,
+        boundary: BaseGeometry | None,
+        elsewhere: ToolStates | None = None,
+    ) -> FieldWork:
+        """What the tool did and which ground it worked, after the second reading.
+
+        Args:
+            trajectory: of the vehicle.
+            frame: the map.
+            boundary: of the field, if known.
+            elsewhere: states that somebody else tells.
+        """
         seen, stated = self._learned.implement, self._session.implement
-        notices = (*self._learned.notices, *self._notices)
-        if seen is None or self._heights is None:
-            return FieldWork(boundary=boundary, notices=notices)
-        depth_m = stated.working_depth_m if stated is not None else None
-        history = tool_history(self._heights.heights(), seen, depth_m)
-        found = FieldWork(seen, history, boundary, notices=(*notices, *history.notices))
-        if not _known(history.states):
-            return found
-        if stated is None:
-            return replace(found, notices=(*found.notices, _NO_WIDTH))
-        ground = worked_ground(trajectory, history.states, stated, frame, boundary)
-        heights = (history.t_s, history.tool_height_m, history.soil_height_m)
-        return replace(
-            found,
-            ground=ground,
-            depths=pass_depths([p.times for p in ground.passes], *heights, depth_m),
-            paths=tuple(tool_paths(trajectory, history.states, stated)),
-            events=tuple(events(trajectory, history.states, stated)),
-        )
+        found = FieldWork(boundary=boundary, notices=(*self._learned.notices, *self._notices))
+        if seen is not None and self._heights is not None:
+            depth_m = stated.working_depth_m if stated is not None else None
+            history = tool_history(self._heights.heights(), seen, depth_m)
+            found = replace(found, seen=seen, history=history, notices=(*found.notices, *history.notices))
+        if elsewhere is not None:
+            found = with_states_from_elsewhere(found, elsewhere, self._session)
+        return with_ground(found, trajectory, frame, stated)
+
+
+def with_states_from_elsewhere(found: FieldWork, elsewhere: ToolStates, session: Session) -> FieldWork:
+    """The work with states from elsewhere beside those seen, or in their place: as the session says."""
+    assert session.implement is not None
+    replaces = session.implement.states_use == REPLACE
+    if found.history is None:
+        return replace(found, elsewhere=elsewhere if replaces else None)
+    agreed = agreement(found.history.states, elsewhere)
+    notices = (*found.notices, *agreed.notices(replaced=replaces))
+    return replace(found, elsewhere=elsewhere if replaces else None, agreement=agreed, notices=notices)
+
+
+def with_ground(found: FieldWork, trajectory: Trajectory, frame: MapFrame, implement: Implement | None) -> FieldWork:
+    """The work with the ground that its states make; as it was where no state is known, or not the tool's width."""
+    states, history = found.states, found.history
+    if states is None or not _known(states):
+        return found
+    if implement is None:
+        return replace(found, notices=(*found.notices, _NO_WIDTH))
+    ground = worked_ground(trajectory, states, implement, frame, found.boundary)
+    nothing = np.zeros(0)
+    heights = (history.t_s, history.tool_height_m, history.soil_height_m) if history is not None else (nothing,) * 3
+    return replace(
+        found,
+        ground=ground,
+        depths=pass_depths([p.times for p in ground.passes], *heights, implement.working_depth_m),
+        paths=tuple(tool_paths(trajectory, states, implement)),
+        events=tuple(events(trajectory, states, implement)),
+    )
 
 
 def _moving(trajectory: Trajectory, t_s: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -28,6 +28,7 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
+from furrowmap.core.states_elsewhere import states_from_elsewhere
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import Positions, fixes_from_labels
@@ -123,6 +124,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     positions = open_positions(inputs, session)
     located = locate(positions, session, frame)
     boundary = field_boundary(session_file, session, frame)
+    elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
     implement = ImplementWatch(session)
@@ -142,7 +144,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add, classify=classifier(machine))
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
-    work = implement.work(located.trajectory, frame, boundary)
+    work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
     watch.lap("work")
     notices = [
         *positions.notices,
@@ -151,6 +153,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
         *_session_notices(session, located),
         *_gap_notices(tally, located),
         *_tally_notices(tally),
+        *(elsewhere[1] if elsewhere is not None else ()),
         *work.notices,
     ]
     unique = tuple(dict.fromkeys(notices))
@@ -164,6 +167,7 @@ class Inputs:
     lidar: tuple[Path, ...]
     positions: tuple[Path, ...]
     boundary: tuple[Path, ...] = ()
+    states: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
@@ -179,12 +183,13 @@ class Inputs:
             tuple(resolve(session_file, name) for name in session.recording.lidar),
             tuple(resolve(session_file, name) for name in positions),
             (resolve(session_file, boundary),) if boundary is not None else (),
+            tuple(resolve(session_file, name) for name in (session.implement.states if session.implement else ())),
         )
 
     @property
     def all(self) -> tuple[Path, ...]:
-        """Every file, the scanner's first, in the order in which the session names them."""
-        return self.lidar + self.positions + self.boundary
+        """Every file once, the scanner's first, in the order in which the session names them."""
+        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states))
 
 
 def open_positions(inputs: Inputs, session: Session) -> Reader:
@@ -198,6 +203,7 @@ def open_positions(inputs: Inputs, session: Session) -> Reader:
         date=session.recording.date,
         time=stated.time if stated is not None else None,
         week=stated.week if stated is not None else None,
+        task=session.recording.task,
     )
     reader = open_recording(inputs.positions, options)
     if stated is not None:

@@ -14,17 +14,16 @@ from pyproj import Geod
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.crs_choice import choose_crs
+from furrowmap.core.field_work import FieldWork, with_ground
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Crs, Implement
-from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion
-from furrowmap.core.work.ground import WorkedGround, worked_ground
-from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
 WGS84: Final = Geod(ellps="WGS84")
 FULL_WIDTH: Final = 0.99
@@ -39,12 +38,8 @@ class TaskWork:
         task: as it was logged.
         frame: the map.
         course: the machine's way.
-        states: of the tool.
         implement: its width and place.
-        boundary: of the field, in the map; None where the task data have none.
-        ground: what was worked.
-        paths: of the tool.
-        events: along them.
+        work: what it worked; its `ground` is None where no state is known.
         boundary_area_m2: on the ellipsoid; nan without a boundary.
         logged_swept_m2: way times the width that the log says worked: what its counter counts; nan where it does not.
         notices: what is doubtful.
@@ -53,12 +48,8 @@ class TaskWork:
     task: LoggedTask
     frame: MapFrame
     course: CourseTrajectory
-    states: ToolStates
     implement: Implement
-    boundary: BaseGeometry | None
-    ground: WorkedGround
-    paths: tuple[ToolPath, ...]
-    events: tuple[Event, ...]
+    work: FieldWork
     boundary_area_m2: float
     logged_swept_m2: float
     notices: tuple[Notice, ...]
@@ -127,7 +118,13 @@ def task_works(
     works = []
     for k, task in enumerate(placed):
         progress("tasks", k / len(placed))
-        works.append(_work(task, frame, implement))
+        try:
+            works.append(_work(task, frame, implement))
+        except (InputError, RefusedError) as error:
+            if len(placed) == 1:
+                raise
+            text = f"Task {task.id} ({task.name}) is left out: {error.lines[0]} --task {task.id} computes it alone."
+            notices.append(Notice("task-left-out", text))
     progress("tasks", 1.0)
     return TaskWorks(tuple(works), frame, tuple(dict.fromkeys(notices)))
 
@@ -151,22 +148,11 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
 def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
     course = trajectory_from_course(task.track, frame)
     boundary, area_m2 = _boundary(task, frame)
-    ground = worked_ground(course.trajectory, task.states, implement, frame, boundary)
+    work = with_ground(FieldWork(boundary=boundary, elsewhere=task.states), course.trajectory, frame, implement)
     swept, notices = _logged_swept(task, course, implement)
-    return TaskWork(
-        task=task,
-        frame=frame,
-        course=course,
-        states=task.states,
-        implement=implement,
-        boundary=boundary,
-        ground=ground,
-        paths=tuple(tool_paths(course.trajectory, task.states, implement)),
-        events=tuple(events(course.trajectory, task.states, implement)),
-        boundary_area_m2=area_m2,
-        logged_swept_m2=swept,
-        notices=(*task.notices, *course.notices, *notices),
-    )
+    if work.ground is None:
+        notices.append(Notice("state-unknown", f"{task.track.source}: no record says whether the machine worked."))
+    return TaskWork(task, frame, course, implement, work, area_m2, swept, (*task.notices, *course.notices, *notices))
 
 
 def _boundary(task: LoggedTask, frame: MapFrame) -> tuple[BaseGeometry | None, float]:
@@ -203,7 +189,7 @@ def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Impleme
         Notice(
             "part-of-width",
             f"{task.track.source}: on {np.sum(way_m[part]):,.0f} of {np.sum(way_m):,.0f} m of way only a part of the "
-            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up to "
-            f"{missing:,.0f} m² of it were not worked then.",
+            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up "
+            f"to {missing:,.0f} m² of it were not worked then.",
         )
     ]

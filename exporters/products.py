@@ -18,7 +18,9 @@ from pyproj.exceptions import CRSError
 
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_work import FieldWork
-from furrowmap.core.pipeline import Inputs, run
+from furrowmap.core.pipeline import Inputs, Run, run
+from furrowmap.core.run_without_lidar import run_without_lidar
+from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import RefusedError, printable
@@ -33,16 +35,20 @@ from furrowmap.exporters.report import FileRecord, file_records, write_report
 from furrowmap.exporters.report_page import write_page
 from furrowmap.exporters.run_report import report_of
 from furrowmap.exporters.staging import recover, staged_folder
+from furrowmap.exporters.states_table import write_states
 
 CLOUD: Final = "cloud.copc.laz"
 FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
 PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
+STATES: Final = "states.csv"
 ITEM: Final = "item.json"
+SCALE_M: Final = 0.001
+"""Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-PRODUCTS: Final = (CLOUD, FIELD, REPORT, PAGE, SESSION, ITEM)
+PRODUCTS: Final = (CLOUD, FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
 
 
 def write_products(
@@ -69,23 +75,36 @@ def write_products(
     _refuse_original(folder, session_file)
     inputs = None if overwrite else _refuse_foreign(folder, session_file, progress)
     with staged_folder(folder) as staging:
-        with _Cloud(staging / CLOUD) as cloud:
-            found = run(session_file, cloud, progress)
-            written = perf_counter()
-            summary = cloud.finish(progress, found.work)
-        written = perf_counter() - written
+        found, summary, written = _found(session_file, staging / CLOUD, progress)
         progress("writing layers", 0.0)
         laid_out = perf_counter()
         write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
+        if found.work.states is not None:
+            write_states(staging / STATES, found.work.states)
         write_page(staging / PAGE, found, staging / CLOUD, summary)
         laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
         seconds = {"cloud": written, "layers": laid_out, "whole": perf_counter() - start}
         timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-        report = write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, PRODUCTS))
+        report = write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, _names(staging)))
         write_item(staging / ITEM, report)
         return report
+
+
+def _found(session_file: Path, cloud_file: Path, progress: Progress) -> tuple[Run, CopcSummary | None, float]:
+    """What the run found out, what its cloud holds, and the seconds of writing that; no cloud without a scanner."""
+    if not load_session(session_file).recording.lidar:
+        return run_without_lidar(session_file, progress), None, 0.0
+    with _Cloud(cloud_file) as cloud:
+        found = run(session_file, cloud, progress)
+        begin = perf_counter()
+        return found, cloud.finish(progress, found.work), perf_counter() - begin
+
+
+def _names(staging: Path) -> list[str]:
+    """The products that there are, or are about to be written beside them."""
+    return [name for name in PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
 
 
 class _Cloud:
@@ -94,6 +113,7 @@ class _Cloud:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._writer: CopcWriter | None = None
+        self._watch = GroundWatch()
 
     def __enter__(self) -> Self:
         return self
@@ -104,6 +124,7 @@ class _Cloud:
             self._path,
             crs_wkt=las_wkt(frame.crs),
             origin_m=origin_m,
+            scale_m=SCALE_M,
             extra=(("scan", "uint32", "scan (revolution) number"),),
         ).__enter__()
 
@@ -111,6 +132,7 @@ class _Cloud:
         """Take the points of one scan."""
         assert self._writer is not None
         scan = placed.scan
+        self._watch.add(placed.xyz_m[placed.kept])
         self._writer.append(
             PointBatch(
                 placed.xyz_m,
@@ -124,14 +146,17 @@ class _Cloud:
         )
 
     def finish(self, progress: Progress, work: FieldWork) -> CopcSummary:
-        """Sort, compress and write the points, each with the pass in which it was measured."""
+        """Sort, compress and write the points, each with its class and the pass in which it was measured."""
         assert self._writer is not None
+        ground = self._watch.ground()
 
         def mark(records: Records) -> None:
-            number = work.pass_at(las_time_to_utc(records["gps_time"]))
-            records["point_source_id"] = np.minimum(number, MOST_PASSES)
+            ground.classify(records["X"], records["Y"], records["Z"], SCALE_M, records["classification"])
+            if work.passes:
+                number = work.pass_at(las_time_to_utc(records["gps_time"]))
+                records["point_source_id"] = np.minimum(number, MOST_PASSES)
 
-        return self._writer.close(progress, mark if work.passes else None)
+        return self._writer.close(progress, mark)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -24,6 +24,7 @@ from furrowmap.core.implement.model import Implement
 from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.atomic import atomic_output
@@ -38,7 +39,8 @@ from furrowmap.exporters.drawings import (
     work_map,
 )
 from furrowmap.exporters.png import data_uri
-from furrowmap.exporters.relief import shaded_ground
+from furrowmap.exporters.relief import Relief, shaded_ground
+from furrowmap.exporters.run_report import points_by_class
 
 HECTARE_M2: Final = 10_000.0
 SMALL_M2: Final = 1_000.0
@@ -59,14 +61,14 @@ _FAR: Final = np.array([68.0, 1.0, 84.0])
 _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
-def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary) -> None:
+def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None) -> None:
     """Write `report.html`.
 
     Args:
         path: of the page.
         found: by the run.
         cloud: the COPC file that the run wrote: the map's background.
-        summary: what its writer wrote.
+        summary: what its writer wrote; None where there is no cloud.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -74,14 +76,15 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary) -> Non
     template = Template(files("furrowmap.exporters").joinpath("report.html").read_text("utf-8"))
     poses, work = found.tally.poses, found.work
     box_m = map_box(poses, work)
-    relief = shaded_ground(cloud, summary.points_by_level, box_m)
+    relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
     sections = [
-        _section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work)),
+        _section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
         *_tool(work),
         *_passes(work),
         _section("GNSS", _quality(poses, found.frame)),
         _section("How good it is, and what to know", _accuracy(found)),
         *_views(work),
+        *_classes(summary),
     ]
     page = template.substitute(
         title=escape(found.session.name or "Field report"),
@@ -135,7 +138,8 @@ def _figures(found: Run) -> Iterable[str]:
         yield _figure(_duration(figures.hours.idle_s), "standing")
     else:
         yield _figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
-    yield _figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
+    if found.tally.points:
+        yield _figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
 
 
 def _figure(value: str, name: str, *, loud: bool = False) -> str:
@@ -143,13 +147,15 @@ def _figure(value: str, name: str, *, loud: bool = False) -> str:
     return f"<div{kind}><b>{escape(value)}</b><span>{escape(name)}</span></div>"
 
 
-def _map_key(work: FieldWork) -> str:
+def _map_key(work: FieldWork, relief: Relief | None) -> str:
     if work.ground is None:
         return _key([("#8c460a", "way of the vehicle")])
     count = len(work.ground.passes)
     rows = [(pass_colour(1, count), "first pass"), (pass_colour(count, count), "last pass")] if count > 1 else []
     rows += [("#e31a1c", "worked twice"), ("#ffed00", "missed"), ("#8c460a", "tool down"), ("#4292c6", "tool up")]
-    note = "Areas in the map's plane. The ground is drawn as the scanner saw it, lit from the north-west."
+    note = "Areas in the map's plane."
+    if relief is not None:
+        note += " The ground is drawn as the scanner saw it, lit from the north-west."
     return _key(rows) + f'<p class="soft">{note}</p>'
 
 
@@ -198,6 +204,18 @@ def _passes(work: FieldWork) -> Iterable[str]:
     yield _section("Passes", f'<div class="scroll">{_table(head, rows)}</div><p class="soft">{escape(note)}</p>')
 
 
+def _classes(cloud: CopcSummary | None) -> Iterable[str]:
+    """What the points of the cloud are."""
+    if cloud is None or not cloud.points:
+        return
+    rows = [
+        (f"{name} ({PointClass[name.upper()].value})", f"{count:,}", f"{count / cloud.points:.1%}")
+        for name, count in points_by_class(cloud).items()
+    ]
+    note = "In brackets the class's number in the cloud. Noise: returns alone in the air, or below the ground."
+    yield _section("What the points are", f'{_table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
+
+
 def _quality(poses: ScanPoses, frame: MapFrame) -> str:
     shares = Counter(poses.fix.tolist())
     rows = [
@@ -225,8 +243,8 @@ def _accuracy(found: Run) -> str:
         ("roll, pitch", f"{_number(roll, 2, '°')}, {_number(pitch, 2, '°')}"),
         ("heading", _number(heading, 2, "°")),
     ]
-    if work.history is not None and len(work.history.states) > 1:
-        rows.append(("lowering and lifting", _number(_median(work.history.states.begin_sigma_s[1:]), 3, " s")))
+    if work.states is not None and len(work.states) > 1:
+        rows.append(("lowering and lifting", _number(_median(work.states.begin_sigma_s[1:]), 3, " s")))
     if work.ground is not None:
         rows += _ellipsoid(work.ground)
     table = _table(("median standard deviation", ""), rows)
@@ -283,9 +301,10 @@ def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDAr
 
 def _provenance(found: Run) -> str:
     names = ", ".join(path.name for path in found.inputs)
+    cloud = " Cloud: cloud.copc.laz." if found.tally.points else ""
     return (
         f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
-        "All figures and the inputs' check sums: report.json. Layers: field.gpkg. Cloud: cloud.copc.laz."
+        f"All figures and the inputs' check sums: report.json. Layers: field.gpkg.{cloud}"
     )
 
 

@@ -15,6 +15,7 @@ from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.ground import Area, WorkedGround
@@ -25,7 +26,7 @@ from furrowmap.exporters.report import FileRecord, Report
 def report_of(
     found: Run,
     session_file: str,
-    cloud: CopcSummary,
+    cloud: CopcSummary | None,
     inputs: Sequence[FileRecord],
     timings_s: dict[str, float],
     products: Sequence[str],
@@ -35,7 +36,7 @@ def report_of(
     Args:
         found: by the run.
         session_file: the way to the session from the products.
-        cloud: what its writer wrote.
+        cloud: what its writer wrote; None where there is none.
         inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
@@ -54,12 +55,13 @@ def report_of(
     )
 
 
-def _figures(found: Run, cloud: CopcSummary) -> dict[str, Any]:
+def _figures(found: Run, cloud: CopcSummary | None) -> dict[str, Any]:
     """Counts, times and lengths."""
     tally = found.tally
     distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
     return {
         "points": tally.points,
+        "points_by_class": points_by_class(cloud) if cloud is not None else {},
         "points_read": tally.points_read,
         "points_without_pose": tally.points_without_pose,
         "points_standing_left_out": tally.points_standing,
@@ -73,26 +75,46 @@ def _figures(found: Run, cloud: CopcSummary) -> dict[str, Any]:
         "standing_s": round(standing_s, 1),
         "crs": found.frame.name,
         "heights": found.session.crs.heights,
-        "bounds_m": [[round(v, 3) for v in corner] for corner in (cloud.low_m, cloud.high_m)],
+        "bounds_m": [[round(v, 3) for v in corner] for corner in _bounds(found, cloud)],
         "implement": _implement(found.work),
         **(_worked(found.work.ground) if found.work.ground is not None else {}),
     }
 
 
+def points_by_class(cloud: CopcSummary) -> dict[str, int]:
+    """How many points of a cloud are of each class: "ground", "other", "noise", "vehicle", "implement"."""
+    return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
+
+
+def _bounds(found: Run, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
+    """The lowest and the highest coordinates: of the cloud, or of the vehicle's way where there is none."""
+    if cloud is not None:
+        return cloud.low_m, cloud.high_m
+    xyz_m = found.tally.poses.xyz_m
+    return xyz_m.min(axis=0).tolist(), xyz_m.max(axis=0).tolist()
+
+
 def _implement(work: FieldWork) -> dict[str, Any] | None:
-    """What was seen of the tool; null where nothing was."""
-    history = work.history
-    if history is None:
+    """What is known of the tool; null where nothing is."""
+    history, states, agreed = work.history, work.states, work.agreement
+    if states is None:
         return None
-    states = history.states
     length_s = states.end_s - states.begin_s
     sigma_s = states.begin_sigma_s[1:][states.begin_s[1:] == states.end_s[:-1]]
     return {
         **{f"{s.label}_s": round(float(length_s[states.state == s].sum()), 1) for s in (ToolState.DOWN, ToolState.UP)},
         "transitions": len(sigma_s),
         "transition_sigma_s": round(float(np.median(sigma_s)), 3) if len(sigma_s) else None,
-        "threshold_m": round(history.threshold_m, 3),
-        "lifted_m": round(history.lifted_m, 3),
+        "threshold_m": round(history.threshold_m, 3) if history is not None else None,
+        "lifted_m": round(history.lifted_m, 3) if history is not None else None,
+        "states_from": "elsewhere" if work.elsewhere is not None else "scans",
+        "agreement": {
+            "compared_s": round(agreed.compared_s, 1),
+            "share": round(agreed.share, 4),
+            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist()],
+        }
+        if agreed is not None
+        else None,
     }
 
 

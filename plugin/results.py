@@ -13,8 +13,8 @@ class NoResultsError(Exception):
     """A folder without anything that a run writes, or with products that QGIS cannot read."""
 
 
-def open_results(folder):
-    """Open the products in `folder` as a group of the current project.
+def open_results(folder, project=None):
+    """Open the products in `folder` as a group of a project, the current one by default.
 
     Returns:
         The layers, topmost first: the field's vector layers above the cloud.
@@ -27,9 +27,10 @@ def open_results(folder):
         raise NoResultsError(
             f"No {FIELD_LAYERS} or {CLOUD} that QGIS can open in {folder}. Choose the folder of a run."
         )
-    group = QgsProject.instance().layerTreeRoot().insertGroup(0, Path(folder).name)
+    project = project or QgsProject.instance()
+    group = project.layerTreeRoot().insertGroup(0, Path(folder).name)
     for layer in layers:
-        QgsProject.instance().addMapLayer(layer, addToLegend=False)
+        project.addMapLayer(layer, addToLegend=False)
         group.addLayer(layer)
     return layers
 

@@ -6,7 +6,6 @@ lever arm. Roll and pitch are zero here and height is the antenna's less its lev
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
@@ -20,6 +19,7 @@ from furrowmap.core.trajectory.positions import (
     judge_rate,
     positions_of,
     quality_runs,
+    quality_words,
     sigmas_m,
     usable,
     white_noise_m,
@@ -142,7 +142,7 @@ def trajectory_from_gnss(
     return GnssTrajectory(
         trajectory,
         positions,
-        {Fix(f).label: c for f, c in sorted(Counter(gated.fix.tolist()).items())},
+        quality_words(gated.fix),
         unused,
         tuple(notices),
     )

@@ -114,6 +114,11 @@ def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
     return tuple(known[label] for label in labels)
 
 
+def quality_words(fix: NDArray[np.int8]) -> dict[str, int]:
+    """How many positions (n,) there are of each quality, by its word."""
+    return {Fix(f).label: count for f, count in sorted(Counter(fix.tolist()).items())}
+
+
 def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice]) -> tuple[GnssTrack, dict[str, int]]:
     """The positions of the qualities to use, and how many others there were."""
     positioned = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg) & np.isfinite(track.height_m)
@@ -133,7 +138,7 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
     else:
         wanted = np.isin(track.fix, fixes)
     use = positioned & wanted
-    unused = {Fix(f).label: c for f, c in sorted(Counter(track.fix[~use].tolist()).items())}
+    unused = quality_words(track.fix[~use])
     if use.sum() < 2:
         raise _too_few(track, positioned, use)
     return track[use], unused

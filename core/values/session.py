@@ -19,6 +19,10 @@ from furrowmap.core.values.mounting import Mounting
 
 SCHEMA: Final = 1
 
+REPLACE: Final = "replace"
+CHECK: Final = "check"
+"""What states from elsewhere are for: they take the place of those that the scans show, or are compared with them."""
+
 FARTHEST_M: Final = 15.0
 """No sensor, antenna or tool is farther from the vehicle's origin; larger figures are millimetres or centimetres."""
 
@@ -43,6 +47,7 @@ _EXAMPLES: Final = {
     "recording.gnss": '["gnss.nmea"]',
     "recording.lidar_minus_gnss_s": "0.0",
     "recording.date": '"2026-06-11"',
+    "recording.task": '"TSK1"',
     "crs.map": '"EPSG:6677"',
     "crs.heights": '"ellipsoidal"',
     "crs.coordinates": '"as-recorded"',
@@ -54,6 +59,9 @@ _EXAMPLES: Final = {
     "implement.width_m": "1.70",
     "implement.xy_m": "[-1.45, 0.0]",
     "implement.working_depth_m": "0.12",
+    "implement.states": '["states.csv"]',
+    "implement.states_use": '"replace"',
+    "implement.states_minus_gnss_s": "0.0",
     "field.boundary": '"boundary.geojson"',
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
@@ -76,12 +84,14 @@ class Recording(_Part, frozen=True):
         gnss: files of the GNSS receiver, in the order of time.
         lidar_minus_gnss_s: lidar clock minus GNSS clock, where the clocks differ by a constant.
         date: UTC date (YYYY-MM-DD) of the first position of a log whose sentences carry none.
+        task: id or name of the task that is meant, where task data hold several.
     """
 
     lidar: tuple[str, ...] = ()
     gnss: tuple[str, ...] = ()
     lidar_minus_gnss_s: float = 0.0
     date: str | None = None
+    task: str | None = None
 
 
 class Crs(_Part, frozen=True):
@@ -131,12 +141,18 @@ class Implement(_Part, frozen=True):
         xy_m: middle of the tool's line in the vehicle frame.
         kind: in the user's words.
         working_depth_m: how deep it works.
+        states: files that say when it worked: tables of times, or task data.
+        states_use: "replace" what the scans show, or "check" it.
+        states_minus_gnss_s: their clock minus that of the positions, where the two differ by a constant.
     """
 
     width_m: float
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None
+    states: tuple[str, ...] = ()
+    states_use: str = REPLACE
+    states_minus_gnss_s: float = 0.0
 
 
 class Field(_Part, frozen=True):
@@ -340,16 +356,21 @@ def _faults(session: Session) -> Iterator[str]:
     for key, number in _numbers(msgspec.to_builtins(session)):
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
-    if not session.recording.lidar:
-        yield "recording.lidar names no file"
+    implement = session.implement
+    if not session.recording.lidar and (implement is None or not implement.states):
+        yield "recording.lidar names no file, and implement.states no other that says when the tool worked"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory] either"
     yield from _repetitions(session)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'
     yield from _far_places(session)
-    if session.implement is not None and not session.implement.width_m > 0:
+    if implement is not None and not implement.width_m > 0:
         yield "implement.width_m must be above 0"
+    if implement is not None and implement.states_use not in (REPLACE, CHECK):
+        yield f'implement.states_use must be "{REPLACE}" or "{CHECK}", not {implement.states_use!r}'
+    if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
+        yield f'implement.states_use is "{CHECK}", and without recording.lidar there is nothing to check'
     if session.trajectory is not None:
         if not session.trajectory.files:
             yield "trajectory.files names no file"
@@ -378,6 +399,7 @@ def _repetitions(session: Session) -> Iterator[str]:
     for key, names in (
         ("recording.lidar", session.recording.lidar),
         ("recording.gnss", session.recording.gnss),
+        ("implement.states", session.implement.states if session.implement is not None else ()),
         ("trajectory.files", trajectory),
     ):
         paths = [posixpath.normpath(name) for name in names]
@@ -409,7 +431,7 @@ def _is_date(text: str) -> bool:
 def resolve(session_file: Path, named: str) -> Path:
     """The path of a file that a session names: relative to the session file, and inside its folder.
 
-    A folder is as good as a file where it is a ROS 2 bag.
+    A folder is as good as a file where it is a ROS 2 bag, or holds task data.
 
     Raises:
         InputError: if the name leads out of the session's folder (or a file in a bag's folder does), or if the file is
@@ -419,8 +441,8 @@ def resolve(session_file: Path, named: str) -> Path:
     try:
         path = (folder / named).resolve()
         inside = list(path.iterdir()) if path.is_dir() else []
-        is_bag = any(_of_a_bag(file) for file in inside)
-        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_bag else ())))
+        is_whole = any(_of_a_whole(file) for file in inside)
+        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_whole else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
         raise InputError(
@@ -436,9 +458,10 @@ def resolve(session_file: Path, named: str) -> Path:
             "Put the session file at or above the recordings' folder, or copy the recording beside it.",
             code="session-path-outside",
         )
-    if not is_file and not is_bag:
+    if not is_file and not is_whole:
+        what = "a folder, and holds no bag and no task data" if is_folder else "not there"
         raise InputError(
-            f"{session_file}: {named!r} is {'a folder, and holds no bag' if is_folder else 'not there'}.",
+            f"{session_file}: {named!r} is {what}.",
             "A file that the session names is missing, so the work did not start.",
             "Correct the name in the session file; paths are relative to that file.",
             code="session-file-missing",
@@ -446,6 +469,7 @@ def resolve(session_file: Path, named: str) -> Path:
     return path
 
 
-def _of_a_bag(file: Path) -> bool:
-    """Whether a file is named as ROS 2 names those in the folder of a bag."""
-    return file.name == "metadata.yaml" or not {".db3", ".mcap"}.isdisjoint(file.suffixes)
+def _of_a_whole(file: Path) -> bool:
+    """Whether a file is named as those in the folder of a ROS 2 bag, or of task data, are."""
+    named = file.name == "metadata.yaml" or file.name.upper() == "TASKDATA.XML"
+    return named or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

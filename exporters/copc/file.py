@@ -105,6 +105,8 @@ class CopcFile:
         self._chunks: list[NDArray[np.uint8]] = []
         self._waiting = 0
         self._done = 0
+        self.points_by_class = np.zeros(256, np.int64)
+        """Points of each class so far."""
 
     def close(self) -> None:
         """Close the file, finished or not."""
@@ -165,6 +167,7 @@ class CopcFile:
         if self._chunks:
             if self._complete is not None:
                 self._complete(self._batch[: self._waiting])
+            self.points_by_class += np.bincount(self._batch["classification"][: self._waiting], minlength=256)
             with self._refusals():
                 self._compressor.compress_chunks(self._chunks)
             self._chunks.clear()

@@ -36,6 +36,7 @@ class CopcSummary:
         high_m: greatest ones.
         nodes: nodes of the octree.
         points_by_level: of each level, the root's first.
+        points_by_class: number of points of each class that there is.
     """
 
     points: int
@@ -43,6 +44,7 @@ class CopcSummary:
     high_m: tuple[float, float, float]
     nodes: int
     points_by_level: tuple[int, ...]
+    points_by_class: dict[int, int]
 
 
 class CopcWriter:
@@ -145,13 +147,14 @@ class CopcWriter:
             # A node keeps node_points of its cell, in the main a surface across it: so far apart are they.
             spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points) or 1)
             file.finish(extent, cube, spacing_m)
-            levels = file.points_by_level
+            levels, classes = file.points_by_level, file.points_by_class
         summary = CopcSummary(
             points,
             low_m=tuple(self._header.mins.tolist()),
             high_m=tuple(self._header.maxs.tolist()),
             nodes=file.nodes,
             points_by_level=tuple(levels.tolist()),
+            points_by_class={number: int(classes[number]) for number in np.flatnonzero(classes).tolist()},
         )
         _check(self._unfinished, summary)
         return summary

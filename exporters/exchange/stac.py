@@ -32,6 +32,7 @@ _KINDS: Final = {  # media type, title, roles
     "field.gpkg": ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
     "report.json": ("application/json", "Figures, warnings, provenance", ["metadata"]),
     "report.html": ("text/html", "Report to read", ["overview"]),
+    "states.csv": ("text/csv", "When the tool went down and up", ["data"]),
     "session.toml": ("application/toml", "Session as it was understood", ["metadata"]),
 }
 _COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
@@ -63,7 +64,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         end_datetime=_time(figures["end"]),
         properties={
             "title": report["session"]["name"] or "Session without a name",
-            "instruments": [report["session"]["lidar"].get("model") or "lidar"],
+            "instruments": [report["session"]["lidar"].get("model") or ("lidar" if figures["points"] else "gnss")],
             "furrowmap:version": report["furrowmap"],
             "furrowmap:inputs": [{key: record[key] for key in ("name", "sha256")} for record in report["inputs"]],
         },
@@ -75,15 +76,15 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         projjson=None if authority else json.loads(crs.to_json()),
         bbox=[west, south, east, north],
     )
-    cloud = PointcloudExtension.ext(item, add_if_missing=True)
-    area_m2 = max((east - west) * (north - south), 1e-6)
-    cloud.apply(
-        count=figures["points"],
-        type=PhenomenologyType.LIDAR,
-        encoding="COPC",
-        schemas=_schemas(),
-        density=round(figures["points"] / area_m2, 3),
-    )
+    if figures["points"]:
+        area_m2 = max((east - west) * (north - south), 1e-6)
+        PointcloudExtension.ext(item, add_if_missing=True).apply(
+            count=figures["points"],
+            type=PhenomenologyType.LIDAR,
+            encoding="COPC",
+            schemas=_schemas(),
+            density=round(figures["points"] / area_m2, 3),
+        )
     item.properties["furrowmap:height_m"] = [low, high]
     for name in report["products"]:
         if kind := _kind(name):

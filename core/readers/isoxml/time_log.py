@@ -257,7 +257,7 @@ def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> int:
+def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> Any:
     """Where the record ends that begins at a byte; −1 if none that makes sense does, −2 if the file ends in it."""
     size = len(data)
     if at + width + 1 > size:
@@ -288,7 +288,7 @@ def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> 
 
 
 @numba.njit(cache=True, nogil=True)
-def _day(data: Any, at: int) -> int:
+def _day(data: Any, at: int) -> Any:
     return np.int64(data[at + 4]) + (np.int64(data[at + 5]) << 8)
 
 

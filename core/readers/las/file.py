@@ -60,7 +60,7 @@ class LasCloud:
             if file.read(4) != SIGNATURE:
                 raise InputError(
                     f"{path} is a compressed LAS or LAZ file.",
-                    "Clouds are read in pieces, from wherever they are needed; of a compressed stream that cannot be done.",
+                    "Clouds are read in pieces, from wherever they are needed, which no compressed stream allows.",
                     "Decompress the file, or convert it to LAZ, which is compressed by itself.",
                     code="cloud-in-archive",
                 )

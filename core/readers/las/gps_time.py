@@ -52,7 +52,12 @@ class LasClock:
 
     def utc(self, checked: FloatArray) -> FloatArray | None:
         """UTC of checked times (n,), nan as they are; None where the file does not tell it."""
-        return las_time_to_utc(checked) if self.kind is TimeKind.STANDARD else None
+        if self.kind is not TimeKind.STANDARD:
+            return None
+        ends = np.array([np.fmin.reduce(checked), np.fmax.reduce(checked)]) if len(checked) else np.zeros(1)
+        shift = las_time_to_utc(ends) - ends
+        # No leap second in between: spare looking each time up.
+        return checked + shift[0] if shift[0] == shift[-1] else las_time_to_utc(checked)
 
 
 def is_week(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:

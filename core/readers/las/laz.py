@@ -195,8 +195,9 @@ def decode_chunks(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: 
     if len(data) != end - begin:
         raise _refusal(path, f"it ends at byte {begin + len(data):,}, within chunk {first + 1}", "laz-chunk-damaged")
     if laz.layers:
+        whole = memoryview(data)
         for number in range(first, last):
-            _check_layers(path, laz, number, data[int(laz.begins[number]) - begin :])
+            _check_layers(path, laz, number, whole[int(laz.begins[number]) - begin :])
     records = np.empty(int(laz.points[first:last].sum()) * laz.record_bytes, np.uint8)
     table = list(zip(laz.points[first:last].tolist(), laz.sizes[first:last].tolist(), strict=True))
     with decoding(path, f"chunks {first + 1} to {last} (bytes {begin:,} to {end:,})"):
@@ -229,7 +230,7 @@ def stream_points(
         yield records
 
 
-def _check_layers(path: Path, laz: LazPoints, number: int, data: bytes) -> None:
+def _check_layers(path: Path, laz: LazPoints, number: int, data: bytes | memoryview) -> None:
     """A layered chunk is its first point, the number of its points, the lengths of its layers, and the layers.
 
     Raises:

@@ -30,10 +30,10 @@ def inspected(path: Path) -> Inspection | InputError:
         return error
 
 
-@pytest.mark.parametrize("folder", ["velodyne", "rosbag", "gnss"])
+@pytest.mark.parametrize("folder", ["velodyne", "rosbag", "gnss", "las"])
 def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str) -> None:
     paths = samples(folder)
-    assert len(paths) >= {"velodyne": 16, "rosbag": 15, "gnss": 60}[folder]
+    assert len(paths) >= {"velodyne": 16, "rosbag": 15, "gnss": 60, "las": 71}[folder]
     inspected(paths[0])  # the first call may compile
     read = 0
     for path in paths:
@@ -49,4 +49,4 @@ def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str) ->
             assert math.isfinite(clock.first_s), path
             assert clock.first_s <= clock.last_s, path
         assert all(notice.code and notice.text.strip() for notice in answer.notices), path
-    assert read >= {"velodyne": 11, "rosbag": 15, "gnss": 24}[folder]
+    assert read >= {"velodyne": 11, "rosbag": 15, "gnss": 24, "las": 45}[folder]

@@ -56,7 +56,7 @@ def test_gnss_samples__are_told_or_refused(shared_data: Path) -> None:
             assert refused(path).code in ("unknown-format", "missing-column"), path
 
 
-@pytest.mark.parametrize("folder", ["las", "isoxml", "geo"])
+@pytest.mark.parametrize("folder", ["geo"])
 def test_samples_of_other_kinds__are_refused(folder: str, shared_data: Path) -> None:
     for path in files(shared_data / folder):
         assert refused(path).code in ("unknown-format", "empty-file", "missing-column"), path

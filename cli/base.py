@@ -1,0 +1,186 @@
+"""`furrowmap base`: a farm's sessions together, in one GeoPackage or in PostGIS."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.words import table
+from furrowmap.core.values.errors import UsageError, printable
+
+if TYPE_CHECKING:
+    from zoneinfo import ZoneInfo
+
+    from pyproj import CRS
+
+    from furrowmap.exporters.base.base import Change
+
+_DB_SCHEMA: Final = "furrowmap"
+
+
+class _Deeds(click.Group):
+    """What can be done with a base."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name.
+
+        Raises:
+            UsageError: if there is none.
+        """
+        found = super().get_command(ctx, cmd_name)
+        if found is not None or ctx.resilient_parsing:
+            return found
+        near = get_close_matches(cmd_name, self.commands, 1, 0.5)
+        raise UsageError(
+            f"furrowmap base: there is no command {cmd_name!r}.",
+            "Nothing was done.",
+            f"Did you mean `furrowmap base {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
+            code="no-such-verb",
+        )
+
+
+@click.group(
+    cls=_Deeds,
+    short_help="Gather sessions into a farm's base map.",
+    subcommand_metavar="COMMAND ...",
+    no_args_is_help=False,
+    epilog="\b\nExample:\n  furrowmap base add result farm.gpkg\n  furrowmap base list farm.gpkg",
+)
+def base() -> None:
+    """A farm's base map: the sessions of many runs in one GeoPackage, or in PostGIS where several people share them."""
+
+
+_schema = click.option(
+    "--schema", default=_DB_SCHEMA, show_default=True, metavar="NAME", help="Schema of the tables, in PostGIS."
+)
+
+
+@base.command(
+    short_help="Put the results of runs into a base.",
+    epilog="\b\nExample:\n  furrowmap base add results/* farm.gpkg\n"
+    "  furrowmap base add result postgresql://me@server/farm",
+)
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=FILE)
+@click.argument("target", metavar="BASE")
+@click.option("--crs", metavar="CRS", help="CRS of a new base, such as EPSG:6677 [default: the first session's].")
+@click.option("--same-crs", is_flag=True, help="Refuse sessions of another CRS instead of transforming them.")
+@click.option(
+    "--time-zone", "zone", metavar="ZONE", help="Tells the days, such as Asia/Tokyo [default: by the longitude]."
+)
+@_schema
+@common_options
+def add(
+    console: Console,
+    folders: tuple[Path, ...],
+    target: str,
+    *,
+    crs: str | None,
+    same_crs: bool,
+    zone: str | None,
+    schema: str,
+) -> None:
+    """Put the results that `furrowmap run` wrote into each DIR into BASE, a GeoPackage or a PostGIS database.
+
+    BASE is made where it is not there. A session that it has already is replaced by its new result. Either all of
+    DIR... get into it or none; an interruption leaves it as it was.
+    """
+    from furrowmap.exporters.base.base import add_results
+
+    options: dict[str, Any] = {"crs": _crs(crs), "same_crs": same_crs, "zone": _zone(zone), "schema": schema}
+    with console.work(passing=True) as progress:
+        change = add_results(target, folders, **options, progress=progress)
+    for notice in change.notices:
+        console.warn(notice)
+    console.answer(change, _words(change))
+
+
+@base.command(
+    "list",
+    short_help="Tell the sessions in a base.",
+    epilog="\b\nExample:\n  furrowmap base list farm.gpkg",
+)
+@click.argument("target", metavar="BASE")
+@_schema
+@common_options
+def list_sessions(console: Console, target: str, *, schema: str) -> None:
+    """Tell which sessions are in BASE: identity, day, ground worked, name."""
+    from furrowmap.exporters.base.base import known_sessions
+    from furrowmap.exporters.base.edit import KnownSession
+
+    def row(session: KnownSession) -> tuple[str, str]:
+        area_m2 = session.worked_area_m2
+        area = "        unknown" if area_m2 is None else f"{area_m2:12,.0f} m²"
+        return session.session, f"{session.date}  {area}  {printable(session.name)}"
+
+    with console.work(passing=True) as progress:
+        shown, crs, sessions = known_sessions(target, schema=schema, progress=progress)
+    answer = {"base": shown, "crs": crs and crs.to_string(), "sessions": [session.told() for session in sessions]}
+    console.answer(answer, table(row(session) for session in sessions) if sessions else "No sessions.")
+
+
+@base.command(
+    short_help="Take sessions out of a base.",
+    epilog="\b\nExample:\n  furrowmap base remove farm.gpkg c67f3212",
+)
+@click.argument("target", metavar="BASE")
+@click.argument("sessions", metavar="SESSION...", nargs=-1, required=True)
+@_schema
+@common_options
+def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: str) -> None:
+    """Take each SESSION, told by its identity (or how that begins) or its name, out of BASE.
+
+    The folders of their results stay as they are.
+    """
+    from furrowmap.exporters.base.base import remove_sessions
+
+    with console.work(passing=True) as progress:
+        change = remove_sessions(target, sessions, schema=schema, progress=progress)
+    console.answer(change, _words(change))
+
+
+def _words(change: Change) -> str:
+    deeds = ("added", "replaced", "unchanged", "removed")
+    done = [f"{len(getattr(change, deed))} {deed}" for deed in deeds if getattr(change, deed)]
+    number = "1 session" if change.sessions == 1 else f"{change.sessions} sessions"
+    return f"{printable(change.base)}: {', '.join(done) or 'nothing to do'}; now {number} in {change.crs}."
+
+
+def _crs(text: str | None) -> CRS | None:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    if text is None:
+        return None
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError:
+        crs = None
+    if crs is None or not (crs.is_projected or crs.is_geographic):
+        raise UsageError(
+            f"--crs: {text!r} is no horizontal CRS that PROJ knows.",
+            "Nothing was done.",
+            "Give it as EPSG:6677, for example.",
+            code="usage",
+        )
+    return crs
+
+
+def _zone(name: str | None) -> ZoneInfo | None:
+    from zoneinfo import ZoneInfo
+
+    if name is None:
+        return None
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        raise UsageError(
+            f"--time-zone: there is no time zone {name!r}.",
+            "Nothing was done.",
+            "Give it as Asia/Tokyo, for example, or leave it out.",
+            code="usage",
+        ) from None

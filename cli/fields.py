@@ -1,0 +1,93 @@
+"""`furrowmap fields`: the ground worked in each field of ISO 11783-10 task data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.core.values.errors import RefusedError, printable
+
+_COLUMNS = (
+    ("task", "task", ""),
+    ("field", "field", ""),
+    ("passes", "passes", ""),
+    ("worked_area_m2", "worked ha", "ha"),
+    ("overlap_area_m2", "overlap ha", "ha"),
+    ("missed_area_m2", "missed ha", "ha"),
+    ("logged_swept_area_m2", "way × width ha", "ha"),
+    ("counted_area_m2", "counter ha", "ha"),
+    ("boundary_area_m2", "field ha", "ha"),
+)
+
+
+@click.command(
+    short_help="The ground worked in each field of task data (ISOXML).",
+    epilog="\b\nExample:\n  furrowmap fields TASKDATA -o fields.gpkg\n  furrowmap fields harvest.zip --width 9 --json",
+)
+@click.argument("taskdata", type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="GeoPackage for passes, overlaps, misses, all fields.")
+@click.option("--width", type=float, metavar="M", help="Working width [default: the widest that the logs show].")
+@click.option("--task", metavar="ID", help="Only the task of that id or name.")
+@click.option("--crs", metavar="CRS", help="CRS of the map, such as EPSG:6677 [default: one that fits the place].")
+@click.option("--overwrite", is_flag=True, help="Replace FILE.")
+@common_options
+def fields(
+    console: Console,
+    taskdata: Path,
+    output: Path | None,
+    width: float | None,
+    task: str | None,
+    crs: str | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Compute what a machine worked from its own log: TASKDATA is an ISO 11783-10 folder, or a .zip of it.
+
+    No scanner is needed: position, working state and width stand in the time logs. "way × width" is what the machine's
+    counter should show: it counts ground twice that was worked twice.
+    """
+    from furrowmap.core.task_work import task_works
+    from furrowmap.exporters.task_fields import task_figures, write_fields
+
+    if output is not None and output.exists() and not overwrite:
+        raise RefusedError(
+            f"{output} is there already.",
+            "It would be replaced, so nothing was done.",
+            "Choose another name with -o, or replace it with --overwrite.",
+            code="output-exists",
+        )
+    with console.work() as progress:
+        found = task_works(taskdata, crs=crs, width_m=width, only=task, progress=progress)
+        if output is not None:
+            write_fields(output, found)
+    notices = tuple(dict.fromkeys([*found.notices, *(notice for work in found.works for notice in work.notices)]))
+    for notice in notices:
+        console.warn(notice)
+    rows = [task_figures(work) for work in found.works]
+    answer = {"crs": found.frame.name, "output": output, "fields": rows, "warnings": notices}
+    console.answer(answer, _table(rows))
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    cells = [[name for _, name, _ in _COLUMNS]]
+    cells += [[_cell(row[key], unit) for key, _, unit in _COLUMNS] for row in rows]
+    widths = [max(len(line[k]) for line in cells) for k in range(len(_COLUMNS))]
+    left = 2
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in cells
+    )
+
+
+def _cell(value: Any, unit: str) -> str:
+    if value is None:
+        return "unknown"
+    return f"{value / 10_000:.3f}" if unit == "ha" else printable(str(value))

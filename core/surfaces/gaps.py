@@ -1,0 +1,83 @@
+"""Gaps of a raster of heights filled from their rims."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+FloatArray = NDArray[np.float64]
+
+_SWEEPS: Final = 12
+
+
+def filled(height_m: FloatArray, reach: float = math.inf) -> FloatArray:
+    """Heights with their gaps filled as a soap film would hang in them, over the plane of all heights.
+
+    The film is harmonic: no filled height lies beyond those of the gap's rim, seen from that plane, and the heights of
+    a plane fill to that plane. It is found by cascadic multigrid (Bornemann and Deuflhard 1996, Numerische Mathematik
+    75, 135-152): coarse cells first, a few Gauss-Seidel sweeps in each, which leaves it a little short of exact.
+
+    Args:
+        height_m: (rows, columns); nan in the gaps.
+        reach: cells farther than so many cells from every height stay nan.
+    """
+    seen = np.isfinite(height_m)
+    if seen.all() or not seen.any():
+        return height_m
+    row, column = np.indices(height_m.shape)
+    basis = np.stack([np.ones(height_m.shape), row, column], axis=-1)
+    plane = basis @ np.linalg.lstsq(basis[seen], height_m[seen], rcond=None)[0]
+    out = np.where(seen, height_m, plane + _film(height_m - plane))
+    if math.isfinite(reach):
+        out[distance_transform_edt(~seen) > reach] = np.nan
+    return out
+
+
+def _film(height: FloatArray) -> FloatArray:
+    """The soap film, to the heights themselves where there are any; there is at least one."""
+    seen = np.isfinite(height)
+    if seen.all():
+        return height
+    rows, columns = height.shape
+    if rows * columns == 1:
+        return height
+    padded = np.full((rows + rows % 2, columns + columns % 2), np.nan)
+    padded[:rows, :columns] = height
+    blocks = padded.reshape(padded.shape[0] // 2, 2, padded.shape[1] // 2, 2)
+    count = np.isfinite(blocks).sum(axis=(1, 3))
+    total = np.nansum(blocks, axis=(1, 3))
+    coarse = _film(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0))
+    out = np.where(seen, height, np.repeat(np.repeat(coarse, 2, axis=0), 2, axis=1)[:rows, :columns])
+    _relax(out, seen, _SWEEPS)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _relax(height, fixed, sweeps):  # type: ignore[no-untyped-def]
+    """Put each height that is not fixed to the mean of its neighbours, forth and back in turn."""
+    rows, columns = height.shape
+    for sweep in range(sweeps):
+        for k in range(rows * columns):
+            place = k if sweep % 2 == 0 else rows * columns - 1 - k
+            i, j = place // columns, place % columns
+            if fixed[i, j]:
+                continue
+            total, count = 0.0, 0
+            if i > 0:
+                total += height[i - 1, j]
+                count += 1
+            if i + 1 < rows:
+                total += height[i + 1, j]
+                count += 1
+            if j > 0:
+                total += height[i, j - 1]
+                count += 1
+            if j + 1 < columns:
+                total += height[i, j + 1]
+                count += 1
+            height[i, j] = total / count

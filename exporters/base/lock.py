@@ -1,0 +1,78 @@
+"""One process at a time changes a base in a file."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.progress import Progress
+
+_PATIENCE_S: Final = 60.0
+_STEP_S: Final = 0.05
+
+
+@contextmanager
+def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -> Iterator[None]:
+    """Keep other processes of furrowmap from changing the file at `path` meanwhile.
+
+    The lock is one of the system on a hidden file beside: it ends with the process, however that ends.
+
+    Args:
+        path: of the file, which need not be there.
+        progress: is told of the stage "waiting for another process".
+        patience_s: how long to wait for another one.
+
+    Raises:
+        RefusedError: if another process is at work for longer.
+        OSError: if the folder cannot be written to.
+    """
+    lock = path.with_name(f".{path.name}.lock")
+    deadline = time.monotonic() + patience_s
+    while (descriptor := _try(lock)) is None:
+        if time.monotonic() > deadline:
+            raise RefusedError(
+                f"{path}: another process has been changing it for {patience_s:.0f} s.",
+                "Two at once could lose what one of them added, so nothing was done.",
+                "Wait for the other one to end, and run the command again.",
+                code="base-busy",
+            )
+        progress("waiting for another process", 0.0)
+        time.sleep(_STEP_S)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # Windows does not remove what is open; an empty file is left there
+            lock.unlink()
+        os.close(descriptor)
+
+
+def _try(lock: Path) -> int | None:
+    """The descriptor of the file at `lock`, locked; None while another process has it."""
+    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+    if _locked(descriptor):
+        with suppress(OSError):
+            if os.path.samestat(os.fstat(descriptor), lock.stat()):
+                return descriptor
+    os.close(descriptor)  # somebody else's, or of a name that the one before has just removed
+    return None
+
+
+def _locked(descriptor: int) -> bool:
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

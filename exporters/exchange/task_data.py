@@ -1,0 +1,285 @@
+"""What a run found out as ISO 11783-10 task data, which farm management software and terminals read.
+
+A field with its boundary, the machine, and a task with its totals and a time log: where the middle of the tool's line
+was, whether it worked, and how wide it is. Version 4 of the standard's files (ISO 11783-10:2015).
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS, Geod
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.readers.isoxml.work import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
+from furrowmap.core.values.errors import InputError, Notice, printable
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_matrix
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.exchange.result import Result, open_result
+from furrowmap.exporters.exchange.vectors import changed_crs
+from furrowmap.exporters.staging import staged_folder
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+FloatArray = NDArray[np.float64]
+
+WGS84: Final = Geod(ellps="WGS84")
+MAIN: Final = "TASKDATA.XML"
+LOG: Final = "TLG00001"
+FOLDER: Final = "TASKDATA"
+DEVICE: Final = "DVC-1"
+MACHINE: Final = "DET-1"
+TOOL: Final = "DET-2"
+FIELD_ID: Final = "PFD1"
+TASK: Final = "TSK1"
+CLIENT_NAME: Final = "A000000000000000"
+"""The NAME (ISO 11783-5) of a machine that has none on a bus: arbitrary address, agricultural."""
+LONGEST_NAME: Final = 32
+EPOCH_S: Final = 315_532_800
+DAY_MS: Final = 86_400_000
+NO_STATUS: Final = 15
+UNDEFINED: Final = 3
+"""The work state that says nothing."""
+OUTLINE_TOLERANCE_M: Final = 0.05
+_RECORD: Final = np.dtype(
+    [("ms", "<u4"), ("day", "<u2"), ("lat", "<i4"), ("lon", "<i4"), ("up", "<i4"), ("status", "u1"), ("gps_ms", "<u4"),
+     ("gps_day", "<u2"), ("count", "u1")]
+)  # fmt: skip
+_VALUE: Final = np.dtype([("channel", "u1"), ("value", "<i4")])
+_STATE, _WIDTH = 0, 1
+"""Places of the values among the header's."""
+
+
+def write_task_data(products: Path, target: Path) -> list[Notice]:
+    """Write the products of a run as task data.
+
+    Args:
+        products: the folder that a run wrote.
+        target: the folder to write TASKDATA.XML and the time log to, or a `.zip` to hold them in a folder TASKDATA.
+
+    Returns:
+        What a reader should know: where the boundary comes from, what is missing.
+
+    Raises:
+        InputError: if `products` holds no results of a run that knows its tool, or cannot be read.
+        RefusedError: if WGS 84 cannot be reached safely from the map's CRS.
+        OSError: if the files cannot be written.
+    """
+    result = open_result(products)
+    content = _content(result)
+    if target.suffix.lower() == ".zip":
+        with atomic_output(target) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, data in content.files.items():
+                archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (1980, 1, 1, 0, 0, 0)), data)
+    else:
+        with staged_folder(target) as staging:
+            for name, data in content.files.items():
+                (staging / name).write_bytes(data)
+    return content.notices
+
+
+@dataclass(frozen=True)
+class _Content:
+    """The files by name, and what there is to say about them."""
+
+    files: dict[str, bytes]
+    notices: list[Notice]
+
+
+def _content(result: Result) -> _Content:
+    implement = result.report["session"].get("implement")
+    if implement is None or "passes" not in result.layers:
+        raise InputError(
+            f"{result.folder}: its run did not compute the ground worked.",
+            "Task data tell of work, and without the tool's width and states there is none to tell.",
+            "State [implement] width_m and xy_m in the session and run it again; GeoPackage or CSV take the way alone.",
+            code="no-ground",
+        )
+    t_s, state, fix, tool = _tool_records(result, implement)
+    outline, notices = _boundary(result, float(implement["width_m"]))
+    layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
+    place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
+    log = _log(t_s, place, state, fix, round(1000.0 * float(implement["width_m"])))
+    main = _main(result, implement, outline, (float(t_s[0]), float(t_s[-1])))
+    return _Content({MAIN: _text(main), f"{LOG}.xml": _text(_header()), f"{LOG}.bin": log}, [*notices, *changed])
+
+
+def _tool_records(
+    result: Result, implement: dict[str, Any]
+) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.uint8], gpd.GeoDataFrame]:
+    """(t_s, state, fix, place) of the records: the poses, and the moments at which the tool went down or up."""
+    import geopandas as gpd
+
+    poses, passes = result.layer("trajectory"), result.layer("passes")
+    t_s = poses["t_s"].to_numpy(np.float64)
+    attitude = (poses[f"{name}_deg"].to_numpy(np.float64) for name in ("roll", "pitch", "heading"))
+    turn = quaternion_to_matrix(attitude_to_quaternion(*attitude))
+    origin = shapely.get_coordinates(poses.geometry.to_numpy(), include_z=True)
+    xyz = origin + turn @ np.array([*implement["xy_m"], 0.0])
+    begin_s, end_s = (_posix(passes[name]) for name in ("start", "end"))
+    moments = np.concatenate([begin_s, end_s])
+    moments = moments[(moments > t_s[0]) & (moments < t_s[-1])]
+    all_s = np.unique(np.round(np.concatenate([t_s, moments]) * 1000.0)) / 1000.0
+    before = np.clip(np.searchsorted(t_s, all_s + 5e-4, side="right") - 1, 0, len(t_s) - 1)
+    words = poses["implement"].to_numpy(object)[before]
+    state = np.select([words == ToolState.UP.label, words == ToolState.DOWN.label], [0, 0], UNDEFINED).astype(np.int8)
+    for first_s, last_s in zip(begin_s.tolist(), end_s.tolist(), strict=True):
+        state[(all_s >= first_s - 5e-4) & (all_s < last_s - 5e-4)] = 1
+    codes = {fix.label: int(fix) for fix in Fix}
+    fix = np.array([codes.get(word, NO_STATUS) for word in poses["fix"].to_numpy(object)], np.uint8)[before]
+    place = np.column_stack([np.interp(all_s, t_s, xyz[:, k]) for k in range(3)])
+    return all_s, state, fix, gpd.GeoDataFrame(geometry=shapely.points(place), crs=poses.crs)
+
+
+def _posix(times: Any) -> FloatArray:
+    """POSIX seconds (n,) of a column of times."""
+    plain = times.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy("datetime64[ms]")
+    seconds: FloatArray = plain.astype(np.int64) / 1000.0
+    return seconds
+
+
+def _boundary(result: Result, width_m: float) -> tuple[BaseGeometry, list[Notice]]:
+    """The field's boundary in longitude and latitude: the session's, or else the outline of the ground worked."""
+    import geopandas as gpd
+
+    stated = result.report["session"].get("field", {}).get("boundary")
+    session_file = result.folder / str(result.report.get("session_file", ""))
+    if stated is not None:
+        try:
+            return read_boundary(session_file.parent / stated), []
+        except InputError as error:
+            notice = Notice("boundary-lost", f"{error.lines[0]} The outline of the ground worked takes its place.")
+    else:
+        text = "The session names no boundary: the field's is the outline of the ground worked."
+        notice = Notice("boundary-from-work", text)
+    coverage = result.layer("coverage")
+    half = 0.5 * width_m
+    whole = shapely.union_all(coverage.geometry.to_numpy())
+    closed = shapely.buffer(shapely.buffer(whole, half, join_style="mitre"), -half, join_style="mitre")
+    outline = gpd.GeoDataFrame(geometry=[shapely.simplify(closed, OUTLINE_TOLERANCE_M)], crs=coverage.crs)
+    changed, _ = changed_crs({"outline": outline}, CRS("EPSG:4326"))
+    return changed["outline"].geometry.iloc[0], [notice]
+
+
+def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:
+    """The records in binary: values only where they change.
+
+    Args:
+        t_s: (n,) UTC, to the millisecond.
+        place: (n, 3) longitude, latitude, height.
+        state: (n,) work state.
+        fix: (n,) quality by NMEA 2000, whose codes are those of NMEA 0183.
+        width_mm: of the tool.
+    """
+    ms = np.round((t_s - EPOCH_S) * 1000.0).astype(np.int64)
+    records = np.zeros(len(t_s), _RECORD)
+    records["ms"], records["day"] = ms % DAY_MS, ms // DAY_MS
+    records["gps_ms"], records["gps_day"] = records["ms"], records["day"]
+    records["lon"], records["lat"] = np.round(1e7 * place[:, 0]), np.round(1e7 * place[:, 1])
+    records["up"] = np.round(1000.0 * np.where(np.isfinite(place[:, 2]), place[:, 2], 0.0))
+    records["status"] = fix
+    changes = np.flatnonzero(np.diff(state, prepend=np.int8(-1)) != 0)
+    records["count"][changes] = 1
+    records["count"][0] = 2
+    pieces = []
+    for at, to in zip(changes, np.append(changes[1:], len(records)), strict=True):
+        values = [(_STATE, state[at]), (_WIDTH, width_mm)][: int(records["count"][at])]
+        pieces += [records[at : at + 1].tobytes(), np.array(values, _VALUE).tobytes(), records[at + 1 : to].tobytes()]
+    return b"".join(pieces)
+
+
+def _header() -> ET.Element:
+    header = ET.Element("TIM", A="", D="4")
+    ET.SubElement(header, "PTN", dict.fromkeys("ABCDHI", ""))
+    for ddi in (WORK_STATE, ACTUAL_WIDTH):
+        ET.SubElement(header, "DLV", A=f"{ddi:04X}", B="", C=TOOL)
+    return header
+
+
+def _main(result: Result, implement: dict[str, Any], outline: BaseGeometry, span_s: tuple[float, float]) -> ET.Element:
+    root = ET.Element(
+        "ISO11783_TaskData",
+        VersionMajor="4",
+        VersionMinor="3",
+        ManagementSoftwareManufacturer="furrowmap",
+        ManagementSoftwareVersion=version("furrowmap"),
+        TaskControllerManufacturer="furrowmap",
+        TaskControllerVersion=version("furrowmap"),
+        DataTransferOrigin="2",
+    )
+    _add_device(root, implement)
+    figures = result.report["figures"]
+    parts = [part for part in shapely.get_parts(outline) if isinstance(part, shapely.Polygon)]
+    _add_field(root, result.name, parts)
+    task = ET.SubElement(root, "TSK", A=TASK, B=_name(result.name), E=FIELD_ID, G="4")
+    begin, end = (f"{np.datetime64(round(1000.0 * t), 'ms')}Z" for t in span_s)
+    time = ET.SubElement(task, "TIM", A=begin, B=end, D="4")
+    hours = figures["hours"]
+    for ddi, value in (
+        (TOTAL_AREA, figures["worked_area_ellipsoid_m2"]),
+        (EFFECTIVE_DISTANCE, 1000.0 * figures["worked_length_m"]),
+        (EFFECTIVE_DISTANCE + 1, 1000.0 * max(figures["distance_m"] - figures["worked_length_m"], 0.0)),
+        (EFFECTIVE_TIME, hours["working_s"]),
+        (EFFECTIVE_TIME + 1, hours["turning_s"] + hours["idle_s"]),
+    ):
+        ET.SubElement(time, "DLV", A=f"{ddi:04X}", B=str(round(value)), C=TOOL)
+    ET.SubElement(task, "TLG", A=LOG, C="1")
+    ET.SubElement(task, "DAN", A=CLIENT_NAME, C=DEVICE)
+    return root
+
+
+def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
+    kind = _name(str(implement.get("kind") or "implement"))
+    device = ET.SubElement(
+        root, "DVC", A=DEVICE, B=kind, C=version("furrowmap"), D=CLIENT_NAME, F="00000000000001", G="FF000000406E65"
+    )
+    ET.SubElement(device, "DET", A=MACHINE, B="1", C="1", D=kind, E="0", F="0")
+    tool = ET.SubElement(device, "DET", A=TOOL, B="2", C="2", D=kind, E="1", F="1")
+    described = (
+        (WORK_STATE, "9", "Work state"),
+        (ACTUAL_WIDTH, "9", "Working width"),
+        (TOTAL_AREA, "16", "Area"),
+        (EFFECTIVE_DISTANCE, "16", "Way at work"),
+        (EFFECTIVE_DISTANCE + 1, "16", "Other way"),
+        (EFFECTIVE_TIME, "16", "Time at work"),
+        (EFFECTIVE_TIME + 1, "16", "Other time"),
+    )
+    for number, _ in enumerate(described, start=3):
+        ET.SubElement(tool, "DOR", A=str(number))
+    for number, (ddi, trigger, name) in enumerate(described, start=3):
+        ET.SubElement(device, "DPD", A=str(number), B=f"{ddi:04X}", C="1", D=trigger, E=name)
+
+
+def _add_field(root: ET.Element, name: str, parts: Sequence[shapely.Polygon]) -> None:
+    area_m2 = sum(abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(part))[0]) for part in parts)
+    field = ET.SubElement(root, "PFD", A=FIELD_ID, C=_name(name), D=str(round(area_m2)))
+    for part in parts:
+        polygon = ET.SubElement(field, "PLN", A="1")
+        for kind, ring in (("1", part.exterior), *(("2", hole) for hole in part.interiors)):
+            line = ET.SubElement(polygon, "LSG", A=kind)
+            for lon, lat in shapely.get_coordinates(ring)[:-1].tolist():
+                ET.SubElement(line, "PNT", A="2", C=f"{lat:.9f}", D=f"{lon:.9f}")
+
+
+def _name(text: str) -> str:
+    """A designator: what XML may hold, as long as the standard allows."""
+    return printable(text)[:LONGEST_NAME] or "field"
+
+
+def _text(element: ET.Element) -> bytes:
+    ET.indent(element)
+    text: bytes = ET.tostring(element, encoding="UTF-8", xml_declaration=True)
+    return text

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The provider: furrowmap's algorithms in the toolbox, the modeler, batch processing and `qgis_process`."""
+
+from pathlib import Path
+
+from qgis.core import QgsProcessingProvider
+from qgis.PyQt.QtGui import QIcon
+
+from .inspect import Inspect
+from .run import Run
+
+ALGORITHMS = (Run, Inspect)
+
+
+class FurrowmapProvider(QgsProcessingProvider):
+    """One algorithm for each verb; each is there even where no worker is, and says so when asked to work."""
+
+    def id(self):
+        """Never translated: models and scripts name it."""
+        return "furrowmap"
+
+    def name(self):
+        """As the toolbox shows it."""
+        return "furrowmap"
+
+    def icon(self):
+        """The plugin's own."""
+        return QIcon(str(Path(__file__).parents[1] / "icon.svg"))
+
+    def loadAlgorithms(self):  # noqa: N802 - the name is QGIS's
+        """Add each."""
+        for algorithm in ALGORITHMS:
+            self.addAlgorithm(algorithm())
