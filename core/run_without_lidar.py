@@ -89,6 +89,9 @@ def knot_poses(trajectory: Trajectory) -> ScanPoses:
         fix=trajectory.fix,
         sigma=trajectory.sigma,
         heading_from=trajectory.heading_from,
+        position_from=trajectory.position_from,
+        height_from=trajectory.height_from,
+        level_from=trajectory.level_from,
         points=np.zeros(len(trajectory), np.int64),
     )
 

@@ -101,6 +101,8 @@ def trajectory_from_course(
         fix=kept.fix,
         sigma=sigma,
         heading_from="course",
+        position_from="gnss",
+        level_from="assumed",
     )
     return CourseTrajectory(trajectory, used, tuple(notices))
 
