@@ -35,9 +35,9 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
         found = estimate(session, progress)
     changed = found.mounting_differs or found.clock_differs
     if write and changed:
-        text = session.read_text(encoding="utf-8")
+        text = session.read_bytes().decode("utf-8")
         unfinished = session.with_name(f".{session.name}.new")
-        unfinished.write_text(calibrated_text(text, found), encoding="utf-8")
+        unfinished.write_bytes(calibrated_text(text, found).encode("utf-8"))
         unfinished.replace(session)
     console.answer(
         {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +11,7 @@ import numpy as np
 
 from furrowmap.core.matching.matched import CLOCK_CERTAIN, Matched
 from furrowmap.core.pipeline import Inputs, locate, match_session, open_lidar, open_positions
+from furrowmap.core.toml_edit import with_value
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
@@ -114,27 +114,14 @@ def _not_shown(session_file: Path, why: str) -> RefusedError:
 
 
 def calibrated_text(text: str, calibration: Calibration) -> str:
-    """A session file's text with what was found in its place; everything else, comments too, stays as it is."""
+    """A session file's text with what was found in its place; everything else, comments too, stays as it is.
+
+    Raises:
+        RefusedError: if the file writes its tables in a way that is not understood.
+    """
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.2f}" for angle in calibration.found.rpy_deg)
-        text = _with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
+        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
     if calibration.clock_differs:
-        text = _with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.3f}")
+        text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.3f}")
     return text
-
-
-def _with_value(text: str, table: str, key: str, value: str) -> str:
-    """The text of a TOML file with a key of a table set; a table or key that is not there is added."""
-    head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
-    if head is None:
-        return f"{text.rstrip()}\n\n[{table}]\n{key} = {value}\n"
-    after = re.search(r"^[ \t]*\[+[ \t]*[A-Za-z]", text[head.end() :], re.MULTILINE)
-    end = head.end() + after.start() if after is not None else len(text)
-    body = text[head.end() : end]
-    line = re.compile(rf"^([ \t]*{key}\s*=\s*)(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$", re.MULTILINE)
-    if line.search(body):
-        body = line.sub(lambda found: found.group(1) + value + found.group(3), body, count=1)
-    else:
-        body = f"{key} = {value}\n{body}"
-    before = text[: head.end()]
-    return (before if before.endswith("\n") else before + "\n") + body + text[end:]

@@ -1,0 +1,80 @@
+"""A value in the text of a TOML file set anew; every other character, comments too, stays as it is."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Final
+
+from furrowmap.core.values.errors import RefusedError
+
+_HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
+_VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
+
+
+def with_value(text: str, table: str, key: str, value: str) -> str:
+    """The text with a key of a table set; a table or key that is not there is added.
+
+    The table may be written as ``[table]``, as ``table.key = …`` or as ``table = { … }``. Line ends stay what they are.
+
+    Raises:
+        RefusedError: if the file writes the table in yet another way.
+    """
+    windows = "\r\n" in text
+    plain = text.replace("\r\n", "\n")
+    changed = _changed(plain, table, key, value)
+    wanted = tomllib.loads(plain)
+    wanted.setdefault(table, {})[key] = tomllib.loads(f"value = {value}")["value"]
+    try:
+        done = tomllib.loads(changed) == wanted
+    except tomllib.TOMLDecodeError:
+        done = False
+    if not done:
+        raise RefusedError(
+            f"The table `{table}` is written in a way that is not understood well enough to change `{key}` in it.",
+            "The file stays as it is.",
+            f"Set it by hand: `{key} = {value}` in `[{table}]`.",
+            code="session-not-changed",
+        )
+    return changed.replace("\n", "\r\n") if windows else changed
+
+
+def _changed(text: str, table: str, key: str, value: str) -> str:
+    head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
+    if head is not None:
+        return _in_table(text, head, key, value)
+    first = _HEADER.search(text)
+    end = first.start() if first is not None else len(text)
+    root, rest = text[:end], text[end:]
+    inline = re.search(rf"^[ \t]*{table}[ \t]*=[ \t]*\{{([^}}\n]*)\}}", root, re.MULTILINE)
+    if inline is not None:
+        return root[: inline.start(1)] + _in_braces(inline.group(1), key, value) + root[inline.end(1) :] + rest
+    dotted = list(re.finditer(rf"^[ \t]*{table}[ \t]*\.[ \t]*(\w+)[ \t]*=[ \t]*{_VALUE}", root, re.MULTILINE))
+    for line in dotted:
+        if line.group(1) == key:
+            return root[: line.start(2)] + value + root[line.end(2) :] + rest
+    if dotted:
+        last = dotted[-1].end()
+        return f"{root[:last]}\n{table}.{key} = {value}{root[last:]}{rest}"
+    return f"{text.rstrip()}\n\n[{table}]\n{key} = {value}\n"
+
+
+def _in_table(text: str, head: re.Match[str], key: str, value: str) -> str:
+    after = _HEADER.search(text, head.end())
+    end = after.start() if after is not None else len(text)
+    body = text[head.end() : end]
+    line = re.compile(rf"^([ \t]*{key}\s*=\s*){_VALUE}", re.MULTILINE)
+    if line.search(body):
+        body = line.sub(lambda found: found.group(1) + value + found.group(3), body, count=1)
+    else:
+        body = f"{key} = {value}\n{body}"
+    before = text[: head.end()]
+    return (before if before.endswith("\n") else before + "\n") + body + text[end:]
+
+
+def _in_braces(inside: str, key: str, value: str) -> str:
+    """What stands between the braces of an inline table, with the key set."""
+    there = re.compile(rf"((?:^|,)\s*{key}\s*=\s*)(\[[^\]]*\]|[^,\[\]]*?)(\s*(?:,|$))")
+    if there.search(inside):
+        return there.sub(lambda found: found.group(1) + value + found.group(3), inside, count=1)
+    return f"{inside.rstrip()}, {key} = {value} " if inside.strip() else f" {key} = {value} "
