@@ -28,6 +28,9 @@ CORRELATED: Final = 10.0
 HUBER: Final = 2.5
 GATE: Final = 8.0
 """Residuals beyond HUBER standard deviations lose weight, beyond GATE they are not of the ground."""
+TRIM: Final = 3.0
+"""Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, and would
+make true slopes of the noise that smooth soil shows everywhere else."""
 LEAST_WEIGHT: Final = 1.5
 """Returns that each of the four nodes must hold before anything is matched to them."""
 UPPER: Final = 21
@@ -41,18 +44,20 @@ class Relief:
     Attributes:
         variance: of true slopes between nodes.
         noise: of slopes, as a multiple of what NOISE_M and the nodes' weights make of it.
+        trim: slopes of more standard deviations do not count in the next tally.
     """
 
     variance: float = 0.005
     noise: float = 1.0
+    trim: float = TRIM
 
     @classmethod
-    def of(cls, tally: FloatArray) -> Relief:
+    def of(cls, tally: FloatArray, trim: float = TRIM) -> Relief:
         """What a tally says, see :class:`Sums`; the usual where it counts nothing."""
         products, squares, count, expected = tally[:4]
         if count == 0:
-            return cls()
-        return cls(max(products / count, 1e-5), max((squares - products) / expected, 0.3))
+            return cls(trim=trim)
+        return cls(max(products / count, 1e-5), max((squares - products) / expected, 0.3), trim)
 
 
 @dataclass(frozen=True)
@@ -189,6 +194,7 @@ def agree(
         position_m,
         relief.variance,
         relief.noise,
+        relief.trim,
         share,
         sums.normal,
         sums.right,
@@ -221,6 +227,7 @@ def _agree(  # type: ignore[no-untyped-def]
     position_m,
     relief,
     noise,
+    trim,
     share,
     normal,
     right,
@@ -299,10 +306,12 @@ def _agree(  # type: ignore[no-untyped-def]
         if normed < 3.0 and least_own >= LEAST_WEIGHT:
             again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
             again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
-            tally[0] += 0.5 * (slope_x * again_x + slope_y * again_y)
-            tally[1] += 0.5 * (slope_x * slope_x + slope_y * slope_y)
-            tally[2] += 1
-            tally[3] += 0.5 * (noise_x + noise_y)
+            most_x, most_y = trim * np.sqrt(relief + noise * noise_x), trim * np.sqrt(relief + noise * noise_y)
+            if max(abs(slope_x), abs(again_x)) < most_x and max(abs(slope_y), abs(again_y)) < most_y:
+                tally[0] += 0.5 * (slope_x * again_x + slope_y * again_y)
+                tally[1] += 0.5 * (slope_x * slope_x + slope_y * slope_y)
+                tally[2] += 1
+                tally[3] += 0.5 * (noise_x + noise_y)
         slope_x *= relief / (relief + noise * noise_x)
         slope_y *= relief / (relief + noise * noise_y)
         w = share / (spread * CORRELATED)

@@ -196,6 +196,23 @@ def test_relief_is_told_from_noise(noise_m: float) -> None:
     assert relief.variance == pytest.approx(0.5 * 0.5 * (amplitude * number) ** 2, rel=0.08)
 
 
+def test_the_foot_of_a_fence_makes_no_relief_of_smooth_soil() -> None:
+    def fence(en: FloatArray) -> FloatArray:
+        return np.where(np.abs(en[:, 0]) < 0.05, 0.12, 0.0)
+
+    surface = dense_surface(fence, 7.0, 0.005, per_cell=4)
+    random = np.random.default_rng(14)
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 30_000))
+    en = random.uniform(-3, 3, (len(t), 2))
+    probe = np.column_stack([en, fence(en)])
+    whole, trimmed = (
+        agreed(probe, t, surface, np.zeros((KNOTS, 3)), Relief(variance=0.0004, trim=trim)).sums.relief()
+        for trim in (np.inf, 3.0)
+    )
+    assert whole.variance > 0.1**2
+    assert trimmed.variance < 0.01**2
+
+
 def test_slopes_are_taken_for_what_they_are_worth() -> None:
     """With slopes of which half the variance is noise, the pull sideways is halved and heights count as before."""
     surface = dense_surface(waves, 8.0)
