@@ -19,7 +19,7 @@ from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "export", "calibrate", "simulate", "worker")
+VERBS: Final = ("init", "inspect", "run", "fields", "export", "base", "calibrate", "simulate", "worker")
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")
@@ -161,7 +161,7 @@ def attempt(
         raise
     except BaseException as raised:  # the one place where errors end, the panics of libraries included
         asked = interruption is not None and interruption.asked
-        error = Cancelled() if asked else _in_three_lines(raised, arguments)
+        error = Cancelled() if asked else _in_three_lines(raised)
         if "--debug" in arguments:
             traceback.print_exception(raised)
         log.debug("ended by %s", error.code, exc_info=raised)
@@ -169,14 +169,14 @@ def attempt(
     return int(status or 0), None
 
 
-def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:
+def _in_three_lines(raised: BaseException) -> FurrowmapError:
     """Whatever was raised as an error that a user can act on."""
     if isinstance(raised, FurrowmapError):
         return raised
     if isinstance(raised, KeyboardInterrupt | click.Abort):
         return Cancelled()
     if isinstance(raised, click.UsageError):
-        return _usage(raised, arguments)
+        return _usage(raised)
     if isinstance(raised, MemoryError):
         return FurrowmapError(
             "The computer's memory did not suffice.",
@@ -199,8 +199,8 @@ def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> Furrowma
     )
 
 
-def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
-    path = " ".join(["furrowmap", *(verb for verb in arguments[:1] if verb in VERBS)])
+def _usage(raised: click.UsageError) -> UsageError:
+    path = raised.ctx.command_path if raised.ctx else "furrowmap"
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(
