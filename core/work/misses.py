@@ -7,7 +7,7 @@ from typing import Final
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.work.shapes import closed, grown, parts
+from furrowmap.core.work.shapes import areal, closed, grown, parts
 
 THINNEST_M: Final = 0.02
 """Less than this between two passes is not left standing by any tool."""
@@ -36,8 +36,8 @@ def missed(
         taken = coverage.union(box.difference(boundary))
     strips = closed(taken, width_m)
     if boundary is not None:
-        strips = strips.intersection(boundary)
-    strips = strips.difference(coverage.union(doubtful))
+        strips = areal(strips.intersection(boundary))
+    strips = areal(strips.difference(coverage.union(doubtful)))
     wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
     return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
 
