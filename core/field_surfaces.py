@@ -103,6 +103,11 @@ class FieldPoints:
         """That all tiles lie in; None where there are no points."""
         return self._spool.grid if self._spool is not None else None
 
+    @property
+    def tile_count(self) -> int:
+        """How many tiles there are."""
+        return len(self._spool.tiles) if self._spool is not None else 0
+
     def tiles(self, passages: Passages, statistic: Statistic = MEDIAN) -> Iterator[FieldTile]:
         """The surfaces, tile by tile, computed on two cores.
 

@@ -19,6 +19,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.copc.writer import CopcSummary
+from furrowmap.exporters.field_rasters import RasterFigures
 from furrowmap.exporters.report import FileRecord, Report
 
 
@@ -26,6 +27,7 @@ def report_of(
     found: Run,
     session_file: str,
     cloud: CopcSummary | None,
+    rasters: RasterFigures | None,
     inputs: Sequence[FileRecord],
     timings_s: dict[str, float],
     products: Sequence[str],
@@ -36,6 +38,7 @@ def report_of(
         found: by the run.
         session_file: the way to the session from the products.
         cloud: what its writer wrote; None where there is none.
+        rasters: what is told of its surfaces; None where there are none.
         inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
@@ -44,7 +47,7 @@ def report_of(
         session_file=session_file,
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
-        figures=_figures(found, cloud),
+        figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
         accuracy=_accuracy(found),
         observability=_observability(found),
         clocks=_clocks(found),
