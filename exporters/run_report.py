@@ -12,6 +12,7 @@ import numpy as np
 
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
+from furrowmap.core.states_elsewhere import NEAR_S
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.point_classes import PointClass
@@ -113,7 +114,7 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
         "agreement": {
             "compared_s": round(agreed.compared_s, 1),
             "share": round(agreed.share, 4),
-            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist()],
+            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist() if b - a > NEAR_S],
         }
         if agreed is not None
         else None,
