@@ -13,6 +13,7 @@ import numpy as np
 import rasterio
 from numpy.typing import NDArray
 from pyproj import CRS
+from pyproj.exceptions import ProjError
 from rasterio.enums import ColorInterp
 from rasterio.errors import CRSError
 from rasterio.shutil import copy
@@ -49,7 +50,7 @@ class Band:
 
     Attributes:
         description: a word or two that a GIS shows.
-        unit: such as "m"; empty for numbers.
+        unit: such as "m"; "1" for numbers, as an empty one is taken for that of the heights.
         steps_per_unit: values are rounded to whole ones of so many steps; 0 for none.
     """
 
@@ -59,10 +60,10 @@ class Band:
 
 
 HEIGHT: Final = Band("height")
-COUNT: Final = Band("returns", "", 0)
+COUNT: Final = Band("returns", "1", 0)
 SPREAD: Final = Band("spread")
 STANDARD_ERROR: Final = Band("standard error")
-FILLED: Final = Band("filled", "", 0)
+FILLED: Final = Band("filled", "1", 0)
 """1 where the height is from the cells around, else 0."""
 
 
@@ -186,19 +187,38 @@ def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: B
 
 
 def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
-    """The map's CRS with heights above its ellipsoid as the third axis.
+    """The map's CRS with the heights that a raster's values are.
 
-    A WKT has no compound of a map and ellipsoidal heights: ISO 19111 knows these only as an axis of the whole, which is
-    a projected CRS of three dimensions. Other heights than "ellipsoidal" leave the CRS as it is.
+    ISO 19111 knows ellipsoidal heights only as an axis of a CRS of three dimensions, and a GeoTIFF has no room for a
+    projected one: GDAL would put it into a file beside. So they are a vertical CRS whose name says what they are, in a
+    compound with the map's. Other heights than "ellipsoidal", and what WKT 1 has no words for, leave the CRS as it is.
     """
-    return crs.to_3d() if heights == "ellipsoidal" and not crs.is_compound else crs
+    if heights != "ellipsoidal" or crs.is_compound:
+        return crs
+    base = crs.geodetic_crs.name if crs.geodetic_crs is not None else crs.name
+    try:
+        return CRS.from_wkt(_COMPOUND.format(name=_quoted(crs.name), base=_quoted(base), map=crs.to_wkt("WKT1_GDAL")))
+    except ProjError:
+        return crs
+
+
+_COMPOUND: Final = (
+    'COMPD_CS["{name} + {base} ellipsoidal height",{map},VERT_CS["{base} ellipsoidal height",'
+    'VERT_DATUM["{base} ellipsoid",2005],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]]'
+)
+
+
+def _quoted(name: str) -> str:
+    """As it stands between a WKT's quotation marks."""
+    return name.replace('"', '""')
 
 
 def _raster_crs(crs: CRS) -> rasterio.CRS:
+    """As GDAL takes it: WKT 1 where that has words for it."""
     try:
+        return rasterio.CRS.from_wkt(crs.to_wkt("WKT1_GDAL"))
+    except (ProjError, CRSError):
         return rasterio.CRS.from_wkt(crs.to_wkt("WKT2_2019"))
-    except CRSError:  # a projection that GDAL knows by no WKT: the map alone
-        return rasterio.CRS.from_user_input(crs.to_2d().to_wkt())
 
 
 def _overlap(tile: Grid, whole: Grid) -> tuple[Window | None, tuple[slice, slice]]:

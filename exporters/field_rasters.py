@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,6 +29,8 @@ from furrowmap.exporters.report import FileRecord
 DSM: Final = "dsm.tif"
 BEFORE: Final = "dsm_before.tif"
 CHANGE: Final = "change.tif"
+STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml"}
+"""QGIS takes the style beside a raster for the raster's own."""
 CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
 _TITLES: Final = {
     DSM: "Surface as left at the end",
@@ -86,7 +89,15 @@ def write_rasters(
                 put(tile.grid, arrays[name])
             sums.add(tile)
             seen += int(tile.after.seen.sum())
+    for name in bands:
+        style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
+        (folder / style_of(name)).write_text(style, encoding="utf-8")
     return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None)
+
+
+def style_of(name: str) -> str:
+    """Name of the style that lies beside a raster."""
+    return str(Path(name).with_suffix(".qml"))
 
 
 def _arrays(tile: FieldTile) -> dict[str, Bands]:

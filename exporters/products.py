@@ -31,7 +31,7 @@ from furrowmap.core.values.session import Session, load_session
 from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
-from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, RasterFigures, write_rasters
+from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, RasterFigures, style_of, write_rasters
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
@@ -51,7 +51,8 @@ SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-PRODUCTS: Final = (CLOUD, DSM, BEFORE, CHANGE, FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
+RASTERS: Final = (DSM, BEFORE, CHANGE)
+PRODUCTS: Final = (CLOUD, *RASTERS, *(style_of(name) for name in RASTERS), FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
 
 
 def write_products(
