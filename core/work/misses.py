@@ -13,6 +13,8 @@ THINNEST_M: Final = 0.02
 """Less than this between two passes is not left standing by any tool."""
 SMALLEST_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
+_GRID_M: Final = 1e-6
+"""Corners are laid on a grid where shapes with nearly the same sides are cut from each other: GEOS may fail else."""
 
 
 def missed(
