@@ -47,6 +47,8 @@ OUTLIER_REACH_M: Final = 5.0
 OUTLIER_RADIUS_M: Final = 0.5
 CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 POINTS_A_CELL: Final = 4.0
+ALMOST: Final = 0.9
+"""A round size that is so little smaller than wanted will do."""
 PATCH_M: Final = 2.0
 """Squares of this size count as covered where there is a point in them, when the density of points is measured."""
 CLASSED_SHARE: Final = 0.01
@@ -101,7 +103,7 @@ class SpooledClouds:
 def cell_for(
     clouds: Clouds, box: Box | None = None, classes: frozenset[int] | None = None, progress: Progress = silent
 ) -> float:
-    """A cell size, in metres, that gives a cell four points where the clouds are; reads them through for it."""
+    """A round cell size, in metres, that gives a cell some four points where the clouds are; reads them through."""
     total = max(clouds.points, 1)
     covered = np.zeros(0, np.int64)
     count = 0
@@ -112,7 +114,7 @@ def cell_for(
         covered = np.union1d(covered, (column << 32) + row)
         count += len(batch.xyz_m)
     wanted_m = math.sqrt(POINTS_A_CELL * len(covered) * PATCH_M**2 / max(count, 1))
-    return next((cell_m for cell_m in CELLS_M if cell_m >= wanted_m), CELLS_M[-1])
+    return next((cell_m for cell_m in CELLS_M if cell_m >= ALMOST * wanted_m), CELLS_M[-1])
 
 
 def spool_clouds(

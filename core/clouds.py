@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from furrowmap.core.values.point_classes import PointClass
 
 FloatArray = NDArray[np.float64]
 
+SAME_M: Final = 1e-4
 NOISE: Final = (7, 18)
 """Classes of points that are none of the land: noise below and above (LAS 1.4 R15, table 17)."""
 MACHINE: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
@@ -130,6 +132,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     files = tuple(open_cloud(path) for path in paths)
     source = _common_crs(files, crs)
     flat, height = _parts(source)
+    flat = _identified(flat, _place(files))
     notices = [notice for file in files for notice in file.notices]
     change = None
     if dst_crs is not None:
@@ -147,7 +150,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
         notices.append(Notice("heights-in-feet", text))
     whole = target
     if height is not None and unit_m == 1.0:
-        whole = source if change is None else CompoundCRS(f"{target.name} + {height.name}", [target, height])
+        whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
     return Clouds(files, whole, change, unit_m, tuple(notices))
 
 
@@ -197,6 +200,20 @@ def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
         horizontal, vertical = crs.sub_crs_list[:2]
         return horizontal.to_2d(), vertical
     return crs.to_2d(), None
+
+
+def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
+    """The authority's own definition of a CRS that files describe in words only, where it is the same; else as it is.
+
+    WKT 1 knows no order of axes and no names of conversions, so that equal CRS do not compare as equal.
+    """
+    code = flat.to_epsg(min_confidence=20) if flat.to_epsg() is None else None
+    if code is None:
+        return flat
+    known = pyproj.CRS.from_epsg(code)
+    x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
+    there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
+    return known if known.name == flat.name and math.dist((x, y), there) < SAME_M else flat
 
 
 def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:

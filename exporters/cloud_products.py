@@ -45,8 +45,10 @@ PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_
 RUN_REPORT: Final = "report.json"
 WINDOW: Final = 1024
 """Cells a side of the squares in which finished surfaces are read again."""
-MOST_LOW_SPOT_CELLS: Final = 16_000_000
+MOST_LOW_SPOT_CELLS: Final = 4_000_000
 """Water finds its way over the whole land at once: larger surfaces are coarsened for it."""
+BRIDGED_M: Final = 1.0
+"""Gaps up to so far from seen heights let no water through."""
 CELLS_A_PLOT: Final = 5
 """Random roughness needs cells of a fifth of its plots at most."""
 
@@ -279,7 +281,10 @@ class _Work:
             ),
         )
         total, count = np.zeros(coarse.shape), np.zeros(coarse.shape, np.uint32)
-        for inner, _, height in self._windows(self.ground_name, 0, progress, "finding low spots"):
+        reach = max(self.settings.fill_m, BRIDGED_M) / grid.cell_m
+        for inner, outer, found in self._windows(self.ground_name, int(2 * reach) + 1, progress, "finding low spots"):
+            # Water would run off through every cell that happens to have no point in it.
+            height = filled(found.astype(np.float64), reach)[inner.window_in(outer)]
             row = coarse.north - 1 - (inner.north - 1 - np.arange(inner.rows)) // factor
             column = (inner.west + np.arange(inner.columns)) // factor - coarse.west
             at = np.ix_(row, column)
