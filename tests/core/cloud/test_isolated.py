@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.cloud.isolated import isolated
@@ -48,8 +51,12 @@ def test_isolated__is_a_return_alone_in_the_sky_and_none_of_a_slanting_ground() 
     assert np.array_equal(isolated(scan), scan.laser == 12)
 
 
-def test_isolated__of_no_or_one_return() -> None:
-    image = np.zeros((16, 10))
-    assert isolated(scan_of(image)).shape == (0,)
-    image[3, 3] = 5.0
-    assert isolated(scan_of(image)).tolist() == [True]
+def test_isolated__of_no_return_is_none() -> None:
+    assert isolated(scan_of(np.zeros((16, 10)))).shape == (0,)
+
+
+@pytest.mark.parametrize("unknown", ["column", "laser"])
+def test_isolated__is_nothing_where_the_scan_does_not_know_its_lasers_or_firings(unknown: str) -> None:
+    scan = scan_of(np.random.default_rng(1).uniform(3.0, 60.0, (16, 200)))
+    scan = replace(scan, **{unknown: np.zeros_like(getattr(scan, unknown))})
+    assert not isolated(scan).any()
