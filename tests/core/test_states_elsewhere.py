@@ -55,12 +55,13 @@ def test_table__gives_back_the_states_it_was_written_from(
 ) -> None:
     spans = [(a, b) for a, b in zip(cuts[::2], cuts[1::2], strict=False) if b - a > 1e-3]
     unknown = (40.0, 41.0) if gap else (0.0, 0.0)
-    states = states_of(TRAJECTORY, *spans, sigma_s=sigma_s, unknown_s=unknown)
+    states = replace(states_of(TRAJECTORY, *spans, sigma_s=sigma_s, unknown_s=unknown), common_share=0.3)
     path = tmp_path_factory.mktemp("table") / "states.csv"
     write_states(path, states)
     found = states_from_elsewhere([path], session(), TRAJECTORY)
     assert found is not None
     known = states.state != ToolState.UNKNOWN
+    assert found[0].common_share == 0.3
     for name in ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s"):
         assert np.array_equal(getattr(found[0], name), getattr(states, name)[known], equal_nan=True), name
 

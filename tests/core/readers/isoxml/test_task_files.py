@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import stat
 import zipfile
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 
 from furrowmap.core.readers.isoxml.content import read_content
 from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
+from furrowmap.core.readers.isoxml.log import TaskDataLog
+from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.errors import InputError
 
 EMPTY = '<ISO11783_TaskData VersionMajor="4" VersionMinor="3"/>'
@@ -81,3 +84,35 @@ def test_an_external_file_that_is_not_there__is_told(tmp_path: Path) -> None:
 def test_another_root__is_no_task_data(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text("<gpx/>")
     assert "<gpx>" in refused(tmp_path).what
+
+
+def mutated(data: bytes, rng: random.Random) -> bytes:
+    """Some bytes changed, lost, doubled or added."""
+    out = bytearray(data)
+    for _ in range(rng.randint(1, 5)):
+        at, length = rng.randrange(len(out)), rng.randint(1, 30)
+        piece = [rng.randbytes(1), b"", rng.randbytes(length), bytes(out[at : at + length]) * 2][rng.randrange(4)]
+        out[at : at + (1 if len(piece) == 1 else length)] = piece
+    return bytes(out)
+
+
+def test_damage__anywhere_ends_in_an_answer_or_three_lines(shared_data: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(shared_data / "isoxml/other/external_files_linklist_2021.zip") as source:
+        whole = {Path(name).name: source.read(name) for name in source.namelist() if not name.endswith("/")}
+    rng = random.Random(7)
+    answers = []
+    for _ in range(60):
+        for name, data in whole.items():
+            (tmp_path / name).write_bytes(data)
+        name = rng.choice(["TASKDATA.XML", "PFD00001.XML", "TSK00000.XML", "TLG00001.XML", "TLG00001.BIN"])
+        (tmp_path / name).write_bytes(mutated(whole[name], rng))
+        try:
+            answers.append(bool(TaskDataLog([tmp_path], ReadOptions()).inspect().facts))
+        except InputError as error:
+            answers.append(all(error.lines))
+    assert all(answers)
+
+
+def test_an_unknown_encoding__is_told(tmp_path: Path) -> None:
+    (tmp_path / MAIN).write_text(f'<?xml version="1.0" encoding="UTF-4"?>{EMPTY}')
+    assert "UTF-4" in refused(tmp_path).what
