@@ -161,7 +161,7 @@ def attempt(
         raise
     except BaseException as raised:  # the one place where errors end, the panics of libraries included
         asked = interruption is not None and interruption.asked
-        error = Cancelled() if asked else _in_three_lines(raised)
+        error = Cancelled() if asked else _in_three_lines(raised, arguments)
         if "--debug" in arguments:
             traceback.print_exception(raised)
         log.debug("ended by %s", error.code, exc_info=raised)
@@ -169,14 +169,14 @@ def attempt(
     return int(status or 0), None
 
 
-def _in_three_lines(raised: BaseException) -> FurrowmapError:
+def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:
     """Whatever was raised as an error that a user can act on."""
     if isinstance(raised, FurrowmapError):
         return raised
     if isinstance(raised, KeyboardInterrupt | click.Abort):
         return Cancelled()
     if isinstance(raised, click.UsageError):
-        return _usage(raised)
+        return _usage(raised, arguments)
     if isinstance(raised, MemoryError):
         return FurrowmapError(
             "The computer's memory did not suffice.",
@@ -199,8 +199,9 @@ def _in_three_lines(raised: BaseException) -> FurrowmapError:
     )
 
 
-def _usage(raised: click.UsageError) -> UsageError:
-    path = raised.ctx.command_path if raised.ctx else "furrowmap"
+def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
+    verb = [word for word in arguments[:1] if word in VERBS]  # click does not always tell where it was
+    path = raised.ctx.command_path if raised.ctx else " ".join(["furrowmap", *verb])
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(
