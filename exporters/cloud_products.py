@@ -45,7 +45,7 @@ PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_
 RUN_REPORT: Final = "report.json"
 WINDOW: Final = 1024
 """Cells a side of the squares in which finished surfaces are read again."""
-MOST_LOW_SPOT_CELLS: Final = 4_000_000
+MOST_LOW_SPOT_CELLS: Final = 2_000_000
 """Water finds its way over the whole land at once: larger surfaces are coarsened for it."""
 BRIDGED_M: Final = 1.0
 """Gaps up to so far from seen heights let no water through."""
@@ -113,7 +113,9 @@ def write_cloud_surfaces(
     clouds = open_clouds(paths, settings.crs, settings.dst_crs)
     box = _box_in(clouds, settings)
     with staged_folder(folder) as staging:
-        cell_m = settings.cell_m or cell_for(clouds, box, settings.classes, progress)
+        cell_m = settings.cell_m
+        if cell_m is None:
+            cell_m = cell_for(clouds, box, settings.classes, progress)
         with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
             spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
             grid = points.grid
