@@ -23,8 +23,8 @@ def isolated(scan: Scan) -> NDArray[np.bool_]:
     """Which returns (n,) of a scan have no neighbour at about their range.
 
     The scan is looked at as a range image, as in Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) clouds
-    are by their nearest points: at every range the neighbours are the next directions, however far apart they are. A scan
-    that is no range image, as from a bag that names neither lasers nor times, has none.
+    are by their nearest points: at every range the neighbours are the next directions, however far apart they are. In a
+    scan that is no range image, as from a bag that names neither lasers nor times, no return is isolated.
     """
     lasers = 1 + int(scan.laser.max(initial=0))
     columns = 1 + int(scan.column.max(initial=0))
