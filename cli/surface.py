@@ -48,7 +48,11 @@ from furrowmap.core.values.errors import Notice, UsageError, printable
 )
 @click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Take every N-th point only.")
 @click.option(
-    "--fill", type=click.FloatRange(0), default=0.0, metavar="METRES", help="Fill gaps up to so far from seen heights."
+    "--fill",
+    type=click.FloatRange(0),
+    default=0.0,
+    metavar="METRES",
+    help="Fill gaps up to so far from seen heights, nothing outside.",
 )
 @click.option("--crs", metavar="CRS", help="The CRS of clouds that state none.")
 @click.option("--dst-crs", metavar="CRS", help="The CRS of the surfaces, in metres [default: that of the clouds].")

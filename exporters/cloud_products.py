@@ -14,6 +14,7 @@ import rasterio
 from numpy.typing import NDArray
 from pyproj import CRS
 from rasterio.windows import Window
+from scipy.ndimage import distance_transform_edt
 
 from furrowmap.core.cloud_surfaces import GroundMethod, Outliers, SpooledClouds, cell_for, cloud_tiles, spool_clouds
 from furrowmap.core.clouds import Clouds, open_clouds
@@ -66,7 +67,7 @@ class CloudSettings:
         ground: how the ground is told; "auto" for the files' own classes where they have them, else "smrf".
         outliers: how points that are alone are told.
         every: every so many-th point is taken.
-        fill_m: gaps are filled up to so far from seen heights; 0 for none.
+        fill_m: gaps are filled in which no place is farther than this from a seen height; 0 for none.
         crs: of files that state none.
         dst_crs: of the surfaces; None for the files' own.
     """
@@ -243,7 +244,7 @@ class _Work:
         with self._output(name, title, [*surface_bands(), FILLED]) as put, rasterio.open(source) as raster:
             for inner, outer in _windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=_window(outer, self.grid))
-                height = filled(bands[0].astype(np.float64), reach)
+                height = bridged(bands[0].astype(np.float64), reach)
                 new = np.isfinite(height) & ~np.isfinite(bands[0])
                 arrays: Bands = [height, *bands[1:], new.astype(np.float32)]
                 own = inner.window_in(outer)
@@ -286,7 +287,7 @@ class _Work:
         reach = max(self.settings.fill_m, BRIDGED_M) / grid.cell_m
         for inner, outer, found in self._windows(self.ground_name, int(2 * reach) + 1, progress, "finding low spots"):
             # Water would run off through every cell that happens to have no point in it.
-            height = filled(found.astype(np.float64), reach)[inner.window_in(outer)]
+            height = bridged(found.astype(np.float64), reach)[inner.window_in(outer)]
             row = coarse.north - 1 - (inner.north - 1 - np.arange(inner.rows)) // factor
             column = (inner.west + np.arange(inner.columns)) // factor - coarse.west
             at = np.ix_(row, column)
@@ -320,6 +321,21 @@ class _Work:
             for inner, outer in _windows(self.grid, margin):
                 yield inner, outer, raster.read(1, window=_window(outer, self.grid))
                 progress(stage, _share(inner, self.grid))
+
+
+def bridged(height_m: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Heights with the gaps filled in which no cell is farther than `reach` cells from a seen one, and nothing outside.
+
+    What is filled is where a disk of that radius cannot stand without touching seen cells (their morphological
+    closing), so that nothing grows beyond the border of what was seen.
+    """
+    seen = np.isfinite(height_m)
+    if seen.all() or not seen.any():
+        return height_m
+    rim = int(np.ceil(reach)) + 1
+    near = distance_transform_edt(~np.pad(seen, rim)) <= reach
+    closed = np.asarray(distance_transform_edt(near))[rim:-rim, rim:-rim] > reach
+    return np.where(closed | seen, filled(height_m, reach), np.nan)
 
 
 def _unfilled(name: str, settings: CloudSettings) -> str:

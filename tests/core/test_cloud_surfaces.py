@@ -15,7 +15,7 @@ from furrowmap.core.clouds import open_clouds
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.exporters.cloud_products import CloudSettings, write_cloud_surfaces
+from furrowmap.exporters.cloud_products import CloudSettings, bridged, write_cloud_surfaces
 
 UTM = pyproj.CRS.from_epsg(32633)
 WEST, SOUTH = 500_000.0, 5_300_000.0
@@ -209,6 +209,23 @@ def test_filled__gaps_are_filled_and_flagged(clouds: list[Path], tmp_path: Path)
     assert np.isfinite(height[inside]).all()
     assert np.abs(height - ground_m(e - WEST, n - SOUTH))[inside].max() < 0.05
     assert not list(tmp_path.glob("unfilled*"))
+
+
+def test_bridged__fills_holes_and_grows_nothing_outside() -> None:
+    seen = np.zeros((60, 60), bool)
+    seen[5:40, 5:40] = True
+    seen[15:18, 20:30] = False  # a gap three cells wide
+    seen[25:38, 10:35] = False  # one of thirteen
+    seen[50, 50] = True
+    row, column = np.indices(seen.shape)
+    plane = 100.0 + 0.1 * row - 0.2 * column
+    out = bridged(np.where(seen, plane, np.nan), 3.0)
+    expected = seen.copy()
+    expected[15:18, 20:30] = True
+    assert not np.isfinite(out[30:33, 15:30]).any()
+    np.testing.assert_array_equal(np.isfinite(out)[:25], expected[:25])
+    np.testing.assert_array_equal(np.isfinite(out)[40:], expected[40:])
+    np.testing.assert_allclose(out[np.isfinite(out)], plane[np.isfinite(out)], atol=1e-6)
 
 
 def test_box_classes_statistic_and_every(clouds: list[Path], tmp_path: Path) -> None:
