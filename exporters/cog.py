@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,7 +38,6 @@ _OPTIONS: Final = {
     "PREDICTOR": "FLOATING_POINT",
     "LEVEL": "1",
     "OVERVIEW_RESAMPLING": "AVERAGE",
-    "STATISTICS": "YES",
     "NUM_THREADS": "2",
     "BIGTIFF": "IF_SAFER",
 }
@@ -166,13 +166,19 @@ def cog_output(
             raster.units = tuple(band.unit for band in bands)
             raster.update_tags(**origin.tags)
 
+            sums = [_Statistics() for _ in bands]
+
             def write(tile: Grid, arrays: Bands) -> None:
                 window, part = _overlap(tile, grid)
                 if window is not None:
                     values = [_rounded(array[part], band) for array, band in zip(arrays, bands, strict=True)]
                     raster.write(np.stack(values), window=window)
+                    for band_sums, band_values in zip(sums, values, strict=True):
+                        band_sums.add(band_values)
 
             yield write
+            for number, band_sums in enumerate(sums, start=1):
+                raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
         copy(scratch, unfinished, **_OPTIONS)
 
 
@@ -232,6 +238,41 @@ def _overlap(tile: Grid, whole: Grid) -> tuple[Window | None, tuple[slice, slice
     if bottom <= top or right <= left:
         return None, part
     return Window(left, top, right - left, bottom - top), part
+
+
+class _Statistics:
+    """What GDAL and QGIS look up of a band instead of reading it through."""
+
+    def __init__(self) -> None:
+        self._count, self._sum, self._square = 0, 0.0, 0.0
+        self._base = self._least = self._greatest = math.nan
+
+    def add(self, values: NDArray[np.float32]) -> None:
+        """Take note of a tile's values."""
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return
+        if not self._count:
+            self._base = float(known[0])  # sums of what differs from it keep their digits
+        apart = known.astype(np.float64) - self._base
+        self._count += len(known)
+        self._sum += float(apart.sum())
+        self._square += float(apart @ apart)
+        self._least = float(np.fmin(self._least, known.min()))
+        self._greatest = float(np.fmax(self._greatest, known.max()))
+
+    def tags(self, cells: int) -> dict[str, str]:
+        """As GDAL names them; none where no value is known."""
+        if not self._count:
+            return {}
+        mean = self._sum / self._count
+        return {
+            "STATISTICS_MINIMUM": repr(self._least),
+            "STATISTICS_MAXIMUM": repr(self._greatest),
+            "STATISTICS_MEAN": repr(self._base + mean),
+            "STATISTICS_STDDEV": repr(math.sqrt(max(0.0, self._square / self._count - mean * mean))),
+            "STATISTICS_VALID_PERCENT": f"{100.0 * self._count / cells:.4g}",
+        }
 
 
 def _rounded(array: NDArray[Any], band: Band) -> NDArray[np.float32]:

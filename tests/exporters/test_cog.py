@@ -61,7 +61,15 @@ def test_cog__tells_what_where_when_and_of_what(raster: Path) -> None:
         assert tags["INPUT_1"] == f"a.pcap sha256:{'0' * 64}"
         assert tags["TIFFTAG_SOFTWARE"].startswith("furrowmap ")
         assert tags["TIME_START"] == "2026-05-28T20:26:40.000Z"
-        assert float(file.tags(1)["STATISTICS_MINIMUM"]) == pytest.approx(float(np.nanmin(bands()[0])), abs=1e-3)
+        told, height = file.tags(1), bands()[0]
+        for name, value in (
+            ("MINIMUM", np.nanmin),
+            ("MAXIMUM", np.nanmax),
+            ("MEAN", np.nanmean),
+            ("STDDEV", np.nanstd),
+        ):
+            assert float(told[f"STATISTICS_{name}"]) == pytest.approx(float(value(height)), abs=2e-4)
+        assert float(told["STATISTICS_VALID_PERCENT"]) == pytest.approx(100.0 * np.isfinite(height).mean(), abs=0.01)
         crs = CRS.from_wkt(file.crs.to_wkt())
     assert crs.is_compound
     flat, vertical = crs.sub_crs_list
