@@ -9,12 +9,10 @@ import random
 import shutil
 import signal
 import sqlite3
-import subprocess
 import sys
 import time
 import zipfile
-from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
@@ -31,6 +29,7 @@ from pyproj import CRS
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.base import lock
 from furrowmap.exporters.base.base import add_results, known_sessions, remove_sessions
+from tests.exporters.base.processes import adders, ask, ended
 from tests.exporters.base.result_folders import coverage, write_result
 
 if TYPE_CHECKING:
@@ -353,39 +352,6 @@ def test_other_process__is_waited_for_and_refused_in_the_end(base: Path, two: Pa
     with lock.exclusive(base, lambda *_: None):
         pass
     assert [path.name for path in base.parent.iterdir()] == ["farm.gpkg"]
-
-
-@contextmanager
-def adders(number: int) -> Iterator[list[subprocess.Popen[str]]]:
-    helpers = [
-        subprocess.Popen(
-            [sys.executable, "-m", "tests.exporters.base.adder"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=CHECKOUT,
-        )
-        for _ in range(number)
-    ]
-    try:
-        yield helpers
-    finally:
-        for helper in helpers:
-            helper.communicate()
-
-
-def ask(helper: subprocess.Popen[str], *words: Path) -> int:
-    """Let a process of its own add results to a base; its number."""
-    assert helper.stdin is not None
-    assert helper.stdout is not None
-    helper.stdin.write(json.dumps([str(word) for word in words]) + "\n")
-    helper.stdin.flush()
-    return int(helper.stdout.readline())
-
-
-def ended(helper: subprocess.Popen[str]) -> int:
-    assert helper.stdout is not None
-    return int(helper.stdout.readline())
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import signal
 import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +24,8 @@ from pyproj import CRS
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.base import postgis
 from furrowmap.exporters.base.base import add_results, known_sessions, remove_sessions
+from tests.exporters.base.processes import adders, ended
+from tests.exporters.base.processes import ask as order
 from tests.exporters.base.result_folders import write_result
 from tests.exporters.base.server import PASSWORD, Server, running_server
 
@@ -27,6 +34,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 HOSTILE = "'; DROP TABLE furrowmap.sessions; --\t\\N圃場"
+KILLS = 5
 DETAILS = ("events", "tool_path", "misses", "overlaps", "passes", "coverage", "zones")
 
 
@@ -132,6 +140,34 @@ def test_interruption__leaves_the_base_as_it_was(
         add_results(address, [results["a2"], results["hostile"]])
     monkeypatch.undo()
     assert [ask(address, f"SELECT * FROM furrowmap.{n} ORDER BY fid") for n in ("sessions", *DETAILS)] == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+def test_kill__leaves_the_old_base_or_the_new_one(new_database: str, results: dict[str, Path]) -> None:
+    def content() -> tuple[object, ...]:
+        query = "SELECT session, count(*) FROM furrowmap.{} GROUP BY 1 ORDER BY 1"
+        areas = ask(new_database, "SELECT worked_area_m2 FROM furrowmap.sessions ORDER BY session")
+        return (areas, *(ask(new_database, query.format(name)) for name in ("provenance", "tracks", *DETAILS)))
+
+    add_results(new_database, [results["a"]])
+    old = content()
+    chance = random.Random(7)
+    with adders(1) as (helper,):
+        begun = time.monotonic()
+        order(helper, new_database, results["a2"], results["hostile"])
+        assert ended(helper) == 0
+        whole_s, new = time.monotonic() - begun, content()
+        for _ in range(KILLS):
+            remove_sessions(new_database, [HOSTILE])
+            add_results(new_database, [results["a"]])
+            process = order(helper, new_database, results["a2"], results["hostile"])
+            time.sleep(chance.uniform(0.2, 1.0) * whole_s)
+            with suppress(ProcessLookupError):
+                os.kill(process, signal.SIGKILL)
+            ended(helper)
+            assert content() in (old, new)
+            add_results(new_database, [results["a2"], results["hostile"]])
+            assert content() == new
 
 
 def test_two_at_once__lose_nothing(new_database: str, results: dict[str, Path]) -> None:
