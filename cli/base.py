@@ -143,6 +143,50 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
     console.answer(change, _words(change))
 
 
+@base.command(
+    short_help="Put the surfaces of sessions into one raster.",
+    epilog="\b\nExample:\n  furrowmap base mosaic farm.gpkg -o farm.vrt\n"
+    "  furrowmap base mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
+)
+@click.argument("sources", metavar="BASE...", nargs=-1, required=True)
+@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Raster to make: .vrt or .tif.")
+@click.option("--product", default="dsm", show_default=True, metavar="NAME", help="Which surface: NAME.tif of each.")
+@click.option("--dst-crs", "crs", metavar="CRS", help="CRS of the raster [default: that of the surfaces].")
+@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Side of a cell.")
+@click.option("--mean", is_flag=True, help="The mean of all sessions instead of the latest session's cells.")
+@click.option("--overwrite", is_flag=True, help="Replace FILE.")
+@_schema
+@common_options
+def mosaic(
+    console: Console,
+    sources: tuple[str, ...],
+    output: Path,
+    *,
+    product: str,
+    crs: str | None,
+    cell_m: float | None,
+    mean: bool,
+    overwrite: bool,
+    schema: str,
+) -> None:
+    """Put the surfaces of the sessions in each BASE, or of the result in a folder, into one raster.
+
+    The latest session wins where they overlap. A .vrt is a small file that refers to the surfaces' heights where they
+    lie; a .tif is a cloud-optimised GeoTIFF with all their bands.
+    """
+    from furrowmap.exporters.base.mosaic import mosaic as put_together
+    from furrowmap.exporters.base.surfaces import find_surfaces, refuse_output
+
+    refuse_output(output, overwrite=overwrite)
+    with console.work(passing=True) as progress:
+        paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
+        made = put_together(paths, output, crs=_crs(crs), cell_m=cell_m, mean=mean, progress=progress)
+    for notice in (*missing, *made.notices):
+        console.warn(notice)
+    size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
+    console.answer(made, f"{printable(str(output))}: {made.surfaces} surfaces, {size}, {made.crs}.")
+
+
 def _words(change: Change) -> str:
     deeds = ("added", "replaced", "unchanged", "removed")
     done = [f"{len(getattr(change, deed))} {deed}" for deed in deeds if getattr(change, deed)]

@@ -10,7 +10,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.core.values.errors import printable
 
-FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "stac")
+FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
 """As `furrowmap.exporters.exchange.export` has them, which `--help` has no time to import."""
 
 
@@ -40,7 +40,8 @@ def export(
 ) -> None:
     """Write what `furrowmap run` left in DIR in the format of another program.
 
-    A format that holds one layer a file gives a folder. stac takes many DIRs and makes a catalogue over them. GeoJSON
+    A format that holds one layer a file gives a folder. isoxml is ISO 11783-10 task data for farm software and
+    terminals, as a folder or, if TARGET ends so, a .zip; stac takes many DIRs and makes a catalogue over them. GeoJSON
     and KML are always in WGS 84.
     """
     from furrowmap.core.crs_change import crs_of

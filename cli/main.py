@@ -19,7 +19,7 @@ from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "export", "calibrate", "simulate", "worker")
+VERBS: Final = ("init", "inspect", "run", "surface", "fields", "export", "base", "calibrate", "simulate", "worker")
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")
@@ -200,7 +200,8 @@ def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> Furrowma
 
 
 def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
-    path = " ".join(["furrowmap", *(verb for verb in arguments[:1] if verb in VERBS)])
+    verb = [word for word in arguments[:1] if word in VERBS]  # click does not always tell where it was
+    path = raised.ctx.command_path if raised.ctx else " ".join(["furrowmap", *verb])
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(

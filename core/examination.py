@@ -12,6 +12,7 @@ from furrowmap.core.readers.reader import (
     ClockReading,
     GivesPoses,
     GivesScans,
+    GivesStates,
     GivesTrack,
     Inspection,
     Reader,
@@ -73,6 +74,11 @@ class Examined:
     def gives_poses(self) -> bool:
         """Whether it is a trajectory from elsewhere."""
         return isinstance(self.reader, GivesPoses)
+
+    @property
+    def gives_states(self) -> bool:
+        """Whether it says when the tool worked."""
+        return isinstance(self.reader, GivesStates)
 
     def _holds(self, what: str) -> bool:
         """A container's reader can give whatever may lie in it; its facts say "none" of what doesn't."""

@@ -37,14 +37,15 @@ _ANTENNA: Final = """\
 # [antenna]
 # xyz_m = [1.85, 0.0, 1.62]
 """
-_OPTIONAL: Final = """\
+_IMPLEMENT: Final = """\
 # The tool: width, and the middle of its line in the vehicle frame. The ground worked is computed from them.
 # [implement]
 # kind = "rotary tiller"
 # width_m = 1.70
 # xy_m = [-1.45, 0.0]
 # working_depth_m = 0.12
-
+"""
+_FIELD: Final = """\
 # The parcel's boundary, if there is a file of it.
 # [field]
 # boundary = "boundary.geojson"
@@ -101,6 +102,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     lidar = [r for r in ordered if r.gives_scans]
     gnss = [r for r in ordered if r.gives_track]
     poses = [r for r in ordered if r.gives_poses]
+    states = [r for r in ordered if r.gives_states]
     matches = list(time_matches(ordered))
     near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
     beginnings = [_beginning(r, near_s) for r in gnss + poses]
@@ -110,12 +112,13 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     text = "\n".join(
         [
             _head(folder),
-            _recording(lidar, gnss, poses, folder),
+            _recording(lidar, gnss, poses, states, folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
             _trajectory(poses, folder) if poses else _ANTENNA,
-            _lidar(lidar),
-            _OPTIONAL,
+            *([_lidar(lidar)] if lidar or not states else []),
+            _implement(states, folder) if states else _IMPLEMENT,
+            _FIELD,
         ]
     )
     found = [
@@ -126,7 +129,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     missing = [
         *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", b.fault) for b in beginnings if b.fault),
-        *_missing(crs, lidar=bool(lidar), gnss=bool(gnss), poses=bool(poses)),
+        *_missing(crs, scans=bool(lidar), states=bool(states), gnss=bool(gnss), poses=bool(poses)),
     ]
     return Proposal(text, tuple(found), tuple(missing))
 
@@ -199,10 +202,12 @@ def _crs_found(crs: CrsChoice | None) -> list[Notice]:
     return [chosen, *(Notice("crs-alternative", f"Or {other}.") for other in crs.alternatives)]
 
 
-def _missing(crs: CrsChoice | None, *, lidar: bool, gnss: bool, poses: bool) -> list[Notice]:
+def _missing(crs: CrsChoice | None, *, scans: bool, states: bool, gnss: bool, poses: bool) -> list[Notice]:
     """What the recordings do not tell."""
     texts = {
-        "no-lidar": f"A laser scanner's recording: replace {UNKNOWN} in [recording] lidar." if not lidar else "",
+        "no-lidar": f"A laser scanner's recording: replace {UNKNOWN} in [recording] lidar."
+        if not (scans or states)
+        else "",
         "no-positions": f"A GNSS log or a trajectory: replace {UNKNOWN} in [recording] gnss."
         if not (gnss or poses)
         else "",
@@ -210,11 +215,15 @@ def _missing(crs: CrsChoice | None, *, lidar: bool, gnss: bool, poses: bool) -> 
         if crs is None
         else "",
         "no-mounting": "How the scanner is mounted: [lidar] xyz_m and rpy_deg. Until then it counts as upright at the "
-        "vehicle's origin.",
+        "vehicle's origin."
+        if scans or not states
+        else "",
         "no-antenna": "Where the GNSS antenna is: [antenna] xyz_m. Until then it counts as at the vehicle's origin."
         if not poses
         else "",
-        "no-implement": "The tool: [implement] width_m and xy_m. Without them no ground worked is computed.",
+        "no-implement": "The tool: [implement] width_m and xy_m. Without them no ground worked is computed."
+        if not states
+        else "Where the tool is: [implement] xy_m. Until then it counts as at the positions.",
     }
     return [Notice(code, text) for code, text in texts.items() if text]
 
@@ -228,12 +237,26 @@ name = {_quoted(folder.resolve().name or "session")}
 """
 
 
-def _recording(lidar: Sequence[Examined], gnss: Sequence[Examined], poses: Sequence[Examined], folder: Path) -> str:
+def _recording(
+    lidar: Sequence[Examined],
+    gnss: Sequence[Examined],
+    poses: Sequence[Examined],
+    states: Sequence[Examined],
+    folder: Path,
+) -> str:
     scans = [(recording, recording.scan_clock) for recording in lidar]
-    lines = ["[recording]", *_described(scans), f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}"]
+    lines = ["[recording]", *_described(scans)]
+    if lidar or not states:
+        lines.append(f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}")
     if gnss or not poses:
         positions = [(recording, recording.position_clock) for recording in gnss]
         lines += [*_described(positions), f"gnss = {_names(gnss, folder) or _listed([UNKNOWN])}"]
+    tasks = [
+        (name, facts) for recording in states for name, facts in recording.inspection.facts.get("tasks", {}).items()
+    ]
+    if len(tasks) > 1:
+        lines += ["# The task that is meant; without it all are read as one drive:"]
+        lines += [f"# task = {_quoted(name)}   # {printable(str(facts.get('field')))}" for name, facts in tasks]
     return "\n".join(lines)
 
 
@@ -270,6 +293,21 @@ def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
 {comments}
 files = {_names(poses, folder)}
 # time = "utc"   # or "gps", where the file does not say
+"""
+
+
+def _implement(states: Sequence[Examined], folder: Path) -> str:
+    """The tool of which recordings say when it worked, as wide as they say."""
+    widths = [width for recording in states if (width := recording.inspection.facts.get("width_m"))]
+    width = (
+        f"{widths[0]}   # the widest that was logged at work" if widths else "1.0   # FILL-IN: nothing says how wide"
+    )
+    return f"""\
+# The tool: width, and the middle of its line in the vehicle frame. The ground worked is computed from them.
+[implement]
+width_m = {width}
+xy_m = [0.0, 0.0]   # FILL-IN: counted from the rear axle; until then the positions are those of the tool
+states = {_names(states, folder)}
 """
 
 

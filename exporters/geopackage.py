@@ -22,6 +22,8 @@ from furrowmap.exporters.field_layers import Layer, field_layers
 
 _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
+PAGE_BYTES: Final = 1024
+"""Of the file: large enough for a few rows of `trajectory`."""
 INDEXED_FROM: Final = 1000
 """Fewer features are found as fast without a spatial index, which takes more room than they do."""
 GEOMETRY: Final = "geom"
@@ -45,6 +47,7 @@ def write_field(path: Path, poses: ScanPoses, crs: CRS, work: FieldWork = _NOTHI
         for layer in layers:
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM)
         write_styles(unfinished, [layer.name for layer in layers])
+        _pack(unfinished)
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
@@ -134,6 +137,13 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
         layer_options={} if append else {"FID": "id"},
         gdal_tz_offsets={"update_time": np.full(n, _UTC_OFFSET, np.int8)},
     )
+
+
+def _pack(path: Path) -> None:
+    """Lay the file out anew in small pages: an outline fills its last page by half, and an empty table takes a page."""
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(f"PRAGMA page_size={PAGE_BYTES}")
+        database.execute("VACUUM")
 
 
 def _check(path: Path, counts: Mapping[str, int]) -> None:

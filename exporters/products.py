@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -17,6 +18,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.field_surfaces import FieldPoints
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Inputs, Run, run
 from furrowmap.core.run_without_lidar import run_without_lidar
@@ -29,6 +31,7 @@ from furrowmap.core.values.session import Session, load_session
 from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
+from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, RasterFigures, style_of, write_rasters
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
@@ -48,7 +51,8 @@ SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-PRODUCTS: Final = (CLOUD, FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
+RASTERS: Final = (DSM, BEFORE, CHANGE)
+PRODUCTS: Final = (CLOUD, *RASTERS, *(style_of(name) for name in RASTERS), FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
 
 
 def write_products(
@@ -75,7 +79,8 @@ def write_products(
     _refuse_original(folder, session_file)
     inputs = None if overwrite else _refuse_foreign(folder, session_file, progress)
     with staged_folder(folder) as staging:
-        found, summary, written = _found(session_file, staging / CLOUD, progress)
+        made = _made(session_file, staging, inputs, progress)
+        found, summary = made.found, made.cloud
         progress("writing layers", 0.0)
         laid_out = perf_counter()
         write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
@@ -84,22 +89,41 @@ def write_products(
         write_page(staging / PAGE, found, staging / CLOUD, summary)
         laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
-        inputs = inputs or file_records(found.inputs, session_file.resolve().parent, progress)
-        seconds = {"cloud": written, "layers": laid_out, "whole": perf_counter() - start}
+        seconds = {**made.seconds, "layers": laid_out, "whole": perf_counter() - start}
         timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-        report = write_report(staging / REPORT, report_of(found, origin, summary, inputs, timings, _names(staging)))
+        content = report_of(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
+        report = write_report(staging / REPORT, content)
         write_item(staging / ITEM, report)
         return report
 
 
-def _found(session_file: Path, cloud_file: Path, progress: Progress) -> tuple[Run, CopcSummary | None, float]:
-    """What the run found out, what its cloud holds, and the seconds of writing that; no cloud without a scanner."""
+@dataclass(frozen=True)
+class _Made:
+    """What a run found out, and what is told of its cloud and its rasters; None where there are none."""
+
+    found: Run
+    inputs: list[FileRecord]
+    cloud: CopcSummary | None = None
+    rasters: RasterFigures | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def _made(session_file: Path, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
+    """Run a session and write its cloud and its rasters; neither without a scanner."""
+    root = session_file.resolve().parent
     if not load_session(session_file).recording.lidar:
-        return run_without_lidar(session_file, progress), None, 0.0
-    with _Cloud(cloud_file) as cloud:
-        found = run(session_file, cloud, progress)
+        found = run_without_lidar(session_file, progress)
+        return _Made(found, inputs or file_records(found.inputs, root, progress))
+    with _Cloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
+        found = run(session_file, _Both(cloud, land), progress)
         begin = perf_counter()
-        return found, cloud.finish(progress, found.work), perf_counter() - begin
+        summary = cloud.finish(progress, found.work)
+        written = perf_counter()
+        inputs = inputs or file_records(found.inputs, root, progress)
+        hashed = perf_counter()
+        rasters = write_rasters(staging, land, found, inputs, progress)
+        seconds = {"cloud": written - begin, "surfaces": perf_counter() - hashed}
+        return _Made(found, inputs, summary, rasters, seconds)
 
 
 def _names(staging: Path) -> list[str]:
@@ -107,8 +131,25 @@ def _names(staging: Path) -> list[str]:
     return [name for name in PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
 
 
+class _Both:
+    """The sink of a run whose points go into its cloud and its surfaces."""
+
+    def __init__(self, cloud: _Cloud, land: FieldPoints) -> None:
+        self._cloud, self._land = cloud, land
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Tell both the local origin."""
+        self._cloud.begin(frame, origin_m)
+        self._land.begin(origin_m)
+
+    def add(self, placed: PlacedScan) -> None:
+        """Give both the points of a scan."""
+        self._cloud.add(placed)
+        self._land.add(placed)
+
+
 class _Cloud:
-    """The sink of a run that writes the cloud."""
+    """Writes the cloud of a run."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.pipeline import Run
+from furrowmap.core.states_elsewhere import NEAR_S
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.point_classes import PointClass
@@ -20,6 +21,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.copc.writer import CopcSummary
+from furrowmap.exporters.field_rasters import RasterFigures
 from furrowmap.exporters.report import FileRecord, Report
 
 
@@ -27,6 +29,7 @@ def report_of(
     found: Run,
     session_file: str,
     cloud: CopcSummary | None,
+    rasters: RasterFigures | None,
     inputs: Sequence[FileRecord],
     timings_s: dict[str, float],
     products: Sequence[str],
@@ -37,6 +40,7 @@ def report_of(
         found: by the run.
         session_file: the way to the session from the products.
         cloud: what its writer wrote; None where there is none.
+        rasters: what is told of its surfaces; None where there are none.
         inputs: the records of the files that it read.
         timings_s: seconds of each stage.
         products: names of the files written.
@@ -45,7 +49,7 @@ def report_of(
         session_file=session_file,
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
-        figures=_figures(found, cloud),
+        figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
         accuracy=_accuracy(found),
         observability=_observability(found),
         clocks=_clocks(found),
@@ -111,7 +115,7 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
         "agreement": {
             "compared_s": round(agreed.compared_s, 1),
             "share": round(agreed.share, 4),
-            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist()],
+            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist() if b - a > NEAR_S],
         }
         if agreed is not None
         else None,

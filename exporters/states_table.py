@@ -10,7 +10,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.exporters.atomic import atomic_output
 
-HEADER = ("time", "t_s", "state", "sigma_s", "confidence")
+HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
 
 
 def write_states(path: Path, states: ToolStates) -> None:
@@ -25,9 +25,11 @@ def write_states(path: Path, states: ToolStates) -> None:
         for k in range(len(states)):
             begin_s, end_s = float(states.begin_s[k]), float(states.end_s[k])
             word = ToolState(int(states.state[k])).label
-            table.writerow(_row(begin_s, word, float(states.begin_sigma_s[k]), float(states.confidence[k])))
+            sigma_s, confidence = float(states.begin_sigma_s[k]), float(states.confidence[k])
+            table.writerow([*_row(begin_s, word, sigma_s, confidence), repr(states.common_share)])
             if k + 1 == len(states) or states.begin_s[k + 1] > end_s:
-                table.writerow(_row(end_s, ToolState.UNKNOWN.label, float(states.end_sigma_s[k]), 0.0))
+                end = _row(end_s, ToolState.UNKNOWN.label, float(states.end_sigma_s[k]), 0.0)
+                table.writerow([*end, repr(states.common_share)])
 
 
 def _row(t_s: float, state: str, sigma_s: float, confidence: float) -> tuple[str, str, str, str, str]:

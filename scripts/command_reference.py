@@ -36,6 +36,8 @@ def page() -> str:
         command = furrowmap.get_command(click.Context(furrowmap), verb)
         assert command is not None
         sections.append(section(f"furrowmap {verb}", command))
+        if isinstance(command, click.Group):
+            sections += [section(f"furrowmap {verb} {name}", below) for name, below in command.commands.items()]
     return "\n".join(sections)
 
 

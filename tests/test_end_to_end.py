@@ -80,6 +80,11 @@ class Judge:
         found: dict[str, Any] = self.tool.judge_cloud(result, self.truth)
         return found
 
+    def surfaces(self, result: Path) -> dict[str, Any]:
+        dsm: dict[str, Any] = self.tool.judge_dsm(result, self.truth)
+        change: dict[str, Any] = self.tool.judge_change(result, self.truth)
+        return {"dsm": dsm, **change}
+
 
 def tool_module(shared_data: Path, name: str) -> ModuleType:
     """A tool that lies beside the samples, as a module."""
@@ -186,6 +191,7 @@ class Judged:
 
     trajectory: dict[str, Any]
     cloud: dict[str, Any]
+    surfaces: dict[str, Any]
     report: dict[str, Any]
 
 
@@ -199,7 +205,8 @@ def judged(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
         session = session_folder(shared_data, name, folder / "recording", truth=False)
         report = write_products(session, folder / "result")
         judge = Judge(shared_data, name)
-        return Judged(judge.trajectory(folder / "result"), judge.cloud(folder / "result"), report)
+        result = folder / "result"
+        return Judged(judge.trajectory(result), judge.cloud(result), judge.surfaces(result), report)
 
     return run_of
 
@@ -231,9 +238,26 @@ def test_matching__with_better_positions_is_absolutely_better(shared_data: Path,
     session = session_folder(shared_data, name, tmp_path / "recording", truth=False)
     shutil.copy(shared_data / name / "reference.nmea", session.with_name("gnss.nmea"))
     write_products(session, tmp_path / "result")
-    absolute = Judge(shared_data, name).trajectory(tmp_path / "result")["absolute"]
+    judge = Judge(shared_data, name)
+    absolute = judge.trajectory(tmp_path / "result")["absolute"]
     assert abs(absolute["offset_m"]) <= 0.010
     assert absolute["tilt_deg"] <= 0.1
+    assert judge.surfaces(tmp_path / "result")["dsm"]["rmse_m"] <= 0.018
+
+
+@pytest.mark.parametrize("name", TRACTORS)
+def test_surfaces__show_the_tilled_soil_and_how_much_it_rose(judged: Callable[[str], Judged], name: str) -> None:
+    found = judged(name)
+    dsm, change = found.surfaces["dsm"], found.surfaces["change"]
+    assert dsm["cell_m"] == 0.05
+    assert dsm["shape_rmse_m"] <= 0.009
+    assert dsm["tilled_share_shape"] >= 0.88
+    assert dsm["worked_cells_with_value_share"] <= dsm["tilled_share_best_possible"] + 0.01  # nothing is guessed
+    assert abs(change["volume_error_percent"]) <= 10.0
+    assert abs(change["mean_change_on_untilled_cells_m"]) <= 0.003
+    moved = found.report["figures"]["soil_moved"]
+    assert moved["volume_m3"] == pytest.approx(change["volume_true_m3"], rel=0.1)
+    assert abs(moved["beside_passes"]["mean_change_m"]) <= 0.003
 
 
 @pytest.mark.parametrize(("name", "heading_deg"), [("tractor_loop", 0.12), ("tractor_fishtail", 0.25)])

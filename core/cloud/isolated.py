@@ -15,13 +15,16 @@ COLUMNS: Final = 2
 NEAR_M: Final = 0.3
 NEAR_SHARE: Final = 0.02
 """It confirms a return if its range differs by less than NEAR_M plus this share of the range."""
+MOST_SHARE: Final = 1.0 / 3.0
+"""Where a larger share has no neighbour, the scan does not know its lasers and firings: it is no range image."""
 
 
 def isolated(scan: Scan) -> NDArray[np.bool_]:
     """Which returns (n,) of a scan have no neighbour at about their range.
 
     The scan is looked at as a range image, as in Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) clouds
-    are by their nearest points: at every range the neighbours are the next directions, however far apart they are.
+    are by their nearest points: at every range the neighbours are the next directions, however far apart they are. In a
+    scan that is no range image, as from a bag that names neither lasers nor times, no return is isolated.
     """
     lasers = 1 + int(scan.laser.max(initial=0))
     columns = 1 + int(scan.column.max(initial=0))
@@ -31,7 +34,7 @@ def isolated(scan: Scan) -> NDArray[np.bool_]:
         np.ascontiguousarray(scan.column, np.uint16),
         np.zeros((lasers, columns), np.float32),
     )
-    return alone
+    return alone if np.count_nonzero(alone) <= MOST_SHARE * len(scan) else np.zeros(len(scan), bool)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.implement.found import USUAL_LIFT_M, Found, Outcome, described
 from furrowmap.core.implement.levels import FEWEST_SCANS, MOVED_M, find_levels
-from furrowmap.core.implement.model import Box, Hint, Learned
+from furrowmap.core.implement.model import Box, Hint, Learned, Levels
 from furrowmap.core.implement.near_scans import NearScan
-from furrowmap.core.implement.template import CELL_X_M, Template
-from furrowmap.core.implement.views import FEWEST_POINTS, Views, ground_plane, views_of
+from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, Template, fit_height
+from furrowmap.core.implement.views import FEWEST_POINTS, SEARCH_M, Views, ground_plane, views_of
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
 
@@ -35,6 +35,13 @@ _CHOSEN: Final = 24
 """So many pairs of scans are chosen for being unlike each other, and as many evenly over the session."""
 _REFERENCES: Final = 6
 _ROUNDS: Final = 2
+_AT_M: Final = 0.04
+"""A tool nearer than this to one of its positions is there."""
+_OTHER_TRAVEL_M: Final = 0.10
+_BETTER: Final = 1.01
+"""Another travel must differ by so much, and fit by so much better, to be believed."""
+_BEYOND_M: Final = 0.2
+"""Heights are looked for so far beyond both positions."""
 _NO_GROUND: Final = Notice(
     "implement-no-ground",
     "The ground near the vehicle is not where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it, so the "
@@ -86,8 +93,52 @@ def _find(views: Views) -> Found | None:
         better = _improved(views, outcome.image, heights.height_m, heights.sure)
         levels = find_levels(views, better.heights) if better is not None else None
         if better is not None and levels is not None:
-            return Found(better, levels)
+            found = Found(better, levels)
+            return _by_travel(found) or found
     return None
+
+
+def _by_travel(found: Found) -> Found | None:
+    """What is found with another travel between the two positions, where the scans on their way speak for one.
+
+    A scanner may see other parts of a lifted tool than of a lowered one, so that one position's side view fits the
+    other's at a height that is not true. On its way the tool shows both kinds of parts: the travel at which both
+    positions together look most like that is the tool's. None where the travel found is as good.
+    """
+    outcome, levels = found.outcome, found.levels
+    views, height, sure = outcome.views, outcome.heights.height_m, outcome.heights.sure
+    at_low, at_high = (sure & (np.abs(height - level) < _AT_M) for level in (levels.low_m, levels.high_m))
+    between = np.flatnonzero(sure & ~at_low & ~at_high)
+    if levels.hidden != ToolState.UNKNOWN or len(between) < FEWEST_SCANS:
+        return None
+    lower = _mean_side(views, at_low, np.where(at_low, height, 0.0), outcome.still_m)
+    upper = _mean_side(views, at_high, height, outcome.still_m)
+    sides = [views.side(number, outcome.still_m) for number in between.tolist()]
+    now_m = levels.high_m - levels.low_m
+    step = round(now_m / CELL_Z_M)
+    travels = np.arange(round(MOVED_M / CELL_Z_M), round(SEARCH_M / CELL_Z_M))
+    worth = np.array([_worth(views, sides, lower, upper, levels, int(rows) - step) for rows in travels])
+    best = int(np.argmax(worth))
+    if abs(int(travels[best]) - step) * CELL_Z_M < _OTHER_TRAVEL_M:
+        return None
+    if worth[best] < _BETTER * _worth(views, sides, lower, upper, levels, 0):
+        return None
+    moved = height + np.where(at_high, (int(travels[best]) - step) * CELL_Z_M, 0.0)
+    better = _improved(views, outcome.image, moved, at_low | at_high)
+    levels_there = find_levels(views, better.heights) if better is not None else None
+    return Found(better, levels_there) if better is not None and levels_there is not None else None
+
+
+def _worth(
+    views: Views, sides: Sequence[NDArray[np.float32]], lower: FloatArray, upper: FloatArray, levels: Levels, rows: int
+) -> float:
+    """Log-likelihood a point of scans on their way, if the travel is larger by so many rows than the heights say."""
+    moved = np.zeros_like(upper)
+    moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
+    template = Template.of(views.grid, lower + moved)
+    low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
+    gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
+    return float(np.mean(gains))
 
 
 def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import datetime as dt
 import math
 from collections.abc import Iterator, Sequence
@@ -18,8 +17,6 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
-COLUMNS: Final = ("t_s", "time", "state", "sigma_s", "confidence")
-"""The columns of the table that are read; `t_s` is preferred to `time`, the last two may be missing."""
 LARGEST_BYTES: Final = 50_000_000
 _STATES: Final = {state.label: state for state in ToolState}
 
@@ -77,6 +74,7 @@ class StatesCsv:
             confidence=np.array([row[3] for row in rows], np.float64)[known],
             begin_sigma_s=sigma_s[known],
             end_sigma_s=np.append(sigma_s[1:], np.nan)[known],
+            common_share=max((row[4] for row in rows), default=0.0),
         )
 
     def inspect(self) -> Inspection:
@@ -106,15 +104,16 @@ def _header(line: str) -> tuple[list[str], str]:
     return [name.strip().strip('"').strip() for name in line.split(separator)], separator
 
 
-def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, str]]:
-    """(t_s, state, sigma_s, confidence, where it stands) of each row."""
+def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
+    """(t_s, state, sigma_s, confidence, common_share, where it stands) of each row."""
     with Source(path) as source:
         data = source.read(LARGEST_BYTES + 1)
     if len(data) > LARGEST_BYTES:
         raise _bad(f"{path}: more than {LARGEST_BYTES:,} bytes")
     lines = data.decode("utf-8", "replace").splitlines()
     names, separator = _header(lines[0] if lines else "")
-    for number, cells in enumerate(csv.reader(lines[1:], delimiter=separator), start=2):
+    for number, line in enumerate(lines[1:], start=2):
+        cells = line.replace('"', "").split(separator)
         if not any(cell.strip() for cell in cells):
             continue
         where = f"{path}, line {number}"
@@ -123,7 +122,12 @@ def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, str]]:
         if word not in _STATES:
             raise _bad(f"{where}: the state is {word[:40]!r}")
         sigma_s, confidence = _number(row, "sigma_s", where, math.nan), _number(row, "confidence", where, 1.0)
-        yield _time_s(row, where), _STATES[word], sigma_s, min(max(confidence, 0.0), 1.0), where
+        common = _number(row, "common_share", where, 0.0)
+        yield _time_s(row, where), _STATES[word], sigma_s, _share(confidence), _share(common), where
+
+
+def _share(value: float) -> float:
+    return min(max(value, 0.0), 1.0)
 
 
 def _time_s(row: dict[str, str], where: str) -> float:

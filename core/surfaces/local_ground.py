@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -30,7 +30,7 @@ TILE_M: Final = TILE_CELLS * CELL_M
 SAMPLES: Final = 16
 _STEP_M: Final = 0.002
 _RELIEF_STEPS: Final = 32_000
-"""Samples are kept in steps of 2 mm from the tile's first height: 64 m up and down."""
+"""Samples are kept in steps of 2 mm from the middle height of the tile's first scan: 64 m up and down."""
 FEWEST: Final = 3
 """A cell with fewer returns shows no ground."""
 LOW_SHARE: Final = 0.2
@@ -68,13 +68,12 @@ class GroundWatch:
         """Take note of the points (n, 3) of a scan that may be land: finite, without the machine and stray returns."""
         if not len(xyz_m):
             return
-        middle = np.floor(np.median(xyz_m[:: 1 + len(xyz_m) // 100, :2], axis=0) / TILE_M).astype(np.int64)
-        corner = middle - _FAR_TILES
+        middle_m = np.median(xyz_m[:: 1 + len(xyz_m) // 100], axis=0)
+        corner = np.floor(middle_m[:2] / TILE_M).astype(np.int64) - _FAR_TILES
         window = np.full((2 * _FAR_TILES + 1,) * 2, -1, np.int64)
-        first = _first_in(xyz_m, corner, window)
-        for column, row in np.argwhere(first >= 0).tolist():
-            key = int(corner[0]) + column, int(corner[1]) + row
-            window[column, row] = self._slot(key, float(xyz_m[first[column, row], 2]))
+        _mark(xyz_m, corner, window)
+        for column, row in np.argwhere(window == 0).tolist():
+            window[column, row] = self._slot((int(corner[0]) + column, int(corner[1]) + row), float(middle_m[2]))
         _draw(xyz_m, corner, window, self._base_m, self._samples, self._counts)
 
     def ground(self) -> LocalGround:
@@ -88,14 +87,15 @@ class GroundWatch:
         return LocalGround(np.array([_number(*key) for key in keys], np.int64), heights.astype(np.float32))
 
     def _slot(self, key: tuple[int, int], height_m: float) -> int:
-        """Where the samples of a tile are; a new one is made round `height_m`."""
-        slot = self._slots.setdefault(key, len(self._slots))
+        """Where the samples of a tile are; a new one is made, for heights round `height_m`."""
+        if key in self._slots:
+            return self._slots[key]
+        slot = self._slots[key] = len(self._slots)
         if slot == len(self._base_m):
             self._samples, self._counts, self._base_m = (
-                np.concatenate([held, np.zeros_like(held)]) for held in (self._samples, self._counts, self._base_m)
+                _doubled(held) for held in (self._samples, self._counts, self._base_m)
             )
-        if not self._counts[slot].any():
-            self._base_m[slot] = height_m
+        self._base_m[slot] = height_m
         return slot
 
     def _block(self, keys: Sequence[tuple[int, int]]) -> Iterator[tuple[tuple[int, int], FloatArray]]:
@@ -157,16 +157,21 @@ def _number(column: int, row: int) -> int:
     return (column + _KEY << 32) + row + _KEY
 
 
+def _doubled(held: NDArray[Any]) -> NDArray[Any]:
+    """The array with as many zeros after it, which take no memory before they are used."""
+    more = np.zeros((2 * len(held), *held.shape[1:]), held.dtype)
+    more[: len(held)] = held
+    return more
+
+
 @numba.njit(cache=True, nogil=True)
-def _first_in(xyz_m, corner, window):  # type: ignore[no-untyped-def]
-    """The first point in each tile of a window; -1 where there is none."""
-    first = np.full(window.shape, -1, np.int64)
+def _mark(xyz_m, corner, window):  # type: ignore[no-untyped-def]
+    """Put 0 for the tiles of a window in which there are points."""
     for i in range(len(xyz_m)):
         a = int(np.floor(xyz_m[i, 0] / TILE_M)) - corner[0]
         b = int(np.floor(xyz_m[i, 1] / TILE_M)) - corner[1]
-        if 0 <= a < first.shape[0] and 0 <= b < first.shape[1] and first[a, b] < 0:
-            first[a, b] = i
-    return first
+        if 0 <= a < window.shape[0] and 0 <= b < window.shape[1]:
+            window[a, b] = 0
 
 
 @numba.njit(cache=True, nogil=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,6 +83,7 @@ class PointSpool:
         self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
         self._cells = np.empty((HELD, 2), np.int64)
         self._heights, self._times = np.empty(HELD, np.float32), np.empty(HELD, np.float32)
+        self._reading = threading.Lock()
         self._held = 0
         self._blocks: list[_Block] = []
         self._begin_s: float | None = None
@@ -198,10 +200,11 @@ class PointSpool:
         out = np.empty(sum(end - begin for _, begin, end in parts), dtype)
         done = 0
         for block, begin, end in parts:
-            into = memoryview(out[done : done + end - begin].view(np.uint8))
-            offset = block.offset + skipped * block.points + begin * dtype.itemsize
-            if os.preadv(self._file.fileno(), [into], offset) != len(into):
-                raise OSError("the scratch file of the surfaces is shorter than was written")
+            into = out[done : done + end - begin].view(np.uint8).data
+            with self._reading:
+                self._file.seek(block.offset + skipped * block.points + begin * dtype.itemsize)
+                if self._file.readinto(into) != into.nbytes:
+                    raise OSError("the scratch file of the surfaces is shorter than was written")
             done += end - begin
         return out
 

@@ -7,12 +7,14 @@ from typing import Final
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.work.shapes import closed, grown, parts
+from furrowmap.core.work.shapes import areal, closed, grown, parts
 
 THINNEST_M: Final = 0.02
 """Less than this between two passes is not left standing by any tool."""
 SMALLEST_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
+_GRID_M: Final = 1e-6
+"""Corners are laid on a grid where shapes with nearly the same sides are cut from each other: GEOS may fail else."""
 
 
 def missed(
@@ -36,8 +38,8 @@ def missed(
         taken = coverage.union(box.difference(boundary))
     strips = closed(taken, width_m)
     if boundary is not None:
-        strips = strips.intersection(boundary)
-    strips = strips.difference(coverage.union(doubtful))
+        strips = areal(strips.intersection(boundary))
+    strips = areal(strips.difference(coverage.union(doubtful)))
     wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
     return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
 

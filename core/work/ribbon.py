@@ -14,9 +14,11 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.work.sweep import Sweep
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
-TOLERANCE_M: Final = 0.002
-"""Sides have as few vertices as leave them this near to the path (Douglas and Peucker's rule)."""
+TOLERANCE_M: Final = 0.005
+"""Sides have as many vertices as chords so near to the path need (Douglas and Peucker's rule): half as far as the best
+positions are from the truth."""
 LONGEST_M: Final = 25.0
 LARGEST_TURN_RAD: Final = np.radians(45.0)
 """Within a ribbon so short and so straight the line does not come back to ground that it has swept."""
@@ -70,9 +72,25 @@ def _pieces(sweep: Sweep) -> list[slice]:
 
 
 def _simplified(side: FloatArray) -> FloatArray:
-    """The vertices (k, 3) of a side (n, 3) that are needed, its ends among them."""
+    """A side (n, 3) with few vertices (k, 3), its ends among them, that keeps the ground on either side of it.
+
+    Douglas and Peucker's rule chooses the vertices; a polyline with these vertices is then fitted to the side by least
+    squares, its ends held. What it leaves out on one side it adds on the other, where chords would always cut the
+    outside of bends.
+    """
     line = shapely.simplify(shapely.LineString(side), TOLERANCE_M, preserve_topology=False)
-    return shapely.get_coordinates(line, include_z=True)
+    return _fitted(side, np.searchsorted(side[:, 2], shapely.get_coordinates(line, include_z=True)[:, 2]))
+
+
+def _fitted(side: FloatArray, chosen: IntArray) -> FloatArray:
+    """The rows `chosen` of a side, moved so that lines between them fit all its rows best; first and last stay."""
+    vertices = side[chosen]
+    if len(chosen) > 2:
+        row = np.arange(len(side), dtype=np.float64)
+        tents = np.column_stack([np.interp(row, chosen, one) for one in np.eye(len(chosen))])
+        held = tents[:, [0, -1]] @ vertices[[0, -1], :2]
+        vertices[1:-1, :2] = np.linalg.lstsq(tents[:, 1:-1], side[:, :2] - held, rcond=None)[0]
+    return vertices
 
 
 def _folded(left: FloatArray, right: FloatArray) -> BaseGeometry:

@@ -40,6 +40,13 @@ def parts(shape: BaseGeometry) -> list[shapely.Polygon]:
     return sorted(found, key=lambda part: -part.area)
 
 
+def areal(shape: BaseGeometry) -> BaseGeometry:
+    """The polygons of a geometry, without the lines and points in which shapes touch: GEOS overlays no collections."""
+    if shape.geom_type != "GeometryCollection":
+        return shape
+    return shapely.MultiPolygon([part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)])
+
+
 def joined(shapes: Iterable[BaseGeometry]) -> shapely.MultiPolygon:
     """The union of polygons, without slivers."""
     return shapely.MultiPolygon(parts(shapely.union_all(list(shapes))))

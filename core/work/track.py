@@ -19,7 +19,8 @@ from furrowmap.core.work.sweep import pass_numbers, pass_times
 
 FloatArray = NDArray[np.float64]
 
-LINE_TOLERANCE_M: Final = 0.01
+LINE_TOLERANCE_M: Final = 0.02
+"""A line that shows where the tool was has as few vertices as leave it this near to its way."""
 
 
 @dataclass(frozen=True)

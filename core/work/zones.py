@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.ribbon import Ribbon
-from furrowmap.core.work.shapes import closed, parts
+from furrowmap.core.work.shapes import areal, closed, parts
 from furrowmap.core.work.sweep import Sweep, tool_line
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ def zones(
     body = closed(shapely.union_all(pieces[~on_turns]), width_m)
     headland = closed(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
     if boundary is not None:
-        body, headland = body.intersection(boundary), headland.intersection(boundary)
+        body, headland = areal(body.intersection(boundary)), areal(headland.intersection(boundary))
     return [("body", part) for part in parts(body)] + [("headland", part) for part in parts(headland)]
 
 

@@ -236,6 +236,7 @@ class GeopackageEdit:
             if self._path.exists():
                 self._held = self._stack.enter_context(closing(held(self._path)))
                 with closing(sqlite3.connect(self._path)) as source, closing(sqlite3.connect(unfinished)) as copy:
+                    copy.execute("PRAGMA synchronous = OFF")
                     source.backup(copy)
                 shutil.copymode(self._path, unfinished)
             else:

@@ -14,11 +14,13 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.exchange.result import Result, open_result
 from furrowmap.exporters.exchange.stac import write_collection
+from furrowmap.exporters.exchange.task_data import write_task_data
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, VectorFormat, changed_crs
 from furrowmap.exporters.staging import staged_folder
 
+TASK_DATA: Final = "isoxml"
 STAC: Final = "stac"
-NAMES: Final = (*FORMATS, STAC)
+NAMES: Final = (*FORMATS, TASK_DATA, STAC)
 
 
 @dataclass(frozen=True)
@@ -74,8 +76,12 @@ def export(
     if to == STAC:
         with staged_folder(target) as staging:
             write_collection(staging, results, target)
-            files = _names(staging)
-        return Exported(target, tuple(target / name for name in files), ())
+            names = _names(staging)
+        return Exported(target, tuple(target / name for name in names), ())
+    if to == TASK_DATA:
+        notices = write_task_data(folders[0], target)
+        files = sorted(target.iterdir()) if target.is_dir() else [target]
+        return Exported(target, tuple(files), tuple(notices))
     return _vectors(results[0], FORMATS[to], target, layers, crs)
 
 

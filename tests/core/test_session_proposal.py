@@ -180,3 +180,16 @@ def test_common_folder__is_the_nearest_that_holds_all(tmp_path: Path) -> None:
     assert common_folder([tmp_path / "a" / "x.pcap", tmp_path / "a" / "b" / "y.nmea"]) == tmp_path / "a"
     with pytest.raises(InputError, match="nothing in common"):
         common_folder([Path("/dev/x.pcap"), Path("/proc/y.nmea")])
+
+
+def test_task_data__make_a_session_without_a_scanner(shared_data: Path, tmp_path: Path) -> None:
+    shutil.copyfile(shared_data / "isoxml/field_days/tillage_two_fields_holes.zip", tmp_path / "day.zip")
+    proposal = propose_session([Examined.of(tmp_path / "day.zip")], tmp_path)
+    session = parse_session(proposal.text)
+    assert session.recording.lidar == ()
+    assert session.recording.gnss == ("day.zip",)
+    assert session.implement is not None
+    assert (session.implement.states, session.implement.width_m) == (("day.zip",), 10.0)
+    assert session.crs.map == "EPSG:32632"
+    assert '# task = "TSK2"   # FieldWithHoles' in proposal.text
+    assert {notice.code for notice in proposal.missing} == {"no-antenna", "no-implement"}

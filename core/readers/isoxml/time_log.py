@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.isoxml.records import find_records, read_values
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.values.errors import InputError, Notice
 
@@ -26,8 +26,6 @@ DAY_S: Final = 86_400
 POSITION: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
 """Bytes of each attribute of PTN: latitude, longitude, up, status, PDOP, HDOP, satellites, GPS time and day."""
 MOST_VALUES: Final = 255
-EARLIEST_DAY: Final = 1461
-"""1984-01-01; a record of an earlier day is a clock that was not set, and still a record."""
 NOT_AVAILABLE: Final = 0x7FFFFFFF
 
 
@@ -130,13 +128,10 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
     layout = read_header(header, name)
     data = np.frombuffer(records, np.uint8)
     width = 6 + sum(POSITION[letter] for letter in layout.open)
-    offsets = np.array([_offset(layout.open, letter) for letter in ("A", "B", "I")], np.int64)
-    found = _records(data, width, offsets, len(layout.channels))
-    starts, lost, breaks = found
-    values = int(data[starts + width].astype(np.int64).sum()) if len(starts) else 0
-    record, channel, value = _values(data, starts, width, values)
-    notices = _damage(name, len(data), int(lost), int(breaks))
-    return _assembled(name, layout, data, starts, (record, channel, value), notices)
+    places = _offset(layout.open, "A"), _offset(layout.open, "B")
+    starts, lost, breaks = find_records(data, width, places, len(layout.channels))
+    notices = _damage(name, len(data), lost, breaks)
+    return _assembled(name, layout, data, starts, read_values(data, starts, width), notices)
 
 
 def read_header(data: bytes, name: str) -> Header:
@@ -254,93 +249,3 @@ def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
         return ()
     text = f"{name}.bin: {lost:,} of {size:,} bytes are no records and left out (places: {breaks})."
     return (Notice("time-log-damaged", text),)
-
-
-@numba.njit(cache=True, nogil=True)
-def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> Any:
-    """Where the record ends that begins at a byte; −1 if none that makes sense does, −2 if the file ends in it."""
-    size = len(data)
-    if at + width + 1 > size:
-        return -2
-    millis = data[at] + (data[at + 1] << 8) + (data[at + 2] << 16) + (np.int64(data[at + 3]) << 24)
-    if millis > 86_400_999:
-        return -1
-    end = at + width + 1 + 5 * np.int64(data[at + width])
-    if end > size:
-        return -2
-    for k in range(at + width + 1, end, 5):
-        if data[k] >= channels:
-            return -1
-    for k in range(2):
-        if offsets[k] >= 0:
-            place = at + offsets[k]
-            raw = np.int32(
-                np.uint32(data[place])
-                | (np.uint32(data[place + 1]) << np.uint32(8))
-                | (np.uint32(data[place + 2]) << np.uint32(16))
-                | (np.uint32(data[place + 3]) << np.uint32(24))
-            )
-            limit = 900_000_000 if k == 0 else 1_800_000_000
-            # 0x7FFFFFFF and its neighbours say that there is no position
-            if (raw > limit or raw < -limit) and raw < 0x7FFFFFF0 and raw > -0x7FFFFFF0:
-                return -1
-    return end
-
-
-@numba.njit(cache=True, nogil=True)
-def _day(data: Any, at: int) -> Any:
-    return np.int64(data[at + 4]) + (np.int64(data[at + 5]) << 8)
-
-
-@numba.njit(cache=True, nogil=True)
-def _records(data: Any, width: int, offsets: Any, channels: int) -> Any:
-    """Where each record begins (n,), how many bytes are no records, and at how many places."""
-    size = len(data)
-    starts = np.empty(size // (width + 1) + 1, np.int64)
-    n, at, lost, breaks = 0, 0, 0, 0
-    broken = False
-    while at < size:
-        end = _record_end(data, at, width, offsets, channels)
-        good = end > 0
-        if good and (broken or n > 0) and n > 0 and abs(_day(data, at) - _day(data, starts[n - 1])) > 366:
-            good = False  # a log of years is none: the step was lost
-        if good and broken:
-            # after damage two records in a row, of neighbouring days, tell that the step is found again
-            follower = _record_end(data, end, width, offsets, channels) if end < size else -1
-            good = follower > 0 and abs(_day(data, end) - _day(data, at)) <= 1
-        if good:
-            starts[n] = at
-            n += 1
-            at = end
-            broken = False
-        else:
-            if not broken:
-                breaks += 1
-            broken = True
-            lost += 1
-            at += 1
-    return starts[:n].copy(), lost, breaks
-
-
-@numba.njit(cache=True, nogil=True)
-def _values(data: Any, starts: Any, width: int, count: int) -> Any:
-    """(record, channel, value) of all values."""
-    record = np.empty(count, np.int64)
-    channel = np.empty(count, np.uint8)
-    value = np.empty(count, np.int32)
-    k = 0
-    for n in range(len(starts)):
-        at = starts[n] + width
-        for _ in range(np.int64(data[at])):
-            place = at + 1
-            record[k] = n
-            channel[k] = data[place]
-            value[k] = np.int32(
-                np.uint32(data[place + 1])
-                | (np.uint32(data[place + 2]) << np.uint32(8))
-                | (np.uint32(data[place + 3]) << np.uint32(16))
-                | (np.uint32(data[place + 4]) << np.uint32(24))
-            )
-            at += 5
-            k += 1
-    return record, channel, value

@@ -65,7 +65,7 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
         table = np.stack(list(states.values()))
         state[(table == ToolState.UP).any(axis=0)] = ToolState.UP
         state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
-    width = _width(log, elements, states)
+    width = _width(log, elements, states, state == ToolState.DOWN)
     state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
     return LoggedWork(state, width, _counted(log, elements), tuple(notices))
 
@@ -106,10 +106,21 @@ def _state(raw: FloatArray) -> NDArray[np.int8]:
     return np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
 
 
-def _width(log: TimeLog, elements: Mapping[str, DeviceElement], states: Mapping[str, NDArray[np.int8]]) -> FloatArray:
+def _width(
+    log: TimeLog,
+    elements: Mapping[str, DeviceElement],
+    states: Mapping[str, NDArray[np.int8]],
+    at_work: NDArray[np.bool_],
+) -> FloatArray:
     """The working width (n,): that of the largest parts that state one.
 
     Sections lie side by side, and those at work add up; functions lie behind each other, and the widest counts.
+
+    Args:
+        log: the time log.
+        elements: the machines' parts.
+        states: (n,) of the parts that have one.
+        at_work: (n,) whether any part works, for sections that have no state.
     """
     widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
     topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
@@ -117,7 +128,7 @@ def _width(log: TimeLog, elements: Mapping[str, DeviceElement], states: Mapping[
     parallel = np.zeros(len(log))
     for element in topmost:
         if element in elements and elements[element].kind in PARALLEL:
-            working = states[element] == ToolState.DOWN if element in states else np.ones(len(log), bool)
+            working = states[element] == ToolState.DOWN if element in states else at_work
             parallel += np.where(working & np.isfinite(widths[element]), widths[element], 0.0)
         else:
             width = np.fmax(width, widths[element])

@@ -49,14 +49,22 @@ def parse_xml(data: bytes, name: str) -> Element:
     try:
         parser.Parse(data, True)  # noqa: FBT003 (expat takes it by position only)
     except expat.ExpatError as error:
-        raise InputError(
-            f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}.",
-            "The file is no well-formed XML, so nothing in it can be trusted.",
-            "Copy it again from the terminal; if it is the same there, ask its maker.",
-            code="xml-damaged",
+        raise _damaged(
+            f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}"
         ) from None
+    except (LookupError, ValueError) as error:  # of an encoding that Python does not know, or expat cannot use
+        raise _damaged(f"{name}, line 1: {error}") from None
     assert tree.root is not None  # expat refuses a document without an element
     return tree.root
+
+
+def _damaged(what: str) -> InputError:
+    return InputError(
+        f"{what}.",
+        "The file is no well-formed XML, so nothing in it can be trusted.",
+        "Copy it again from the terminal; if it is the same there, ask its maker.",
+        code="xml-damaged",
+    )
 
 
 class _Tree:

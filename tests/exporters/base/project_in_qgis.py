@@ -70,7 +70,7 @@ def main(address: str) -> None:
     opened = project.read(address)
     span = project.timeSettings().temporalRange()
     extent = project.viewSettings().defaultViewExtent()
-    print(
+    sys.stdout.write(
         json.dumps(
             {
                 "opened": opened,

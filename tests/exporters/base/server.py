@@ -18,7 +18,9 @@ import psycopg
 from psycopg import sql
 
 PASSWORD = "s3cret/pä:ss"
-SETTINGS = "fsync = off\nfull_page_writes = off\nsynchronous_commit = off\nmax_connections = 20\nshared_buffers = 16MB\n"
+SETTINGS = (
+    "fsync = off\nfull_page_writes = off\nsynchronous_commit = off\nmax_connections = 20\nshared_buffers = 16MB\n"
+)
 
 
 @dataclass(frozen=True)

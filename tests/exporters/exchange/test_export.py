@@ -42,12 +42,21 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def write_report(folder: Path, name: str) -> None:
     report = {
         "furrowmap": "0.1.0",
-        "session": {"name": name, "crs": {"map": "EPSG:6677"}, "lidar": {"model": "VLP-16"}},
+        "session": {
+            "name": name,
+            "crs": {"map": "EPSG:6677"},
+            "lidar": {"model": "VLP-16"},
+            "implement": {"kind": "tiller", "width_m": 1.7, "xy_m": [-1.5, 0.0]},
+        },
         "inputs": [{"name": "recording.pcap", "bytes": 5, "sha256": "00ff"}],
         "figures": {
             "start": "2026-06-11T01:23:40.937Z",
             "end": "2026-06-11T01:24:40.692Z",
             "points": 1000,
+            "worked_area_ellipsoid_m2": 50.0,
+            "worked_length_m": 47.0,
+            "distance_m": 84.0,
+            "hours": {"field_s": 78.0, "working_s": 47.0, "turning_s": 31.0, "idle_s": 0.0},
             "bounds_m": [[16_600.0, 96_500.0, 270.0], [16_700.0, 96_600.0, 275.0]],
         },
         "products": ["cloud.copc.laz", "field.gpkg", "dsm.tif", "report.html", "something.else"],

@@ -1,0 +1,152 @@
+"""Gridding and raster writing: furrowmap beside numpy, scipy and GDAL's own driver, in the same run.
+
+    python benchmarks/gridding.py [--points 20000000] [--rounds 3]
+
+The points are those of a scanner that drives over a field: 100,000 to a turn, each turn about a place of its own, as
+they come from a recording. Cells are 5 cm. Of several rounds the fastest counts; rates are millions of points a second
+by the wall clock, files megabytes of the array a second. Ratios within one run hold from machine to machine, absolute
+figures do not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from pyproj import CRS
+from scipy.stats import binned_statistic_2d
+
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.heights import Moments, ordered_surface
+from furrowmap.core.surfaces.spool import PointSpool, TilePoints
+from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.exporters.cog import Origin, surface_arrays, surface_bands, write_cog
+
+FloatArray = NDArray[np.float64]
+
+CELL_M = 0.05
+TURN = 100_000
+FEWER = 20
+"""scipy is given one point in so many."""
+
+
+def scanned(points: int, seed: int = 0) -> FloatArray:
+    """Points (n, 3) of turns along lanes 2 m apart, within 12 m of the scanner."""
+    rng = np.random.default_rng(seed)
+    turns = -(-points // TURN)
+    xyz = np.empty((turns * TURN, 3))
+    azimuth = np.linspace(0.0, 2.0 * np.pi, TURN)
+    for turn in range(turns):
+        part = xyz[turn * TURN : (turn + 1) * TURN]
+        lane, along = divmod(turn * 1.0, 40.0)
+        distance = rng.choice(np.linspace(2.0, 12.0, 16), TURN)
+        part[:, 0] = 20.0 + along + distance * np.cos(azimuth)
+        part[:, 1] = 20.0 + 2.0 * lane + distance * np.sin(azimuth)
+        part[:, 2] = 270.0 + rng.normal(0.0, 0.01, TURN)
+    return xyz[:points]
+
+
+def five(xyz: FloatArray, grid: Grid) -> Surface:
+    """Count, mean, spread, least and greatest height, on two cores."""
+    halves = [Moments(grid, 270.0), Moments(grid, 270.0)]
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda job: job[0].add(job[1]), zip(halves, np.array_split(xyz, 2), strict=True)))
+    halves[0].join(halves[1])
+    return halves[0].surface(Statistic.parse("mean"))
+
+
+def robust(xyz: FloatArray, name: str) -> int:
+    """Points of all tiles of a surface of an ordering statistic, through the scratch file, on two cores."""
+    statistic = Statistic.parse(name)
+
+    def surface(tile: TilePoints) -> int:
+        return int(ordered_surface(tile.grid, tile.cell, tile.height_m, tile.base_m, statistic).count.sum())
+
+    with PointSpool(CELL_M, 270.0) as spool, ThreadPoolExecutor(2) as pool:
+        for part in np.array_split(xyz, max(1, len(xyz) // TURN)):
+            spool.add(part)
+        keys = spool.tiles
+        return sum(pool.map(lambda key: surface(spool.tile(key)), keys))
+
+
+def bincount(xyz: FloatArray, grid: Grid) -> NDArray[np.float64]:
+    """Count and mean by numpy."""
+    column = ((xyz[:, 0] - grid.bounds_m[0]) / CELL_M).astype(np.int64)
+    row = ((grid.bounds_m[3] - xyz[:, 1]) / CELL_M).astype(np.int64)
+    cell = row * grid.columns + column
+    count = np.bincount(cell, minlength=grid.rows * grid.columns)
+    return np.bincount(cell, xyz[:, 2], grid.rows * grid.columns) / np.maximum(count, 1)
+
+
+def binned(xyz: FloatArray, grid: Grid, statistic: str) -> None:
+    """One statistic by scipy."""
+    west, south, east, north = grid.bounds_m
+    binned_statistic_2d(
+        xyz[:, 0], xyz[:, 1], xyz[:, 2], statistic, bins=[grid.columns, grid.rows], range=[[west, east], [south, north]]
+    )
+
+
+def gdal(path: Path, arrays: NDArray[np.float32], grid: Grid) -> None:
+    """The same array by GDAL's COG driver with its own choices."""
+    profile = {"height": grid.rows, "width": grid.columns, "count": len(arrays), "dtype": "float32", "nodata": np.nan}
+    where = {"crs": "EPSG:6677", "transform": rasterio.Affine(*grid.transform)}
+    with rasterio.open(path, "w", driver="COG", **profile, **where) as file:
+        file.write(arrays)
+
+
+def fastest(work: Callable[[], object], rounds: int) -> float:
+    """Seconds."""
+    times = []
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, default=20_000_000)
+    parser.add_argument("--rounds", type=int, default=3)
+    args = parser.parse_args()
+    xyz = scanned(args.points)
+    few = xyz[::FEWER]
+    low, high = xyz.min(axis=0), xyz.max(axis=0)
+    grid = Grid.of_bounds(CELL_M, (low[0], low[1], high[0], high[1]))
+    n = len(xyz) / 1e6
+    print(f"{n:.1f} M points, {grid.columns} x {grid.rows} cells")
+
+    def told(what: str, millions: float, work: Callable[[], object]) -> None:
+        print(f"{what:<52} {millions / fastest(work, args.rounds):8.1f} M points/s")
+
+    told("furrowmap: count, mean, spread, min, max", n, lambda: five(xyz, grid))
+    told("furrowmap: median, spread, count through scratch", n, lambda: robust(xyz, "median"))
+    told("furrowmap: trimmed mean, spread, count", n, lambda: robust(xyz, "trimmed"))
+    told("numpy bincount: count and mean", n, lambda: bincount(xyz, grid))
+    told("scipy binned_statistic_2d: mean", len(few) / 1e6, lambda: binned(few, grid, "mean"))
+    surface = five(xyz, grid)
+    arrays = np.stack([np.asarray(band, np.float32) for band in surface_arrays(surface)])
+    with tempfile.TemporaryDirectory() as folder:
+        ours, theirs = Path(folder, "ours.tif"), Path(folder, "gdal.tif")
+        origin = Origin("Surface")
+        own_s = fastest(
+            lambda: write_cog(ours, grid, CRS("EPSG:6677"), surface_bands(), list(arrays), origin), args.rounds
+        )
+        gdal_s = fastest(lambda: gdal(theirs, arrays, grid), args.rounds)
+        megabytes = arrays.nbytes / 1e6
+        for name, seconds, path in (("furrowmap", own_s, ours), ("GDAL's COG driver", gdal_s, theirs)):
+            print(f"{name + ': COG':<52} {megabytes / seconds:8.1f} MB/s, {path.stat().st_size / 1e6:.1f} MB on disk")
+    print(f"most memory: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+
+
+if __name__ == "__main__":
+    main()

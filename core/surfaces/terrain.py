@@ -1,0 +1,137 @@
+"""What the relief of a surface is like: slope, shade, and the random roughness of tilled soil."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.grid import Grid, Surface
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+PLOT_M: Final = 1.0
+LEAST_SHARE: Final = 0.5
+"""A plot in which a smaller share of the cells has a height has no roughness."""
+
+
+def gradient(height_m: NDArray[np.floating], cell_m: float) -> tuple[FloatArray, FloatArray]:
+    """Rise eastward and northward, metres per metre, by the eight cells round each one.
+
+    B. K. P. Horn (1981), Hill shading and the reflectance map, Proceedings of the IEEE 69, 14-47; as GDAL does it.
+
+    Args:
+        height_m: (rows, columns), north up.
+        cell_m: side of a cell.
+
+    Returns:
+        two arrays of that shape, nan at the edges and wherever one of the nine heights is.
+    """
+    east, north = np.full((2, *height_m.shape), np.nan)
+    if min(height_m.shape) < 3:
+        return east, north
+    z = height_m.astype(np.float64)
+    middle = z[1:-1, 1:-1] * 0.0  # nan where the middle is
+    columns = z[:-2] + 2.0 * z[1:-1] + z[2:]
+    rows = z[:, :-2] + 2.0 * z[:, 1:-1] + z[:, 2:]
+    every = columns[:, 1:-1] * 0.0 + rows[:-2] * 0.0 + rows[2:] * 0.0 + middle
+    east[1:-1, 1:-1] = (columns[:, 2:] - columns[:, :-2]) / (8.0 * cell_m) + every
+    north[1:-1, 1:-1] = (rows[:-2] - rows[2:]) / (8.0 * cell_m) + every
+    return east, north
+
+
+def slope_deg(height_m: NDArray[np.floating], cell_m: float) -> Float32Array:
+    """Slope in degrees, as :func:`gradient` has it; (rows, columns) float32, nan where that is."""
+    return np.degrees(np.arctan(np.hypot(*gradient(height_m, cell_m)))).astype(np.float32)
+
+
+def hillshade(
+    height_m: NDArray[np.floating], cell_m: float, azimuth_deg: float = 315.0, altitude_deg: float = 45.0
+) -> NDArray[np.uint8]:
+    """Light of a lamp far away on the surface, 1 (none) to 255 (at right angles), 0 where there is no slope.
+
+    As GDAL's `gdaldem hillshade` scales it.
+
+    Args:
+        height_m: (rows, columns), north up.
+        cell_m: side of a cell.
+        azimuth_deg: where the lamp stands, clockwise from grid north.
+        altitude_deg: above the horizon.
+    """
+    east, north = gradient(height_m, cell_m)
+    azimuth, altitude = math.radians(azimuth_deg), math.radians(altitude_deg)
+    towards = east * math.sin(azimuth) + north * math.cos(azimuth)
+    light = (math.sin(altitude) - math.cos(altitude) * towards) / np.sqrt(1.0 + east * east + north * north)
+    shade = 1.0 + 254.0 * np.maximum(light, 0.0)
+    return np.where(np.isnan(shade), 0.0, np.floor(shade + 0.5)).astype(np.uint8)
+
+
+def random_roughness(
+    surface: Surface, plot_m: float = PLOT_M, tillage_heading_deg: float | None = None
+) -> tuple[Grid, Float32Array]:
+    """Random roughness: standard deviation of a plot's heights without its slope and without the marks of tillage.
+
+    The index of Allmaras, Burwell, Larson and Holt (1966, Total porosity and random roughness of the interrow zone as
+    influenced by tillage, USDA Conservation Research Report 7) in the form of Currence and Lovely (1970, The analysis
+    of soil surface roughness, Transactions of the ASAE 13, 710-714): of the heights themselves instead of their
+    logarithms, none left out. The slope is the plane of least squares. Marks are the mean heights of strips one cell
+    wide along the direction of tillage, where it is given. Roughness finer than a cell is averaged out.
+
+    Args:
+        surface: of cells much smaller than a plot. Filled cells do not count.
+        plot_m: side of the plots.
+        tillage_heading_deg: direction of work, clockwise from grid north; None takes the slope off only.
+
+    Returns:
+        the grid of the plots, and (rows, columns) float32 metres; nan where less than half of a plot has a height.
+    """
+    grid = surface.grid
+    west, south, east, north = grid.bounds_m
+    inner = 0.5 * grid.cell_m
+    plots = Grid.of_bounds(plot_m, (west + inner, south + inner, east - inner, north - inner))
+    out = np.full(plots.shape[0] * plots.shape[1], np.nan, np.float32)
+    row, column = np.nonzero(surface.seen & np.isfinite(surface.height_m))
+    e, n = (centres[k] for centres, k in zip(grid.centres_m(), (column, row), strict=True))
+    z = surface.height_m[row, column].astype(np.float64)
+    plot, _ = plots.cells_of(e, n)
+    count = np.bincount(plot, minlength=len(out))
+    enough = count >= max(LEAST_SHARE * (plot_m / grid.cell_m) ** 2, 6.0)
+    kept = enough[plot]
+    plot, e, n, z = plot[kept], e[kept], n[kept], z[kept]
+    u, v = (n, e) if tillage_heading_deg is None else _turned(e, n, tillage_heading_deg)
+    rest = _without_plane(plot, u, v, z, len(out))
+    free = count - 3.0
+    if tillage_heading_deg is not None:
+        strip = np.floor(v / grid.cell_m)
+        _, mark = np.unique(np.stack([plot, strip]), axis=1, return_inverse=True)
+        mark = mark.ravel()
+        rest -= (np.bincount(mark, rest) / np.bincount(mark))[mark]
+        # A strip's mean takes one freedom each; those of level and cross slope are among them.
+        first = np.unique(mark, return_index=True)[1]
+        free = count - 1.0 - np.bincount(plot[first], minlength=len(out))
+    square = np.bincount(plot, rest * rest, minlength=len(out))
+    told = enough & (free > 0)
+    out[told] = np.sqrt(square[told] / free[told])
+    return plots, out.reshape(plots.shape)
+
+
+def _turned(e: FloatArray, n: FloatArray, heading_deg: float) -> tuple[FloatArray, FloatArray]:
+    """Coordinates along a heading, and to the right of it."""
+    heading = math.radians(heading_deg)
+    return e * math.sin(heading) + n * math.cos(heading), e * math.cos(heading) - n * math.sin(heading)
+
+
+def _without_plane(plot: NDArray[np.intp], u: FloatArray, v: FloatArray, z: FloatArray, plots: int) -> FloatArray:
+    """Heights (n,) less the plane of least squares through those of their plot."""
+    count = np.maximum(np.bincount(plot, minlength=plots), 1)
+    u, v, z = (axis - (np.bincount(plot, axis, minlength=plots) / count)[plot] for axis in (u, v, z))
+    uu, uv, vv, uz, vz = (np.bincount(plot, a * b, plots) for a, b in ((u, u), (u, v), (v, v), (u, z), (v, z)))
+    scale = uu * vv - uv * uv
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rise_u = np.where(scale > 0.0, (uz * vv - vz * uv) / scale, 0.0)
+        rise_v = np.where(scale > 0.0, (vz * uu - uz * uv) / scale, 0.0)
+    rest: FloatArray = z - rise_u[plot] * u - rise_v[plot] * v
+    return rest

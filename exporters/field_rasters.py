@@ -1,0 +1,139 @@
+"""The surfaces of a run as rasters: `dsm.tif`, and where work is known `dsm_before.tif` and `change.tif`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+from furrowmap.core.field_surfaces import FieldPoints, FieldTile, tool_passages
+from furrowmap.core.pipeline import Run
+from furrowmap.core.soil_moved import Moved, SoilMoved, SoilSums
+from furrowmap.core.surfaces.statistic import MEDIAN
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.cog import (
+    STANDARD_ERROR,
+    Band,
+    Bands,
+    Origin,
+    cog_output,
+    surface_arrays,
+    surface_bands,
+    with_heights,
+)
+from furrowmap.exporters.report import FileRecord
+
+DSM: Final = "dsm.tif"
+BEFORE: Final = "dsm_before.tif"
+CHANGE: Final = "change.tif"
+STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml"}
+"""QGIS takes the style beside a raster for the raster's own."""
+CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
+_TITLES: Final = {
+    DSM: "Surface as left at the end",
+    BEFORE: "Surface before the implement passed",
+    CHANGE: "Change of the surface: after less before",
+}
+
+
+@dataclass(frozen=True)
+class RasterFigures:
+    """What the report tells of the surfaces.
+
+    Attributes:
+        cell_m: length of a cell's sides.
+        seen_m2: area with a height in `dsm.tif`.
+        moved: soil; None where no work is known.
+    """
+
+    cell_m: float
+    seen_m2: float
+    moved: SoilMoved | None
+
+    def plain(self) -> dict[str, Any]:
+        """As `report.json` has it."""
+        figures: dict[str, Any] = {"dsm_cell_m": self.cell_m, "dsm_area_m2": round(self.seen_m2, 1)}
+        if self.moved is None:
+            return figures
+        passes = [{"pass": number, **_moved(moved)} for number, moved in self.moved.passes.items()]
+        beside = {"area_m2": round(self.moved.beside.area_m2, 2), "mean_change_m": _rounded(self.moved.beside.mean_m)}
+        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": beside, "passes": passes}}
+
+
+def write_rasters(
+    folder: Path, land: FieldPoints, found: Run, inputs: Sequence[FileRecord], progress: Progress
+) -> RasterFigures | None:
+    """Write the rasters of a run into a folder; None, and no file, where no point lies on the land.
+
+    Raises:
+        OSError: if they cannot be written.
+    """
+    grid = land.grid
+    if grid is None:
+        return None
+    passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
+    bands = {DSM: surface_bands()} | ({BEFORE: surface_bands(), CHANGE: CHANGE_BANDS} if passages else {})
+    crs = with_heights(found.frame.crs, found.session.crs.heights)
+    sums, seen = SoilSums(), 0
+    with ExitStack() as stack:
+        write = {
+            name: stack.enter_context(cog_output(folder / name, grid, crs, held, _origin(name, found, inputs)))
+            for name, held in bands.items()
+        }
+        for tile in _told(land, land.tiles(passages, MEDIAN), progress):
+            arrays = _arrays(tile)
+            for name, put in write.items():
+                put(tile.grid, arrays[name])
+            sums.add(tile)
+            seen += int(tile.after.seen.sum())
+    for name in bands:
+        style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
+        (folder / style_of(name)).write_text(style, encoding="utf-8")
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None)
+
+
+def style_of(name: str) -> str:
+    """Name of the style that lies beside a raster."""
+    return str(Path(name).with_suffix(".qml"))
+
+
+def _arrays(tile: FieldTile) -> dict[str, Bands]:
+    return {
+        DSM: surface_arrays(tile.after),
+        BEFORE: surface_arrays(tile.before),
+        CHANGE: (tile.change_m, tile.change_error_m),
+    }
+
+
+def _told(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
+    """The tiles; tells `progress` how many of them are done."""
+    count = max(land.tile_count, 1)
+    for number, tile in enumerate(tiles, start=1):
+        yield tile
+        progress("making surfaces", number / count)
+
+
+def _origin(name: str, found: Run, inputs: Sequence[FileRecord]) -> Origin:
+    return Origin(
+        _TITLES[name],
+        found.session.name,
+        {record.name: record.sha256 for record in inputs},
+        (found.tally.first_s, found.tally.last_s),
+        {"statistic": MEDIAN.name, "heights": found.session.crs.heights},
+    )
+
+
+def _moved(moved: Moved) -> dict[str, float | None]:
+    return {
+        "volume_m3": _rounded(moved.volume_m3),
+        "mean_change_m": _rounded(moved.mean_m),
+        "area_m2": round(moved.area_m2, 2),
+        "compared_m2": round(moved.compared_m2, 2),
+    }
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, 4) if value == value else None

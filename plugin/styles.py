@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""How surfaces and clouds look; the vector layers bring their styles along, in the GeoPackage."""
+
+from qgis.core import (
+    QgsColorRampShader,
+    QgsHillshadeRenderer,
+    QgsPointCloudCategory,
+    QgsPointCloudClassifiedRenderer,
+    QgsRasterDemTerrainProvider,
+    QgsRasterShader,
+    QgsSingleBandPseudoColorRenderer,
+)
+from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtGui import QColor, QPainter
+
+LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
+EXAGGERATION = 1.0
+"""At cells of 5 cm the clods of tilled soil stand out by themselves; more makes them glaring."""
+CHANGE_M = 0.10
+CHANGES = (  # metres, colour: removed, unchanged, heaped up
+    (-CHANGE_M, "#8c510a"),
+    (-CHANGE_M / 3, "#dfc27d"),
+    (0.0, "#f5f5f5"),
+    (CHANGE_M / 3, "#80cdc1"),
+    (CHANGE_M, "#01665e"),
+)
+CLASSES = ((2, "#9c7a4a", "ground"), (1, "#5c9c4a", "other"), (64, "#d08020", "vehicle"), (65, "#c03030", "implement"))
+NOISE = (7, "#b0b0b0", "noise")
+
+
+def show_as_surface(layer):
+    """A hillshade."""
+    renderer = QgsHillshadeRenderer(layer.dataProvider(), 1, LIGHT_FROM_DEG, LIGHT_ABOVE_DEG)
+    renderer.setZFactor(EXAGGERATION)
+    renderer.setMultiDirectional(False)
+    layer.setRenderer(renderer)
+    properties = layer.elevationProperties()
+    properties.setEnabled(True)
+
+
+def show_as_change(layer):
+    """Brown where soil went, green where it came, over the hillshade below."""
+    ramp = QgsColorRampShader(-CHANGE_M, CHANGE_M)
+    ramp.setColorRampType(QgsColorRampShader.Type.Interpolated)
+    ramp.setColorRampItemList(
+        [QgsColorRampShader.ColorRampItem(value, QColor(colour), f"{value * 100:+.0f} cm") for value, colour in CHANGES]
+    )
+    shader = QgsRasterShader()
+    shader.setRasterShaderFunction(ramp)
+    renderer = QgsSingleBandPseudoColorRenderer(layer.dataProvider(), 1, shader)
+    renderer.setClassificationMin(-CHANGE_M)
+    renderer.setClassificationMax(CHANGE_M)
+    layer.setRenderer(renderer)
+    layer.setBlendMode(QPainter.CompositionMode.CompositionMode_Multiply)
+
+
+def show_by_class(layer):
+    """Ground, what stands on it, vehicle and implement in their colours; noise is not drawn."""
+    categories = [
+        QgsPointCloudCategory(code, QColor(colour), QCoreApplication.translate("Classes", label), code != NOISE[0])
+        for code, colour, label in (*CLASSES, NOISE)
+    ]
+    layer.setRenderer(QgsPointCloudClassifiedRenderer("Classification", categories))
+
+
+def stand_on_terrain(project, layers):
+    """Make the session's surface the terrain of profiles and 3D views, unless the project has a terrain of its own."""
+    surface = next((layer for layer in layers if layer.name() == "dsm"), None)
+    properties = project.elevationProperties()
+    if surface is None or properties.terrainProvider().type() != "flat":
+        return
+    terrain = QgsRasterDemTerrainProvider()
+    terrain.setLayer(surface)
+    properties.setTerrainProvider(terrain)

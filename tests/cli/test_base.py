@@ -1,0 +1,96 @@
+"""`furrowmap base` from end to end, called as a user calls it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from pyproj import CRS
+
+from furrowmap.cli.main import command_line
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.exporters.cog import HEIGHT, Origin, write_cog
+from tests.exporters.base.result_folders import write_result
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Results of two sessions, each with a surface."""
+    root = tmp_path_factory.mktemp("results")
+    first = write_result(root / "first")
+    second = write_result(root / "second", name="\x1b[31mSouth", recording="b" * 64, day=7)
+    for i, folder in enumerate((first, second)):
+        heights = np.full((4, 4), 250.0 + i, np.float32)
+        grid = Grid(0.5, 33_200 + 2 * i, 193_000, (4, 4))
+        write_cog(folder / "dsm.tif", grid, CRS.from_epsg(6677), [HEIGHT], [heights], Origin("dsm"))
+    return [first, second]
+
+
+def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    status = command_line([str(word) for word in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_base__is_filled_listed_emptied(
+    folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = tmp_path / "farm.gpkg"
+    assert told(capsys, "base", "add", *folders, base)[:2] == (
+        0,
+        f"{base}: 2 added; now 2 sessions in EPSG:6677.\n",
+    )
+    status, out, _ = told(capsys, "base", "add", folders[0], base, "--json")
+    assert status == 0
+    assert [len(json.loads(out)[deed]) for deed in ("added", "replaced", "unchanged")] == [0, 0, 1]
+    status, out, _ = told(capsys, "base", "list", base)
+    assert [line.split()[1] for line in out.splitlines()] == ["2026-06-12", "2026-06-19"]
+    assert "\x1b" not in out
+    sessions = json.loads(told(capsys, "base", "list", base, "--json")[1])["sessions"]
+    assert sessions[0]["start"].startswith("2026-06-11T15:00:00")
+    status, out, _ = told(capsys, "base", "remove", base, sessions[1]["session"], "North field")
+    assert (status, out) == (0, f"{base}: 2 removed; now 0 sessions in EPSG:6677.\n")
+    assert told(capsys, "base", "list", base)[1] == "No sessions.\n"
+
+
+def test_mosaic__has_the_latest_on_top(folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told(capsys, "base", "add", *reversed(folders), tmp_path / "farm.gpkg")
+    status, out, err = told(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")
+    assert (status, err) == (0, "")
+    assert out.endswith("2 surfaces, 6 × 4 cells of 0.5 m, EPSG:6677.\n")
+    with rasterio.open(tmp_path / "farm.vrt") as raster:
+        assert raster.read(1).tolist() == [[250.0, 250.0, 251.0, 251.0, 251.0, 251.0]] * 4
+    assert told(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")[0] == 4
+    assert told(capsys, "base", "mosaic", *folders, "-o", tmp_path / "farm.tif", "--mean", "-q")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["base"], 2, "Missing command"),
+        (["base", "ad"], 2, "furrowmap base add"),
+        (["base", "add", "nowhere", "farm.gpkg"], 3, "nowhere"),
+        (["base", "list", "nowhere.gpkg"], 3, "nowhere.gpkg"),
+        (["base", "add", "x", "farm.gpkg", "--crs", "EPSG:0"], 2, "--crs"),
+        (["base", "add", "x", "farm.gpkg", "--time-zone", "Mars/../Base"], 2, "--time-zone"),
+        (["base", "mosaic", "nowhere", "-o", "farm.png"], 2, "farm.png"),
+        (["base", "list", "postgresql://me:s3cret@127.0.0.1:1/farm"], 3, "127.0.0.1"),
+    ],
+)
+def test_mistake__is_three_lines_and_a_status(
+    arguments: list[str],
+    status: int,
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found, out, err = told(capsys, *arguments)
+    assert (found, out, len(err.splitlines())) == (status, "", 3)
+    assert words in err
+    assert "s3cret" not in err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import rasterio
+
+from furrowmap.cli.main import command_line
+
+
+def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+    status = command_line([str(word) for word in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture(scope="module")
+def las(shared_data: Path) -> Path:
+    return shared_data / "las"
+
+
+def test_surface__of_a_cloud_in_feet(las: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cloud = las / "good" / "las12_pf3_autzen_trim.laz"
+    status, _, err = told(capsys, "surface", cloud, "-o", tmp_path / "out")
+    assert status == 3
+    assert len(err.splitlines()) == 3
+    assert "--dst-crs EPSG:32610" in err
+    status, out, err = told(
+        capsys, "surface", cloud, "-o", tmp_path / "out", "--dst-crs", "EPSG:32610", "--cell", "1", "--json"
+    )
+    assert status == 0
+    answer = json.loads(out)
+    assert answer["figures"]["points"] == 110_000
+    assert answer["crs"] == "EPSG:32610"
+    assert {"crs-change-loose", "heights-in-feet"} <= {warning["code"] for warning in answer["warnings"]}
+    assert "Heights are in units of 0.3048 m" in err
+    with rasterio.open(tmp_path / "out" / "dtm.tif") as file:
+        heights = file.read(1, masked=True)
+    assert 0.3048 * 406.26 - 0.01 <= heights.min() < heights.max() <= 0.3048 * 520.51 + 0.01
+    status, _, err = told(capsys, "surface", cloud, "-o", tmp_path / "out", "--dst-crs", "EPSG:32610")
+    assert status == 4
+    assert "--overwrite" in err
+
+
+def test_surface__tells_the_lies_of_a_file_it_can_read(
+    las: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = told(
+        capsys,
+        *("surface", las / "hostile" / "d_header_box_lies.las", "-o", tmp_path, "--crs", "EPSG:32610", "--cell", "20"),
+    )
+    assert status == 0
+    assert "the header's box is not that of the points" in err
+    assert "dsm.tif" in out
+
+
+@pytest.mark.parametrize("name", ["d_laz_chunk_table_4294967295_chunks.laz", "d_scale_x_nan.las", "d_empty_file.las"])
+def test_surface__refuses_what_cannot_be_read_and_writes_nothing(
+    las: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = told(capsys, "surface", las / "hostile" / name, "-o", tmp_path / "out", "--crs", "EPSG:32610")
+    assert (status, out) == (3, "")
+    assert len(err.splitlines()) == 3
+    assert name in err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "word"),
+    [
+        (["--bbox", "1,2,3"], 2, "4 numbers"),
+        (["--class", "two"], 2, "numbers"),
+        (["--statistic", "mode"], 3, "statistic"),
+        (["--crs", "EPSG:0"], 3, "no CRS"),
+        (["--cell", "0"], 3, "cell"),
+    ],
+)
+def test_surface__wrong_arguments_are_told(
+    las: Path, tmp_path: Path, arguments: list[str], status: int, word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = las / "good" / "las14_pf8_wkt_rgf93.laz"
+    answer, _, err = told(capsys, "surface", cloud, "-o", tmp_path / "out", *arguments)
+    assert answer == status
+    assert word in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_inspect__tells_a_cloud_and_its_lies(las: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = told(capsys, "inspect", las / "good" / "las14_pf7_wkt_compound_gpstime.las")
+    assert status == 0
+    lines = {" ".join(line.split()) for line in out.splitlines()}
+    assert {"points 687", "gps time adjusted standard GPS time", "version LAS 1.4, point format 7"} <= lines
+    assert any(line.startswith("notice") and "seconds of a week" in line for line in lines)
+    status, _, err = told(capsys, "inspect", las / "hostile" / "d_laz_cut_in_half.laz")
+    assert status == 3
+    assert "cut off" in err

@@ -1,0 +1,128 @@
+"""Ground classification on scenes whose truth is known, for both methods."""
+
+from __future__ import annotations
+
+import sys
+from typing import TypeAlias, cast, get_args
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
+from furrowmap.core.surfaces.smrf import Smrf, ground_cells
+from furrowmap.core.surfaces.tiles import tiles
+from furrowmap.core.values.errors import InputError
+
+Scene: TypeAlias = tuple[NDArray[np.float64], NDArray[np.bool_]]
+
+
+def relief(e: NDArray[np.float64], n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A hill of 2 m on a slope of 3 %, nowhere steeper than 12 %."""
+    hill: NDArray[np.float64] = 2.0 * np.exp(-((e - 30.0) ** 2 + (n - 20.0) ** 2) / 400.0)
+    return 271.0 + 0.03 * e + hill
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """60 m by 40 m of relief with a roof, a fence and a tree on it, and which points are of the ground."""
+    rng = np.random.default_rng(3)
+    e, n = rng.uniform((0.0, 0.0), (60.0, 40.0), (60_000, 2)).T
+    z = relief(e, n) + rng.normal(0.0, 0.01, len(e))
+    roof = (np.abs(e - 15.0) < 5.0) & (np.abs(n - 10.0) < 4.0)
+    fence = np.abs(n - 35.0) < 0.05
+    tree = np.hypot(e - 45.0, n - 15.0) < 3.0
+    z += np.where(roof, 3.0, 0.0) + np.where(fence, rng.uniform(0.4, 1.2, len(e)), 0.0)
+    z += np.where(tree & (rng.random(len(e)) < 0.8), rng.uniform(1.0, 6.0, len(e)), 0.0)
+    ground = np.abs(z - relief(e, n)) < 0.05
+    return np.column_stack([e + 16_600.0, n - 96_500.0, z]), ground
+
+
+@pytest.fixture(params=get_args(GroundMethod))
+def method(request: pytest.FixtureRequest) -> GroundMethod:
+    """Each method whose library is installed."""
+    if request.param == "csf":
+        pytest.importorskip("CSF")
+    return cast("GroundMethod", request.param)
+
+
+def test_classify_ground__tells_ground_from_roof_fence_and_tree(scene: Scene, method: GroundMethod) -> None:
+    xyz, truth = scene
+    found = classify_ground(xyz, method)
+    assert (found & truth).sum() > 0.995 * truth.sum()
+    assert (found & ~truth).sum() < 0.01 * (~truth).sum()
+
+
+def test_classify_ground__survives_what_is_no_place(scene: Scene, method: GroundMethod) -> None:
+    xyz, truth = scene[0][::4], scene[1][::4]
+    strange = np.array([[np.nan, 0.0, 0.0], [0.0, np.inf, 0.0], [1e9, 1e9, 0.0], [16_610.0, -96_490.0, 1e6]])
+    found = classify_ground(np.concatenate([strange, xyz]), method)
+    assert not found[[0, 1, 3]].any()
+    assert (found[4:] & truth).sum() > 0.98 * truth.sum()
+
+
+def test_smrf__does_not_follow_returns_from_below(scene: Scene) -> None:
+    xyz, truth = scene[0][::4], scene[1][::4]
+    pits = np.column_stack([xyz[:20, :2], xyz[:20, 2] - 20.0])
+    found = classify_ground(np.concatenate([pits, xyz]))
+    assert not found[:20].any()
+    assert (found[20:] & truth).sum() > 0.98 * truth.sum()
+
+
+def test_classify_ground__of_few_points_or_none_ends_well(method: GroundMethod) -> None:
+    for points in (0, 1, 2, 11):
+        xyz = np.column_stack([np.arange(points), np.zeros(points), np.zeros(points)])
+        assert len(classify_ground(xyz, method)) == points
+
+
+def test_classify_ground__does_not_depend_on_where_the_squares_lie(scene: Scene) -> None:
+    xyz = scene[0]
+    moved = classify_ground(xyz + np.array([64.0, 100.0, 0.0]))
+    assert (moved != classify_ground(xyz)).mean() < 0.002
+
+
+def test_classify_ground__says_nothing_on_standard_output(
+    scene: Scene, method: GroundMethod, capfd: pytest.CaptureFixture[str]
+) -> None:
+    classify_ground(scene[0][::10], method)
+    assert capfd.readouterr().out == ""
+
+
+def test_classify_ground__says_how_to_get_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "CSF", None)
+    with pytest.raises(InputError, match="not installed") as raised:
+        classify_ground(np.zeros((20, 3)), "csf")
+    assert raised.value.code == "extra-missing"
+
+
+def test_classify_ground__names_the_methods() -> None:
+    with pytest.raises(InputError, match="no such method"):
+        classify_ground(np.zeros((0, 3)), "pmf")  # type: ignore[arg-type]
+
+
+def test_ground_cells__takes_off_what_is_narrower_than_the_window_only() -> None:
+    height = np.zeros((80, 80))
+    height[10:20, 10:20] = 3.0
+    height[30:75, 30:75] = 3.0
+    ground = ground_cells(height, Smrf(cell_m=1.0, window_m=10.0))
+    assert not ground[10:20, 10:20].any()
+    assert ground[35:70, 35:70].all()
+    assert ground[height == 0.0].all()
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.5, 20.0), st.floats(0.0, 1.0))
+def test_tiles__hold_each_point_once_and_all_that_lie_near(seed: int, tile_m: float, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    xyz = rng.normal(0.0, rng.choice([1.0, 30.0, 1e7]), (50, 3))
+    margin_m = share * tile_m
+    seen = []
+    for tile in tiles(xyz, tile_m, margin_m):
+        assert np.array_equal(tile.members[: len(tile.own)], tile.own)
+        seen.extend(tile.own.tolist())
+        for k in tile.own.tolist():
+            near = np.flatnonzero((np.abs(xyz[:, :2] - xyz[k, :2]) < 0.999 * margin_m).all(axis=1))
+            assert set(near.tolist()) <= set(tile.members.tolist())
+    assert sorted(seen) == list(range(len(xyz)))

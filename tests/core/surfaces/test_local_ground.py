@@ -1,0 +1,89 @@
+"""The ground of a run: points of a scene with known truth, taken scan by scan and classified at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.local_ground import GroundWatch
+from furrowmap.core.values.point_classes import PointClass
+
+STEP_M = 0.001
+OTHER, GROUND, NOISE = PointClass.OTHER, PointClass.GROUND, PointClass.NOISE
+
+
+def relief(e: NDArray[np.float64], n: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 0.05 * e + 0.3 * np.sin(n / 8.0)
+
+
+def land(seed: int, count: int = 120_000) -> NDArray[np.float64]:
+    """Rough ground on both sides of the origin, across several tiles."""
+    rng = np.random.default_rng(seed)
+    e, n = rng.uniform(-40.0, 40.0, (count, 2)).T
+    return np.column_stack([e, n, relief(e, n) + rng.normal(0.0, 0.015, count)])
+
+
+def classified(watch: GroundWatch, xyz: NDArray[np.float64], before: int = OTHER) -> NDArray[np.uint8]:
+    """The final classes of points."""
+    records = np.zeros(len(xyz), [("X", "<i4"), ("Y", "<i4"), ("Z", "<i4"), ("more", "V7"), ("classification", "u1")])
+    for name, axis in zip("XYZ", xyz.T, strict=True):
+        records[name] = np.rint(axis / STEP_M)
+    records["classification"] = before
+    watch.ground().classify(records["X"], records["Y"], records["Z"], STEP_M, records["classification"])
+    return np.asarray(records["classification"])
+
+
+@pytest.fixture(scope="module")
+def watch() -> GroundWatch:
+    """What was learned of the land with a wall on it, some of it tilled later, in a hundred scans."""
+    watch = GroundWatch()
+    xyz = land(1)
+    wall = np.column_stack(
+        [
+            np.random.default_rng(2).uniform(5.0, 15.0, 8000),
+            np.full(8000, 10.0),
+            np.random.default_rng(3).uniform(0.0, 2.5, 8000),
+        ]
+    )
+    wall[:, 2] += relief(wall[:, 0], wall[:, 1])
+    low = np.column_stack([xyz[:30, :2], xyz[:30, 2] - 3.0])
+    every = np.concatenate([xyz, wall, low])
+    for part in np.array_split(every[np.random.default_rng(4).permutation(len(every))], 100):
+        watch.add(part)
+    return watch
+
+
+def test_classify__land_is_ground(watch: GroundWatch) -> None:
+    assert (classified(watch, land(5)) == GROUND).mean() > 0.999
+
+
+def test_classify__what_is_above_stays_and_what_is_below_is_noise(watch: GroundWatch) -> None:
+    inside = land(6, 5000)
+    for lifted_m, before, after in ((0.6, OTHER, OTHER), (2.0, NOISE, NOISE), (-0.6, OTHER, NOISE)):
+        lifted = inside + np.array([0.0, 0.0, lifted_m])
+        assert (classified(watch, lifted, before) == after).mean() > 0.995
+    assert (classified(watch, inside, NOISE) == GROUND).mean() > 0.999
+
+
+def test_classify__a_wall_is_no_ground(watch: GroundWatch) -> None:
+    e = np.linspace(5.5, 14.5, 200)
+    top = np.column_stack([e, np.full(200, 10.0), relief(e, np.full(200, 10.0)) + 1.5])
+    assert not (classified(watch, top) == GROUND).any()
+
+
+@pytest.mark.parametrize("kind", [PointClass.VEHICLE, PointClass.IMPLEMENT])
+def test_classify__leaves_the_machine_alone(watch: GroundWatch, kind: PointClass) -> None:
+    assert (classified(watch, land(7, 2000), kind) == kind).all()
+
+
+def test_classify__knows_nothing_of_land_not_seen(watch: GroundWatch) -> None:
+    far = land(8, 500) + np.array([5000.0, -3000.0, 0.0])
+    assert (classified(watch, far) == OTHER).all()
+    assert (classified(GroundWatch(), far, NOISE) == NOISE).all()
+
+
+def test_add__a_stray_return_far_away_costs_nothing() -> None:
+    watch = GroundWatch()
+    watch.add(np.concatenate([[[1e8, -1e8, 0.0]], [[1.0, 1.0, 1e7]], land(9)]))
+    assert (classified(watch, land(10, 5000)) == GROUND).mean() > 0.995
