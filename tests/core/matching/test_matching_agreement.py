@@ -209,7 +209,7 @@ def test_the_foot_of_a_fence_makes_no_relief_of_smooth_soil() -> None:
         agreed(probe, t, surface, np.zeros((KNOTS, 3)), Relief(variance=0.0004, trim=trim)).sums.relief()
         for trim in (np.inf, 3.0)
     )
-    assert whole.variance > 0.1**2
+    assert whole.variance > 0.05**2
     assert trimmed.variance < 0.01**2
 
 
