@@ -15,7 +15,7 @@ from furrowmap.core.cloud.ahead import ahead
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
-from furrowmap.core.field_work import FieldWork, ImplementWatch, field_boundary
+from furrowmap.core.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
 from furrowmap.core.matching.adjustment import Tool
 from furrowmap.core.matching.matched import Matched, match
 from furrowmap.core.matching.returns import ground_returns
@@ -127,7 +127,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
-    implement = ImplementWatch(session)
+    implement = ImplementWatch(session, earlier_implement(session_file, session))
     lidar = open_lidar(inputs, session, near_s)
     if located.antenna is not None:
         located = matched_to_ground(located, lidar, session, implement.look, progress)
@@ -168,6 +168,7 @@ class Inputs:
     positions: tuple[Path, ...]
     boundary: tuple[Path, ...] = ()
     states: tuple[Path, ...] = ()
+    learned: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
@@ -179,17 +180,19 @@ class Inputs:
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
         boundary = session.field.boundary
+        learned = session.implement.learned if session.implement is not None else None
         return cls(
             tuple(resolve(session_file, name) for name in session.recording.lidar),
             tuple(resolve(session_file, name) for name in positions),
             (resolve(session_file, boundary),) if boundary is not None else (),
             tuple(resolve(session_file, name) for name in (session.implement.states if session.implement else ())),
+            (resolve(session_file, learned),) if learned is not None else (),
         )
 
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, the scanner's first, in the order in which the session names them."""
-        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states))
+        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states + self.learned))
 
 
 def open_positions(inputs: Inputs, session: Session) -> Reader:

@@ -20,6 +20,7 @@ from pyproj.exceptions import CRSError
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_surfaces import FieldPoints
 from furrowmap.core.field_work import FieldWork
+from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.pipeline import Inputs, Run, run
 from furrowmap.core.run_without_lidar import run_without_lidar
 from furrowmap.core.surfaces.local_ground import GroundWatch
@@ -46,13 +47,25 @@ REPORT: Final = "report.json"
 PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
 STATES: Final = "states.csv"
+LEARNED: Final = "implement.npz"
 ITEM: Final = "item.json"
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
 RASTERS: Final = (DSM, BEFORE, CHANGE)
-PRODUCTS: Final = (CLOUD, *RASTERS, *(style_of(name) for name in RASTERS), FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
+PRODUCTS: Final = (
+    CLOUD,
+    *RASTERS,
+    *(style_of(name) for name in RASTERS),
+    FIELD,
+    STATES,
+    LEARNED,
+    REPORT,
+    PAGE,
+    SESSION,
+    ITEM,
+)
 
 
 def write_products(
@@ -86,6 +99,8 @@ def write_products(
         write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
         if found.work.states is not None:
             write_states(staging / STATES, found.work.states)
+        if found.work.seen is not None:
+            save_implement(staging / LEARNED, found.work.seen)
         write_page(staging / PAGE, found, staging / CLOUD, summary)
         laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
