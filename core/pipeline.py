@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, cast
 import numpy as np
 
 from furrowmap.core.classifying import classifier
-from furrowmap.core.cloud.ahead import ahead
+from furrowmap.core.cloud.ahead import ahead, behind
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
@@ -43,6 +43,13 @@ from furrowmap.core.values.trajectory import Trajectory
 
 SCANS_AHEAD: Final = 32
 ORIGIN_STEP_M: Final = 100.0
+
+
+_UNSOLVED: Final = Notice(
+    "matching-unsolved",
+    "The scans were not matched: positions and ground leave a part of the drive without any hold, so that the poses' "
+    "equations have no solution. The trajectory is that of GNSS alone.",
+)
 
 
 class LidarReader(Reader, GivesScans, Protocol):
@@ -141,7 +148,8 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     placer = _placer(located, session)
     sink.begin(frame, placer.origin_m)
     scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
-    tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add, classify=classifier(machine))
+    with behind(sink.add, SCANS_AHEAD) as add:
+        tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
@@ -255,7 +263,10 @@ def matched_to_ground(
 
     `on_scan` sees each scan on its way.
     """
-    matched = match_session(located, lidar, session, on_scan, progress)
+    try:
+        matched = match_session(located, lidar, session, on_scan, progress)
+    except np.linalg.LinAlgError:
+        return replace(located, notices=(*located.notices, _UNSOLVED))
     if matched is None:
         return located
     return replace(
@@ -274,7 +285,11 @@ def match_session(
     on_scan: Callable[[Scan], None] | None = None,
     progress: Progress = silent,
 ) -> Matched | None:
-    """Match a session's scans to the ground; None where they see too little of it."""
+    """Match a session's scans to the ground; None where they see too little of it.
+
+    Raises:
+        LinAlgError: if positions and ground leave a part of the trajectory without any hold.
+    """
     assert located.antenna is not None
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     implement = session.implement

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import chain, islice
-from typing import Final
+from typing import Final, Self
 
 import numba
 import numpy as np
@@ -38,6 +38,8 @@ NEAR_M: Final = (2.0, 6.0)
 HEIGHT_BIN_M: Final = 0.1
 HEIGHT_TRUSTED_M: Final = 0.25
 """Ground that lies further from the vehicle frame's origin than this shows that the mounting's height is not known."""
+STEP_RETURNS: Final = 1 << 20
+"""So many returns are looked at together."""
 BODY_MARGIN: Final = 2
 """Pixels round the footprint that are left out as well."""
 
@@ -88,12 +90,12 @@ def ground_returns(
     seen = np.zeros((PIXELS, PIXELS), np.int32)
     idle = np.zeros_like(seen)
     begin_s, end_s = trajectory.span_s[0] - BEYOND_S, trajectory.span_s[1] + BEYOND_S
-    total = count = number = 0
+    count = number = 0
     stride, last_s = 1, -np.inf
     scans = iter(scans)
     first = list(islice(scans, LEARN_SCANS))
     ground_m = ground_height_m(first, rotation, lever)
-    with tempfile.TemporaryFile(prefix="furrowmap-") as scratch:
+    with _Scratch() as scratch:
         for scan in chain(first, scans):
             if on_scan is not None:
                 on_scan(scan)
@@ -103,7 +105,7 @@ def ground_returns(
             if t_s[0] < begin_s or t_s[-1] > end_s:
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
-            kept, candidates = select(
+            (index, xyz_m), candidates = select(
                 np.ascontiguousarray(scan.xyz_m, np.float32),
                 np.ascontiguousarray(scan.column, np.uint16),
                 rotation,
@@ -117,16 +119,9 @@ def ground_returns(
             duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
             last_s = float(t_s[-1])
             stride = max(1, round(candidates / (RATE_HZ * duration_s)))
-            record = np.empty(len(kept[0]), _RECORD)
-            record["t_s"] = t_s[kept[0]]
-            record["xyz_m"] = kept[1]
-            record["half"] = number % 2
-            scratch.write(record.tobytes())
-            total += len(record)
-        scratch.flush()
-        stored = np.memmap(scratch, _RECORD, "r", shape=(total,)) if total else np.empty(0, _RECORD)
-    body = grown(seen >= max(1.0, BODY_SHARE * count))
-    return _without_body(stored, body)
+            scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8))
+        body = grown(seen >= max(1.0, BODY_SHARE * count))
+        return _without_body(scratch.stored(body))
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
@@ -149,45 +144,70 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
     return height if abs(height) > HEIGHT_TRUSTED_M else 0.0
 
 
-_RECORD: Final = np.dtype([("t_s", "<f8"), ("xyz_m", "<f4", (3,)), ("half", "u1")])
+class _Scratch:
+    """Returns in nameless files, which the system takes back when nothing maps them any more."""
 
+    def __init__(self) -> None:
+        self._stack = ExitStack()
+        self._count = 0
 
-def _without_body(stored: NDArray[np.void], body: NDArray[np.bool_]) -> GroundReturns:
-    """The stored returns off the body, each field an array on a scratch file of its own."""
-    step = 1 << 20
-    names = ("t_s", "xyz_m", "half")
-    total = 0
-    with ExitStack() as stack:
-        files = {name: stack.enter_context(tempfile.TemporaryFile(prefix="furrowmap-")) for name in names}
-        for begin in range(0, len(stored), step):
-            part = np.asarray(stored[begin : begin + step])
-            part = part[~on_body(part["xyz_m"], body)]
-            # Packets may come a little out of order; what follows relies on time.
-            if np.any(np.diff(part["t_s"]) < 0):
-                part = part[np.argsort(part["t_s"], kind="stable")]
-            total += len(part)
-            for name in names:
-                files[name].write(np.ascontiguousarray(part[name]).tobytes())
-        if not total:
+    def __enter__(self) -> Self:
+        enter = self._stack.enter_context
+        self._files = [enter(tempfile.TemporaryFile(prefix="furrowmap-")) for _ in range(3)]  # noqa: SIM115
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def add(self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8]) -> None:
+        """Append returns."""
+        for file, column in zip(self._files, (t_s, xyz_m, half), strict=True):
+            file.write(np.ascontiguousarray(column).data)
+        self._count += len(t_s)
+
+    def stored(self, body: NDArray[np.bool_]) -> GroundReturns:
+        """All that was added; it may be used after the files are closed."""
+        if not self._count:
             return GroundReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), body)
-        for file in files.values():
+        for file in self._files:
             file.flush()
-        # The mappings outlive the files, which have no name and go with them.
+        t_s, xyz_m, half = self._files
         return GroundReturns(
-            np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
-            np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
-            np.memmap(files["half"], np.uint8, "r", shape=(total,)),
+            np.memmap(t_s, np.float64, "r", shape=(self._count,)),
+            np.memmap(xyz_m, np.float32, "r", shape=(self._count, 3)),
+            np.memmap(half, np.uint8, "r", shape=(self._count,)),
             body,
         )
 
 
+def _without_body(found: GroundReturns) -> GroundReturns:
+    """Those of the returns that are off the body, in the order of time."""
+    with _Scratch() as scratch:
+        for begin in range(0, len(found), STEP_RETURNS):
+            part = slice(begin, begin + STEP_RETURNS)
+            t_s, xyz_m = np.asarray(found.t_s[part]), np.asarray(found.xyz_m[part])
+            kept = np.flatnonzero(~on_body(xyz_m, found.body))
+            # Packets may come a little out of order; what follows relies on time.
+            if np.any(np.diff(t_s) < 0):
+                kept = kept[np.argsort(t_s[kept], kind="stable")]
+            scratch.add(t_s[kept], xyz_m[kept], found.half[part][kept])
+        return scratch.stored(found.body)
+
+
 def on_body(xyz_m: NDArray[np.float32], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which returns (n, 3) in the vehicle frame lie above the footprint."""
-    pixel = np.floor(xyz_m[:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
-    inside: NDArray[np.bool_] = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
-    column, row = np.clip(pixel, 0, PIXELS - 1).T
-    above: NDArray[np.bool_] = inside & body[row, column]
+    above: NDArray[np.bool_] = _on_body(xyz_m, body)
     return above
+
+
+@numba.njit(cache=True, nogil=True)
+def _on_body(xyz_m, body):  # type: ignore[no-untyped-def]
+    out = np.empty(len(xyz_m), np.bool_)
+    for i in range(len(xyz_m)):
+        row = int(np.floor(xyz_m[i, 1] / PIXEL_M)) + PIXELS // 2
+        column = int(np.floor(xyz_m[i, 0] / PIXEL_M)) + PIXELS // 2
+        out[i] = 0 <= row < PIXELS and 0 <= column < PIXELS and body[row, column]
+    return out
 
 
 def grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
