@@ -77,7 +77,11 @@ def calibrate(session_file: Path, progress: Progress = silent) -> Calibration:
         near_s = float(np.mean(located.trajectory.span_s)) + offset
         if located.antenna is None:
             raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
-        matched = match_session(located, open_lidar(inputs, session, near_s), attempt, progress=progress)
+        try:
+            matched = match_session(located, open_lidar(inputs, session, near_s), attempt, progress=progress)
+        except np.linalg.LinAlgError as error:
+            why = "positions and ground leave a part of the drive without any hold"
+            raise _not_shown(session_file, why) from error
         if matched is None:
             raise _not_shown(session_file, "the scans see too little ground")
         part, sigma = matched.clock_offset_s

@@ -17,6 +17,7 @@ from furrowmap.core.implement.machine import Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.states_elsewhere import Agreement, agreement
@@ -41,6 +42,11 @@ _NO_WIDTH = Notice(
     "implement-not-stated",
     "The scanner sees an implement go up and down, but the session does not say how wide it is and where ([implement] "
     "width_m, xy_m): the ground worked is not computed.",
+)
+_FROM_EARLIER = Notice(
+    "implement-from-earlier",
+    "This recording does not show the implement moving up and down: what it looks like in both positions is taken from "
+    "the earlier session that [implement] learned names.",
 )
 
 
@@ -100,15 +106,29 @@ def field_boundary(session_file: Path, session: Session, frame: MapFrame) -> Bas
     return boundary_on_map(read_boundary(resolve(session_file, session.field.boundary)), frame)
 
 
+def earlier_implement(session_file: Path, session: Session) -> SeenImplement | None:
+    """The implement that a session names as learned before.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    stated = session.implement
+    if stated is None or stated.learned is None:
+        return None
+    return load_implement(resolve(session_file, stated.learned))
+
+
 class ImplementWatch:
     """Watches the implement in two readings of a recording: one to find it, one to follow it.
 
     Args:
         session: says how the scanner is mounted, and where the implement is if it knows.
+        earlier: the implement as an earlier session learned it, for a session that does not show it moving.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, earlier: SeenImplement | None = None) -> None:
         self._session = session
+        self._earlier = earlier
         self._near: NearScans | None = NearScans(session.lidar.mounting)
         self._learned = Learned(None, ())
         self._heights: HeightWatch | None = None
@@ -127,8 +147,10 @@ class ImplementWatch:
         """
         assert self._near is not None
         stated, mounting = self._session.implement, self._session.lidar.mounting
-        hint = Hint(stated.xy_m, stated.width_m) if stated is not None else None
+        hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
         self._learned = learn_implement(self._near.scans, hint)
+        if self._learned.implement is None and self._earlier is not None:
+            self._learned = Learned(self._earlier, (_FROM_EARLIER,))
         ahead_s = self._session.recording.lidar_minus_gnss_s
         begin_s = np.array([scan.begin_s for scan in self._near.scans]) - ahead_s
         machine = learn_machine(self._near.scans, _moving(trajectory, begin_s), mounting, self._learned.implement)

@@ -11,11 +11,11 @@ from typing import Any, Final, Protocol, cast
 import numpy as np
 
 from furrowmap.core.classifying import classifier
-from furrowmap.core.cloud.ahead import ahead
+from furrowmap.core.cloud.ahead import ahead, behind
 from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
-from furrowmap.core.field_work import FieldWork, ImplementWatch, field_boundary
+from furrowmap.core.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
 from furrowmap.core.matching.adjustment import Tool
 from furrowmap.core.matching.matched import Matched, match
 from furrowmap.core.matching.returns import ground_returns
@@ -43,6 +43,13 @@ from furrowmap.core.values.trajectory import Trajectory
 
 SCANS_AHEAD: Final = 32
 ORIGIN_STEP_M: Final = 100.0
+
+
+_UNSOLVED: Final = Notice(
+    "matching-unsolved",
+    "The scans were not matched: positions and ground leave a part of the drive without any hold, so that the poses' "
+    "equations have no solution. The trajectory is that of GNSS alone.",
+)
 
 
 class LidarReader(Reader, GivesScans, Protocol):
@@ -127,7 +134,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
-    implement = ImplementWatch(session)
+    implement = ImplementWatch(session, earlier_implement(session_file, session))
     lidar = open_lidar(inputs, session, near_s)
     if located.antenna is not None:
         located = matched_to_ground(located, lidar, session, implement.look, progress)
@@ -141,7 +148,8 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     placer = _placer(located, session)
     sink.begin(frame, placer.origin_m)
     scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
-    tally = place_scans(scans, placer, standing=session.run.standing, sink=sink.add, classify=classifier(machine))
+    with behind(sink.add, SCANS_AHEAD) as add:
+        tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
     _refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
@@ -168,6 +176,7 @@ class Inputs:
     positions: tuple[Path, ...]
     boundary: tuple[Path, ...] = ()
     states: tuple[Path, ...] = ()
+    learned: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
@@ -179,17 +188,19 @@ class Inputs:
         stated = session.trajectory
         positions = stated.files if stated is not None else session.recording.gnss
         boundary = session.field.boundary
+        learned = session.implement.learned if session.implement is not None else None
         return cls(
             tuple(resolve(session_file, name) for name in session.recording.lidar),
             tuple(resolve(session_file, name) for name in positions),
             (resolve(session_file, boundary),) if boundary is not None else (),
             tuple(resolve(session_file, name) for name in (session.implement.states if session.implement else ())),
+            (resolve(session_file, learned),) if learned is not None else (),
         )
 
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, the scanner's first, in the order in which the session names them."""
-        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states))
+        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states + self.learned))
 
 
 def open_positions(inputs: Inputs, session: Session) -> Reader:
@@ -252,7 +263,10 @@ def matched_to_ground(
 
     `on_scan` sees each scan on its way.
     """
-    matched = match_session(located, lidar, session, on_scan, progress)
+    try:
+        matched = match_session(located, lidar, session, on_scan, progress)
+    except np.linalg.LinAlgError:
+        return replace(located, notices=(*located.notices, _UNSOLVED))
     if matched is None:
         return located
     return replace(
@@ -271,7 +285,11 @@ def match_session(
     on_scan: Callable[[Scan], None] | None = None,
     progress: Progress = silent,
 ) -> Matched | None:
-    """Match a session's scans to the ground; None where they see too little of it."""
+    """Match a session's scans to the ground; None where they see too little of it.
+
+    Raises:
+        LinAlgError: if positions and ground leave a part of the trajectory without any hold.
+    """
     assert located.antenna is not None
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     implement = session.implement

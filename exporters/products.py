@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -20,14 +20,16 @@ from pyproj.exceptions import CRSError
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_surfaces import FieldPoints
 from furrowmap.core.field_work import FieldWork
+from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.pipeline import Inputs, Run, run
 from furrowmap.core.run_without_lidar import run_without_lidar
 from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.trajectory.projection import MapFrame
-from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
@@ -46,13 +48,25 @@ REPORT: Final = "report.json"
 PAGE: Final = "report.html"
 SESSION: Final = "session.toml"
 STATES: Final = "states.csv"
+LEARNED: Final = "implement.npz"
 ITEM: Final = "item.json"
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
 RASTERS: Final = (DSM, BEFORE, CHANGE)
-PRODUCTS: Final = (CLOUD, *RASTERS, *(style_of(name) for name in RASTERS), FIELD, STATES, REPORT, PAGE, SESSION, ITEM)
+PRODUCTS: Final = (
+    CLOUD,
+    *RASTERS,
+    *(style_of(name) for name in RASTERS),
+    FIELD,
+    STATES,
+    LEARNED,
+    REPORT,
+    PAGE,
+    SESSION,
+    ITEM,
+)
 
 
 def write_products(
@@ -86,6 +100,8 @@ def write_products(
         write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
         if found.work.states is not None:
             write_states(staging / STATES, found.work.states)
+        if found.work.seen is not None:
+            save_implement(staging / LEARNED, found.work.seen)
         write_page(staging / PAGE, found, staging / CLOUD, summary)
         laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
@@ -191,11 +207,13 @@ class _Cloud:
         assert self._writer is not None
         ground = self._watch.ground()
 
+        # The few passes are turned into the records' time, not the many records into the passes'.
+        passes = [replace(when, begin_s=_las(when.begin_s), end_s=_las(when.end_s)) for when in work.passes]
+
         def mark(records: Records) -> None:
             ground.classify(records["X"], records["Y"], records["Z"], SCALE_M, records["classification"])
-            if work.passes:
-                number = work.pass_at(las_time_to_utc(records["gps_time"]))
-                records["point_source_id"] = np.minimum(number, MOST_PASSES)
+            if passes:
+                records["point_source_id"] = np.minimum(pass_numbers(passes, records["gps_time"]), MOST_PASSES)
 
         return self._writer.close(progress, mark)
 
@@ -204,6 +222,10 @@ class _Cloud:
     ) -> None:
         if self._writer is not None:
             self._writer.__exit__(kind, error, trace)
+
+
+def _las(t_s: float) -> float:
+    return float(utc_to_las_time(t_s))
 
 
 def las_wkt(crs: CRS) -> str:

@@ -1,10 +1,11 @@
-"""Work of one iterator done ahead in a thread, while the caller works on what it has given already."""
+"""Work done beside the caller's in a thread: an iterator's ahead of it, a sink's behind it."""
 
 from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
@@ -58,3 +59,41 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
     finally:
         stopped.set()
         thread.join()
+
+
+@contextmanager
+def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item], None]]:
+    """A sink that takes up to `depth` items at once and hands them to `sink` in their order, in a thread of its own.
+
+    At the end of the context all have been handed on. An exception of `sink` is raised at the next item, or at the end;
+    when the context is left by another, what waits is dropped.
+    """
+    waiting: queue.Queue[Item | _End] = queue.Queue(depth)
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        while not isinstance(item := waiting.get(), _End):
+            if failed:
+                continue
+            try:
+                sink(item)
+            except BaseException as error:  # noqa: BLE001 (raised again where the items come from)
+                failed.append(error)
+
+    def put(item: Item) -> None:
+        if failed:
+            raise failed[0]
+        waiting.put(item)
+
+    thread = threading.Thread(target=work, name="behind", daemon=True)
+    thread.start()
+    try:
+        yield put
+    except BaseException as error:
+        failed.append(error)
+        raise
+    finally:
+        waiting.put(_End())
+        thread.join()
+    if failed:
+        raise failed[0]

@@ -56,8 +56,11 @@ class Found:
     levels: Levels
 
 
-def described(found: Found) -> Implement:
-    """What is needed to see the implement in every scan, and to show it."""
+def described(found: Found, lift_m: float) -> Implement:
+    """What is needed to see the implement in every scan, and to show it.
+
+    Where its working position is out of view it is lifted by `lift_m`, or by as much as is seen.
+    """
     outcome, levels = found.outcome, found.levels
     shows, own = _shows(found)
     first, count = _arc(np.flatnonzero(shows.any(axis=0)))
@@ -67,7 +70,7 @@ def described(found: Found) -> Implement:
         for state in (ToolState.DOWN, ToolState.UP)
     )
     azimuth = (shown[0] + 0.5 + np.arange(len(shown))) * (360.0 / COLUMNS)
-    usual_m = levels.high_m - USUAL_LIFT_M
+    usual_m = levels.high_m - lift_m
     points, gain = outcome.heights.usual
     return Implement(
         region=_region(outcome, first, count),

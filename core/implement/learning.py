@@ -66,10 +66,13 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
         found = _find(views_of(scans, ground, box))
     if found is None or box is None:
         return Learned(None, (_nothing(views, hint),))
-    return Learned(described(found), _out_of_view(found.levels.hidden))
+    lift_m = hint.lift_m if hint is not None else None
+    return Learned(described(found, lift_m or USUAL_LIFT_M), _out_of_view(found.levels.hidden, lift_m))
 
 
 def _hinted(hint: Hint) -> Box:
+    if hint.box_m is not None:
+        return hint.box_m
     (x, y), half = hint.xy_m, 0.5 * hint.width_m + 0.5
     return (x - 2.0, x + 1.2, y - half, y + half)
 
@@ -262,12 +265,15 @@ def _nothing(views: Views, hint: Hint | None) -> Notice:
     )
 
 
-def _out_of_view(hidden: ToolState) -> tuple[Notice, ...]:
+def _out_of_view(hidden: ToolState, lift_m: float | None) -> tuple[Notice, ...]:
     if hidden == ToolState.DOWN:
+        known = (
+            "as the session states" if lift_m is not None else "an ordinary figure; [implement] lift_m states another"
+        )
         text = (
             "The scanner sees the implement only when it is lifted. It is taken as down where it is out of view, and "
-            f"its working position as {USUAL_LIFT_M:g} m below the lifted one: times and heights are rough. A scanner "
-            "that looks further down sees it at work."
+            f"its working position as {lift_m or USUAL_LIFT_M:g} m below the lifted one ({known}): times and "
+            "heights are rough. A scanner that looks further down sees it at work."
         )
     elif hidden == ToolState.UP:
         text = "The scanner sees the implement only when it is down. It is taken as up where it is out of view."

@@ -20,12 +20,23 @@ _NOISE_M: Final = 0.04
 """Heights of successive scans that scatter by more are no heights of a tool."""
 SHORTEST_S: Final = 1.5
 """What changes between up and down more often than this, in the mean, is no tool."""
+_LEFT_M: Final = 0.03
+"""What is seen lower or higher by more than where it stands is on its way."""
+_AWAY_SHARE: Final = 0.3
+"""With a smaller share of the usual points something is out of view, and not only covered."""
+_FEWEST_SHARE: Final = 0.02
+_FEWEST_LEAVING: Final = 2
 _MOST_AWAY: Final = 0.7
 """What is seen up and down both, but is away for a larger share of the time, is something that came by."""
 
 
 def find_levels(views: Views, heights: Heights) -> Levels | None:
     """Lower and upper position; None where the heights are not those of something that is lifted and lowered."""
+    return _seen_to_move(views, heights) or _seen_to_leave(views, heights)
+
+
+def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
+    """The two positions of what is seen in both, or on most of its way between them."""
     sure, height = heights.sure, heights.height_m
     if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
         return None
@@ -46,6 +57,34 @@ def find_levels(views: Views, heights: Heights) -> Levels | None:
         return Levels(float(np.quantile(height[lower], 0.1)), high, ToolState.DOWN, sigma_high, sigma_high)
     if sigma_low < limit and away > above and above < below:
         return Levels(low, float(np.quantile(height[upper], 0.9)), ToolState.UP, sigma_low, sigma_low)
+    return None
+
+
+def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
+    """The position of what stands at one height for long, and is away for long, seen to leave downwards or upwards.
+
+    Just before it leaves, or when it comes, it must be seen a little lower (or higher) than where it stands.
+    """
+    sure, height = heights.sure, heights.height_m
+    if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
+        return None
+    level = float(np.median(height[sure]))
+    there = sure & (np.abs(height - level) < _LEFT_M)
+    away = ~sure & (heights.there < _AWAY_SHARE * heights.usual[0])
+    sigma = _sigma(views, height, there)
+    fewest = max(2 * FEWEST_SCANS, _FEWEST_SHARE * len(sure))
+    if min(np.count_nonzero(there), np.count_nonzero(away)) < fewest or np.count_nonzero(there | away) < 0.8 * len(
+        sure
+    ):
+        return None
+    if sigma > 0.5 * _LEFT_M or _dwell_s(views, there, away) < SHORTEST_S:
+        return None
+    below, above = sure & (height < level - _LEFT_M), sure & (height > level + _LEFT_M)
+    lower, higher = int(np.count_nonzero(below)), int(np.count_nonzero(above))
+    if lower >= _FEWEST_LEAVING and lower > 2 * higher:
+        return Levels(float(height[below].min()), level, ToolState.DOWN, sigma, sigma)
+    if higher >= _FEWEST_LEAVING and higher > 2 * lower:
+        return Levels(level, float(height[above].max()), ToolState.UP, sigma, sigma)
     return None
 
 

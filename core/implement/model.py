@@ -24,10 +24,14 @@ class Hint:
     Attributes:
         xy_m: middle of the tool's line in the vehicle frame.
         width_m: working width.
+        box_m: where it shows, if that is stated as well.
+        lift_m: how far it is lifted, if that is.
     """
 
     xy_m: tuple[float, float]
     width_m: float
+    box_m: Box | None = None
+    lift_m: float | None = None
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ _JITTER_S: Final = 0.2
 grows as the square of the time (as a sine over a chord)."""
 _LIFT_SIGMA_M: Final = 0.12
 """How well a working position is known that is never in view."""
+_USUAL_MPS: Final = 0.4
+"""A lift takes about a second."""
 _UNSEEN: Final = 0.9
 """Confidence of the state in which the tool is out of view."""
 _COVERED: Final = 0.5
@@ -295,9 +297,8 @@ def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, thre
     border_s = 0.5 * float(t[edge] + t[edge + 1 if leaves else edge - 1])
     half_turn_s = abs(border_s - float(t[edge]))
     travel = height[near] - height[edge]
-    speed = float(np.max(np.abs(travel[1:] / (t[near[1:]] - t[edge])), initial=0.0))
-    if speed == 0.0:
-        return _End(border_s, half_turn_s)
+    seen_mps = float(np.max(np.abs(travel[1:] / (t[near[1:]] - t[edge])), initial=0.0))
+    speed = max(seen_mps, _USUAL_MPS)  # near the end of its way, where it may be seen only, it is slow
     beyond_m = abs(height[edge] - threshold) - speed * half_turn_s
     after_s = float(np.clip(beyond_m / speed, 0.0, _MOVE_S))
     at = border_s + (after_s if leaves else -after_s)

@@ -26,9 +26,9 @@ IntArray = NDArray[np.int64]
 
 SIZE: Final = 9
 """Unknowns of a knot: position, rotation vector, drift of the GNSS positions."""
-LEVEL_RIDGE: Final = 1e-8
-"""Holds a smooth patch's place and yaw, as a share of what holds its height."""
-UPRIGHT_RIDGE: Final = 1e-12
+RIDGE: Final = 1e-8
+"""Holds what a patch's returns do not: place and yaw of smooth ground, the tilt of a single line of returns. A share of
+what holds its height."""
 
 
 @dataclass(frozen=True)
@@ -251,29 +251,50 @@ def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band
         if most <= 0.0:
             continue
         for a in range(6):
-            whole[a, a] += most * (LEVEL_RIDGE if a < 2 or a == 5 else UPRIGHT_RIDGE)
-        inverse = np.linalg.inv(whole)
+            whole[a, a] += most * RIDGE
+        _factor(whole, most * RIDGE)
         cx, cy = (place[begin, 0] + 0.5) * patch_m, (place[begin, 1] + 0.5) * patch_m
-        moved = np.empty((used * 6, 6))
+        # What remains of the knots' equations without the patch is less Yᵀ Y, with Y = L⁻¹ Mᵀ and L Lᵀ the patch's own.
+        moved = np.empty((6, used * 6))
         for u in range(used):
             c = knots[u]
             dx, dy, dz = cx - centre_m[c, 0], cy - centre_m[c, 1], -centre_m[c, 2]
             m = sums[u]
             for b in range(6):
                 for a in range(3):
-                    moved[u * 6 + a, b] = m[a, b]
-                moved[u * 6 + 3, b] = m[3, b] + dy * m[2, b] - dz * m[1, b]
-                moved[u * 6 + 4, b] = m[4, b] + dz * m[0, b] - dx * m[2, b]
-                moved[u * 6 + 5, b] = m[5, b] + dx * m[1, b] - dy * m[0, b]
-        solved = moved @ inverse
-        product = solved @ moved.T
-        shift = solved @ pull
-        for u in range(used):
-            for a in range(6):
-                coarse_right[knots[u] * SIZE + a] -= shift[u * 6 + a]
-            for v in range(u + 1):
-                for a in range(6):
-                    row = knots[u] * SIZE + a
-                    for b in range(6 if v < u else a + 1):
-                        column = knots[v] * SIZE + b
-                        band[row - column, column] -= product[u * 6 + a, v * 6 + b]
+                    moved[b, u * 6 + a] = m[a, b]
+                moved[b, u * 6 + 3] = m[3, b] + dy * m[2, b] - dz * m[1, b]
+                moved[b, u * 6 + 4] = m[4, b] + dz * m[0, b] - dx * m[2, b]
+                moved[b, u * 6 + 5] = m[5, b] + dx * m[1, b] - dy * m[0, b]
+        for a in range(6):
+            for b in range(a):
+                pull[a] -= whole[a, b] * pull[b]
+                for r in range(used * 6):
+                    moved[a, r] -= whole[a, b] * moved[b, r]
+            pull[a] /= whole[a, a]
+            for r in range(used * 6):
+                moved[a, r] /= whole[a, a]
+        row = np.empty(used * 6, np.int64)
+        for r in range(used * 6):
+            row[r] = knots[r // 6] * SIZE + r % 6
+        product = np.empty(used * 6)
+        for c in range(used * 6):
+            product[c:] = 0.0
+            for e in range(6):
+                y = moved[e, c]
+                coarse_right[row[c]] -= y * pull[e]
+                for r in range(c, used * 6):
+                    product[r] += y * moved[e, r]
+            for r in range(c, used * 6):
+                band[row[r] - row[c], row[c]] -= product[r]
+
+
+@numba.njit(cache=True, nogil=True)
+def _factor(matrix, least):  # type: ignore[no-untyped-def]
+    """The lower Cholesky factor of a small matrix in its place; rounding leaves no pivot smaller than `least`."""
+    for a in range(len(matrix)):
+        for b in range(a + 1):
+            left = matrix[a, b]
+            for e in range(b):
+                left -= matrix[a, e] * matrix[b, e]
+            matrix[a, b] = np.sqrt(max(left, least)) if a == b else left / matrix[b, b]

@@ -129,7 +129,10 @@ class LiveMatching:
         self._positions = positions_of(track, en, white_noise_m(track, en, sigmas_m(track)[:, 0]), self._heading(track))
 
     def see(self, scan: Scan) -> LivePose | None:
-        """Take a scan that has come and give its pose; None as long as nothing shows where the vehicle heads."""
+        """Take a scan that has come and give its pose; None as long as nothing shows where the vehicle heads.
+
+        Where positions and ground hold the window no more, it is given up, and matching begins anew.
+        """
         self.settle()
         if not len(scan):
             return None
@@ -151,17 +154,29 @@ class LiveMatching:
         window.extend(end_s)
         self._returns = self._returns.since(window.begin_s)
         assert self._positions is not None
-        for _ in range(steps - 1):
-            window.step(self._returns, self._positions)
-        return window.step(self._returns, self._positions, 0.5 * float(t_s.min() + end_s))
+        try:
+            for _ in range(steps - 1):
+                window.step(self._returns, self._positions)
+            return window.step(self._returns, self._positions, 0.5 * float(t_s.min() + end_s))
+        except np.linalg.LinAlgError:
+            self._begin_anew()
+            return None
 
     def settle(self) -> None:
         """Put away what is older than the window: time to do so is when a pose has been given out.
 
         :meth:`see` does it first where it has not been done.
         """
-        if self._window is not None and self._positions is not None:
+        if self._window is None or self._positions is None:
+            return
+        try:
             self._returns = self._window.retire(self._returns, self._positions)
+        except np.linalg.LinAlgError:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Give up a window that positions and ground hold no more; the scans to come make another."""
+        self._window, self._returns = None, _Returns.none()
 
     def _heading(self, track: GnssTrack) -> FloatArray:
         """Grid heading (n,) of two antennas, nan where there is none or it is not the vehicle's."""

@@ -80,6 +80,9 @@ def match(
 
     Returns:
         None where there is too little ground in the scans, or no position in their time.
+
+    Raises:
+        LinAlgError: if positions and ground leave a part of the trajectory without any hold.
     """
     if len(returns) < LEAST_RETURNS:
         return None

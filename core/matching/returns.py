@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, islice
-from typing import IO, Final
+from typing import Final, Self
 
 import numba
 import numpy as np
@@ -39,6 +39,8 @@ NEAR_M: Final = (2.0, 6.0)
 HEIGHT_BIN_M: Final = 0.1
 HEIGHT_TRUSTED_M: Final = 0.25
 """Ground that lies further from the vehicle frame's origin than this shows that the mounting's height is not known."""
+STEP_RETURNS: Final = 1 << 20
+"""So many returns are looked at together."""
 BODY_MARGIN: Final = 2
 """Pixels round the footprint that are left out as well."""
 
@@ -96,8 +98,7 @@ def ground_returns(
     scans = iter(scans)
     first = list(islice(scans, LEARN_SCANS))
     ground_m = ground_height_m(first, rotation, lever)
-    with ExitStack() as stack:
-        ground, upright = (_Store(stack.enter_context(tempfile.TemporaryFile(prefix="furrowmap-"))) for _ in range(2))
+    with _Scratch() as ground, _Scratch() as upright:
         for scan in chain(first, scans):
             if on_scan is not None:
                 on_scan(scan)
@@ -108,7 +109,7 @@ def ground_returns(
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
             xyz, column = np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.column, np.uint16)
-            kept, candidates = select(xyz, column, rotation, lever, ground_m, stride, seen if moves else idle)
+            lying, candidates = select(xyz, column, rotation, lever, ground_m, stride, seen if moves else idle)
             standing, standing_in_all = select_upright(xyz, column, rotation, lever, ground_m, upright_stride)
             count += moves
             number += 1
@@ -116,11 +117,11 @@ def ground_returns(
             last_s = float(t_s[-1])
             stride = max(1, round(candidates / (RATE_HZ * duration_s)))
             upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
-            for store, (index, vehicle_m) in ((ground, kept), (upright, standing)):
-                store.add(t_s[index], vehicle_m, number % 2)
-        stored, stored_upright = ground.all(), upright.all()
-    body = grown(seen >= max(1.0, BODY_SHARE * count))
-    return GroundReturns(*_without_body(stored, body), body, UprightReturns(*_without_body(stored_upright, body)))
+            for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
+                scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8))
+        body = grown(seen >= max(1.0, BODY_SHARE * count))
+        what_stands = UprightReturns(*_without_body(upright.stored(), body))
+        return GroundReturns(*_without_body(ground.stored(), body), body, what_stands)
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
@@ -143,66 +144,74 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
     return height if abs(height) > HEIGHT_TRUSTED_M else 0.0
 
 
-_RECORD: Final = np.dtype([("t_s", "<f8"), ("xyz_m", "<f4", (3,)), ("half", "u1")])
+_Fields = tuple[FloatArray, NDArray[np.float32], NDArray[np.uint8]]
+"""Times (n,), places in the vehicle frame (n, 3) and halves (n,) of returns."""
 
 
-class _Store:
-    """Returns on a scratch file."""
+class _Scratch:
+    """Returns in nameless files, which the system takes back when nothing maps them any more."""
 
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
+    def __init__(self) -> None:
+        self._stack = ExitStack()
         self._count = 0
 
-    def add(self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: int) -> None:
-        """The returns of a scan, or some of them."""
-        record = np.empty(len(t_s), _RECORD)
-        record["t_s"], record["xyz_m"], record["half"] = t_s, xyz_m, half
-        self._file.write(record.tobytes())
-        self._count += len(record)
+    def __enter__(self) -> Self:
+        enter = self._stack.enter_context
+        self._files = [enter(tempfile.TemporaryFile(prefix="furrowmap-")) for _ in range(3)]  # noqa: SIM115
+        return self
 
-    def all(self) -> NDArray[np.void]:
-        """All of them, mapped; the mapping outlives the file."""
-        self._file.flush()
-        return np.memmap(self._file, _RECORD, "r", shape=(self._count,)) if self._count else np.empty(0, _RECORD)
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
 
+    def add(self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8]) -> None:
+        """Append returns."""
+        for file, column in zip(self._files, (t_s, xyz_m, half), strict=True):
+            file.write(np.ascontiguousarray(column).data)
+        self._count += len(t_s)
 
-def _without_body(
-    stored: NDArray[np.void], body: NDArray[np.bool_]
-) -> tuple[FloatArray, NDArray[np.float32], NDArray[np.uint8]]:
-    """Times, places and halves of the stored returns off the body, each an array on a scratch file of its own."""
-    step = 1 << 20
-    names = ("t_s", "xyz_m", "half")
-    total = 0
-    with ExitStack() as stack:
-        files = {name: stack.enter_context(tempfile.TemporaryFile(prefix="furrowmap-")) for name in names}
-        for begin in range(0, len(stored), step):
-            part = np.asarray(stored[begin : begin + step])
-            part = part[~on_body(part["xyz_m"], body)]
-            # Packets may come a little out of order; what follows relies on time.
-            if np.any(np.diff(part["t_s"]) < 0):
-                part = part[np.argsort(part["t_s"], kind="stable")]
-            total += len(part)
-            for name in names:
-                files[name].write(np.ascontiguousarray(part[name]).tobytes())
-        if not total:
+    def stored(self) -> _Fields:
+        """All that was added; it may be used after the files are closed."""
+        if not self._count:
             return np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-        for file in files.values():
+        for file in self._files:
             file.flush()
-        # The mappings outlive the files, which have no name and go with them.
+        t_s, xyz_m, half = self._files
         return (
-            np.memmap(files["t_s"], np.float64, "r", shape=(total,)),
-            np.memmap(files["xyz_m"], np.float32, "r", shape=(total, 3)),
-            np.memmap(files["half"], np.uint8, "r", shape=(total,)),
+            np.memmap(t_s, np.float64, "r", shape=(self._count,)),
+            np.memmap(xyz_m, np.float32, "r", shape=(self._count, 3)),
+            np.memmap(half, np.uint8, "r", shape=(self._count,)),
         )
+
+
+def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
+    """Those of the returns that are off the body, in the order of time."""
+    times, places, halves = found
+    with _Scratch() as scratch:
+        for begin in range(0, len(times), STEP_RETURNS):
+            part = slice(begin, begin + STEP_RETURNS)
+            t_s, xyz_m = np.asarray(times[part]), np.asarray(places[part])
+            kept = np.flatnonzero(~on_body(xyz_m, body))
+            # Packets may come a little out of order; what follows relies on time.
+            if np.any(np.diff(t_s) < 0):
+                kept = kept[np.argsort(t_s[kept], kind="stable")]
+            scratch.add(t_s[kept], xyz_m[kept], halves[part][kept])
+        return scratch.stored()
 
 
 def on_body(xyz_m: NDArray[np.float32], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which returns (n, 3) in the vehicle frame lie above the footprint."""
-    pixel = np.floor(xyz_m[:, :2] / PIXEL_M).astype(np.int64) + PIXELS // 2
-    inside: NDArray[np.bool_] = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
-    column, row = np.clip(pixel, 0, PIXELS - 1).T
-    above: NDArray[np.bool_] = inside & body[row, column]
+    above: NDArray[np.bool_] = _on_body(xyz_m, body)
     return above
+
+
+@numba.njit(cache=True, nogil=True)
+def _on_body(xyz_m, body):  # type: ignore[no-untyped-def]
+    out = np.empty(len(xyz_m), np.bool_)
+    for i in range(len(xyz_m)):
+        row = int(np.floor(xyz_m[i, 1] / PIXEL_M)) + PIXELS // 2
+        column = int(np.floor(xyz_m[i, 0] / PIXEL_M)) + PIXELS // 2
+        out[i] = 0 <= row < PIXELS and 0 <= column < PIXELS and body[row, column]
+    return out
 
 
 def grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -16,12 +16,13 @@ class NormalEquations:
     """Normal equations ``N x = r`` of observations that each touch a few consecutive unknowns.
 
     Attributes:
-        band: (width, n) lower form of N, as `scipy.linalg.solveh_banded` has it: ``band[i − j, j] = N[i, j]``.
+        band: (width, n) lower form of N, as `scipy.linalg.solveh_banded` has it: ``band[i − j, j] = N[i, j]``. A column
+            lies together in memory (Fortran's order), as LAPACK wants it.
         right: (n,) right-hand side.
     """
 
     def __init__(self, unknowns: int, width: int) -> None:
-        self.band = np.zeros((width, unknowns))
+        self.band = np.zeros((width, unknowns), order="F")
         self.right = np.zeros(unknowns)
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
@@ -35,7 +36,7 @@ class NormalEquations:
         """
         scaled = np.ascontiguousarray(design / sigma[:, None])
         right = np.ascontiguousarray(residual / sigma)
-        _add(self.band, self.right, np.ascontiguousarray(first, np.int64), scaled, right)
+        _add(self.band.T, self.right, np.ascontiguousarray(first, np.int64), scaled, right)
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""
@@ -75,7 +76,7 @@ class Solution:
 
 
 @numba.njit("void(float64[:, ::1], float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True, nogil=True)
-def _add(band, right, first, scaled, residual):  # type: ignore[no-untyped-def]
+def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-def]
     for k in range(len(first)):
         begin = first[k]
         for j in range(scaled.shape[1]):
@@ -83,7 +84,7 @@ def _add(band, right, first, scaled, residual):  # type: ignore[no-untyped-def]
                 continue
             right[begin + j] += scaled[k, j] * residual[k]
             for i in range(j, scaled.shape[1]):
-                band[i - j, begin + j] += scaled[k, i] * scaled[k, j]
+                columns[begin + j, i - j] += scaled[k, i] * scaled[k, j]
 
 
 @numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)

@@ -23,6 +23,8 @@ REPLACE: Final = "replace"
 CHECK: Final = "check"
 """What states from elsewhere are for: they take the place of those that the scans show, or are compared with them."""
 
+MOST_LIFT_M: Final = 1.2
+"""No tool is lifted higher."""
 FARTHEST_M: Final = 15.0
 """No sensor, antenna or tool is farther from the vehicle's origin; larger figures are millimetres or centimetres."""
 
@@ -59,6 +61,9 @@ _EXAMPLES: Final = {
     "implement.width_m": "1.70",
     "implement.xy_m": "[-1.45, 0.0]",
     "implement.working_depth_m": "0.12",
+    "implement.lift_m": "0.45",
+    "implement.region_m": "[-3.5, -0.9, -1.2, 1.2]",
+    "implement.learned": '"implement.npz"',
     "implement.states": '["states.csv"]',
     "implement.states_use": '"replace"',
     "implement.states_minus_gnss_s": "0.0",
@@ -141,6 +146,9 @@ class Implement(_Part, frozen=True):
         xy_m: middle of the tool's line in the vehicle frame.
         kind: in the user's words.
         working_depth_m: how deep it works.
+        lift_m: how far it is lifted, for a scanner that does not see it at work.
+        region_m: from, to along x, from, to along y of the vehicle frame: where the scanner sees it.
+        learned: `implement.npz` of an earlier session of the same machine.
         states: files that say when it worked: tables of times, or task data.
         states_use: "replace" what the scans show, or "check" it.
         states_minus_gnss_s: their clock minus that of the positions, where the two differ by a constant.
@@ -150,6 +158,9 @@ class Implement(_Part, frozen=True):
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None
+    lift_m: float | None = None
+    region_m: tuple[float, float, float, float] | None = None
+    learned: str | None = None
     states: tuple[str, ...] = ()
     states_use: str = REPLACE
     states_minus_gnss_s: float = 0.0
@@ -367,6 +378,8 @@ def _faults(session: Session) -> Iterator[str]:
     yield from _far_places(session)
     if implement is not None and not implement.width_m > 0:
         yield "implement.width_m must be above 0"
+    if implement is not None:
+        yield from _implement_faults(implement)
     if implement is not None and implement.states_use not in (REPLACE, CHECK):
         yield f'implement.states_use must be "{REPLACE}" or "{CHECK}", not {implement.states_use!r}'
     if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
@@ -378,6 +391,18 @@ def _faults(session: Session) -> Iterator[str]:
             yield 'trajectory.time must be "utc" or "gps"'
         if session.trajectory.week is not None and session.trajectory.week < 0:
             yield "trajectory.week must count from 1980-01-06 on"
+
+
+def _implement_faults(implement: Implement) -> Iterator[str]:
+    """What of the implement's lift and region cannot be meant."""
+    if implement.lift_m is not None and not 0.1 <= implement.lift_m <= MOST_LIFT_M:
+        yield f"implement.lift_m must be metres between 0.1 and {MOST_LIFT_M:g}, not {implement.lift_m:g}"
+    if implement.region_m is not None:
+        x0, x1, y0, y1 = implement.region_m
+        if not (x0 < x1 and y0 < y1):
+            yield "implement.region_m must be [from, to along x, from, to along y], each to above its from"
+        if max(abs(value) for value in implement.region_m) > FARTHEST_M:
+            yield f"implement.region_m reaches beyond {FARTHEST_M:g} m from the rear axle: metres are expected"
 
 
 def _far_places(session: Session) -> Iterator[str]:

@@ -6,6 +6,7 @@ import datetime as dt
 import io
 import struct
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -82,7 +83,7 @@ class CopcFile:
         path: of the file, which is made.
         header: as :func:`las_header` makes it.
         written: is told how many points have been written.
-        complete: fills in what was not known when the points came, in place.
+        complete: fills in what was not known when the points came, in place; called from two threads at once.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class CopcFile:
         self._points: list[int] = []
         self._batch: Records = np.empty(BATCH_POINTS, header.point_format.dtype())
         self._chunks: list[NDArray[np.uint8]] = []
+        self._threads = ThreadPoolExecutor(2, "complete")
         self._waiting = 0
         self._done = 0
         self.points_by_class = np.zeros(256, np.int64)
@@ -110,6 +112,7 @@ class CopcFile:
 
     def close(self) -> None:
         """Close the file, finished or not."""
+        self._threads.shutdown()
         self._stream.close()
 
     def room(self, key: Key, points: int) -> Records:
@@ -166,7 +169,10 @@ class CopcFile:
     def _compress(self) -> None:
         if self._chunks:
             if self._complete is not None:
-                self._complete(self._batch[: self._waiting])
+                half = self._waiting // 2
+                parts = self._batch[:half], self._batch[half : self._waiting]
+                for _ in self._threads.map(self._complete, [part for part in parts if len(part)]):
+                    pass
             self.points_by_class += np.bincount(self._batch["classification"][: self._waiting], minlength=256)
             with self._refusals():
                 self._compressor.compress_chunks(self._chunks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -60,10 +61,11 @@ class Octree:
     """Takes records in any order and gives out nodes.
 
     All is done in one cube divided into at most 128³ cells (:mod:`~furrowmap.exporters.copc.cube`). Records beyond
-    `memory_points` go to a file, sorted by cell block by block. In the end, stretches of neighbouring cells that fit
-    into memory are taken back one after another, in the order of the cells' codes. A node is given out once its last
-    cell has been read, so that of each level only one node is ever waiting. A cell with too many records for a node
-    becomes the root of an octree of its own.
+    `memory_points` go to a file, sorted by cell block by block; memory is filled in two halves, so that one is put
+    into the file, in a thread, while the other is filled. In the end, stretches of neighbouring cells that fit into
+    memory are taken back one after another, in the order of the cells' codes. A node is given out once its last cell
+    has been read, so that of each level only one node is ever waiting. A cell with too many records for a node becomes
+    the root of an octree of its own.
 
     Args:
         layout: of a record.
@@ -85,21 +87,27 @@ class Octree:
         self._cube, self._key = cube, key
         self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
         self._buffer: Records = np.empty(0, layout)
-        self._held = 0
+        self._first, self._held, self._end = 0, 0, 0
         self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
         self._spool: Spool | None = None
+        self._thread: ThreadPoolExecutor | None = None
+        self._spilling: Future[None] | None = None
         self._counts = np.zeros(8**self._depth, np.int64)
         self._waiting: dict[int, list[Records]] = {}
         self._within: dict[int, Octree] = {}
 
     def room(self, wanted: int) -> Records:
-        """Where to put records: room for one to `wanted`, to be filled before the next call."""
-        if self._held == len(self._buffer):
-            if self._held:
-                self._spill()
-            else:
-                self._buffer = np.empty(self._limits.memory_points, self._buffer.dtype)
-        return self._buffer[self._held : self._held + wanted]
+        """Where to put records: room for one to `wanted`, to be filled before the next call.
+
+        Raises:
+            OSError: if the temporary file cannot be written.
+        """
+        if not len(self._buffer):
+            self._buffer = np.empty(max(self._limits.memory_points, 2), self._buffer.dtype)
+            self._end = len(self._buffer)
+        elif self._held == self._end:
+            self._make_room()
+        return self._buffer[self._held : min(self._held + wanted, self._end)]
 
     def filled(self, records: int, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
         """Take the first `records` of the room given, whose X, Y and Z lie between `low` and `high`."""
@@ -112,36 +120,57 @@ class Octree:
         Returns:
             The root's cube.
         """
+        self._spilled()
+        cube = self._enclose()
         if self._spool is None:
-            cube = self._enclose()
             nodes = self._held / (2 * self._limits.node_points)
             self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
             records = self._buffer[: self._held]
             codes, counts = codes_of(records, cube, self._depth)
             self._place(sink, records, codes, self._plan(counts), end=len(counts))
         else:
-            self._spill()
-            cube = self._enclose()
+            self._spill(self._spool, cube, self._buffer[self._first : self._held])
             self._gather(sink, self._spool, cube)
         return cube
 
     def close(self) -> None:
         """Remove temporary files."""
+        if self._thread is not None:
+            self._thread.shutdown()
         if self._spool is not None:
             self._spool.close()
         for inner in self._within.values():
             inner.close()
 
-    def _spill(self) -> None:
-        """Put what memory holds into the file."""
+    def _make_room(self) -> None:
+        """Put one half of memory into the file, in a thread, and go on in the other, which is there already."""
+        half = len(self._buffer) // 2
+        self._spilled()
         cube = self._enclose()
-        records = self._buffer[: self._held]
+        if self._spool is None or self._thread is None:
+            self._spool, self._thread = Spool(self._limits.folder), ThreadPoolExecutor(1, "spill")
+            self._spill(self._spool, cube, self._buffer[:half])
+            self._first = half
+        full = self._buffer[self._first : self._end]
+        self._spilling = self._thread.submit(self._spill, self._spool, cube, full)
+        self._first, self._end = (half, len(self._buffer)) if self._first == 0 else (0, half)
+        self._held = self._first
+
+    def _spilled(self) -> None:
+        """Wait until what is on its way into the file is there.
+
+        Raises:
+            OSError: if it cannot be written.
+        """
+        if self._spilling is not None:
+            self._spilling.result()
+            self._spilling = None
+
+    def _spill(self, spool: Spool, cube: Cube, records: Records) -> None:
+        """Put records into the file."""
         codes, counts = codes_of(records, cube, self._depth)
-        if self._spool is None:
-            self._spool = Spool(self._limits.folder)
-        self._spool.add(records, codes, counts)
+        spool.add(records, codes, counts)
         self._counts += counts
-        self._held = 0
 
     def _enclose(self) -> Cube:
         """The cube of all records so far: one that they outgrow becomes one of the eight of a larger."""

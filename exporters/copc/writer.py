@@ -117,7 +117,7 @@ class CopcWriter:
         Args:
             progress: is told of the stage "writing cloud".
             complete: is given the records, in the layout of laspy's point format and in no particular order, some at a
-                time, to fill in place what was not known when the points came.
+                time and by two threads at once, to fill in place what was not known when the points came.
 
         Raises:
             OSError: if the file cannot be written, or is not read back as it was written.

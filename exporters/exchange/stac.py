@@ -32,6 +32,7 @@ _KINDS: Final = {  # media type, title, roles
     "field.gpkg": ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
     "report.json": ("application/json", "Figures, warnings, provenance", ["metadata"]),
     "report.html": ("text/html", "Report to read", ["overview"]),
+    "implement.npz": ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
     "states.csv": ("text/csv", "When the tool went down and up", ["data"]),
     "session.toml": ("application/toml", "Session as it was understood", ["metadata"]),
 }

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from furrowmap.core.cloud.ahead import ahead
+from furrowmap.core.cloud.ahead import ahead, behind
 
 
 def threads() -> set[str]:
@@ -46,3 +46,35 @@ def test_stopping_early_ends_the_thread() -> None:
     items.close()  # type: ignore[attr-defined]
     assert "ahead" not in threads()
     assert len(made) <= 6
+
+
+def test_a_sink_behind_gets_all_in_order_before_the_context_ends() -> None:
+    got: list[int] = []
+    with behind(got.append, 3) as put:
+        for item in range(1000):
+            put(item)
+    assert got == list(range(1000))
+
+
+def test_what_a_sink_behind_raises_is_raised_where_the_items_come_from() -> None:
+    got: list[int] = []
+
+    def take(item: int) -> None:
+        if item == 5:
+            raise OSError("disk full")
+        got.append(item)
+
+    with pytest.raises(OSError, match="disk full"), behind(take, 2) as put:
+        for item in range(1000):
+            put(item)
+    with pytest.raises(OSError, match="disk full"), behind(take, 2) as put:
+        put(5)  # the last one: raised at the end
+    assert got == [0, 1, 2, 3, 4]
+
+
+def test_a_sink_behind_is_given_up_when_the_items_end_with_an_error() -> None:
+    before = threading.active_count()
+    with pytest.raises(KeyError), behind(lambda _: None, 2) as put:
+        put(1)
+        raise KeyError
+    assert threading.active_count() == before

@@ -131,3 +131,14 @@ def test_images__show_the_implement_nearer_when_it_is_up(watch: Callable[..., An
     assert images.azimuth_deg.shape == images.up_m.shape[1:]
     both = images.implement & np.isfinite(images.up_m) & np.isfinite(images.down_m)
     assert np.median(images.down_m[both] - images.up_m[both]) > 0.2
+
+
+def test_learn__a_tool_seen_only_near_its_highest_place_has_states(watch: Callable[..., Any]) -> None:
+    seen = watch(mounting=Mounting((-0.6, 0.0, 2.5), (0.5, 27.0, 181.0)), lift_m=0.6)
+    assert [notice.code for notice in seen.learned.notices] == ["implement-out-of-view"]
+    wanted, found = seen.truth.passages(0.12), seen.passages()
+    assert [down for _, down, _ in found] == [down for _, down in wanted]
+    late = np.array([at for at, _, _ in found]) - np.array([at for at, _ in wanted])
+    sigma = np.array([sigma for _, _, sigma in found])
+    assert np.abs(late).max() < 0.4
+    assert np.sqrt(np.mean((late / sigma) ** 2)) < 2.0

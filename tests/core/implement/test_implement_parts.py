@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
+from furrowmap.core.implement import learning
+from furrowmap.core.implement.found import Found
 from furrowmap.core.implement.near_scans import MOST_SCANS, NearScans
 from furrowmap.core.implement.range_image import COLUMNS, column_of, median_image
 from furrowmap.core.implement.template import CELL_Z_M, Grid, Template, fit_height
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
+from tests.core.implement.conftest import HINT, Scene
 
 GRID = Grid(-3.0, 0.15, 20, 150)
 
@@ -104,3 +108,23 @@ def test_learning__does_not_need_much_memory(watch: Callable[..., Any]) -> None:
     region, images = implement.region, implement.images
     arrays = (region.columns, region.still_m, implement.template.odds, images.up_m, images.down_m, images.implement)
     assert sum(a.nbytes for a in arrays) < 500_000
+
+
+def test_by_travel__positions_that_were_laid_over_each_other_wrongly_are_set_right() -> None:
+    scene = Scene(duration_s=17.0, lift_m=0.5)
+    near = NearScans(scene.mounting)
+    for scan in scene.scans():
+        near.add(scan)
+    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), learning._hinted(HINT))
+    right = learning._find(views)
+    assert right is not None
+    heights, levels = right.outcome.heights, right.levels
+    lifted = heights.height_m > 0.5 * (levels.low_m + levels.high_m)
+    wrong_m = 0.24
+    moved = replace(heights, height_m=heights.height_m - wrong_m * lifted)
+    wrong = Found(replace(right.outcome, heights=moved), replace(levels, high_m=levels.high_m - wrong_m))
+    set_right = learning._by_travel(wrong)
+    assert set_right is not None
+    travel_m = set_right.levels.high_m - set_right.levels.low_m
+    assert travel_m == pytest.approx(0.5, abs=0.06)
+    assert learning._by_travel(right) is None

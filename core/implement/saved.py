@@ -1,0 +1,104 @@
+"""What was learned of an implement, kept for the next session of the same machine."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.implement.model import DepthImages, Implement, Levels, Region
+from furrowmap.core.implement.range_image import COLUMNS
+from furrowmap.core.implement.template import Grid, Template
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.tool_states import ToolState
+
+FORM: Final = 1
+"""Version of the file's form."""
+
+
+def save_implement(path: Path, implement: Implement) -> None:
+    """Write what was learned as a NumPy archive.
+
+    Raises:
+        OSError: if it cannot be written there.
+    """
+    region, template, levels, images = implement.region, implement.template, implement.levels, implement.images
+    grid = template.grid
+    arrays: dict[str, Any] = {
+        "form": np.int64(FORM),
+        "ground": np.array(region.ground),
+        "box_m": np.array(region.box_m),
+        "columns": region.columns,
+        "still_m": region.still_m,
+        "turn": np.array([region.split, region.clockwise, region.turn_s], np.float64),
+        "grid": np.array([grid.x_m, grid.z_m, grid.columns, grid.rows], np.float64),
+        "odds": template.odds,
+        "levels": np.array([levels.low_m, levels.high_m, levels.hidden, levels.sigma_m, levels.jitter_m], np.float64),
+        "usual": np.array([implement.working_m, implement.points, implement.gain]),
+        "up_m": images.up_m,
+        "down_m": images.down_m,
+        "own": images.implement,
+        "azimuth_deg": images.azimuth_deg,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_implement(path: Path) -> Implement:
+    """What an earlier session learned.
+
+    Raises:
+        InputError: if the file cannot be read, or is none of :func:`save_implement`.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
+        implement = _implement(arrays)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path} holds no implement that a run has learned ({error}).",
+            "The session names it as [implement] learned, so the run did not start.",
+            "Name the implement.npz of an earlier run with the same scanner on the same machine, or leave the key out.",
+            code="implement-unreadable",
+        ) from error
+    return implement
+
+
+def _implement(arrays: dict[str, Any]) -> Implement:
+    """The implement in the arrays of a file.
+
+    Raises:
+        KeyError: one is missing.
+        ValueError: the arrays do not fit each other, or the file is of another form.
+    """
+    if int(arrays["form"]) != FORM:
+        raise ValueError(f"form {int(arrays['form'])}, where this version reads {FORM}")
+    split, clockwise, turn_s = arrays["turn"].tolist()
+    x_m, z_m, columns, rows = arrays["grid"].tolist()
+    low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
+    working_m, points, gain = arrays["usual"].tolist()
+    grid = Grid(x_m, z_m, int(columns), int(rows))
+    shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
+    if shapes != ((grid.columns, grid.rows), (COLUMNS,), (COLUMNS,)):
+        raise ValueError("its arrays do not fit each other")
+    a, b, c = arrays["ground"].tolist()
+    x0, x1, y0, y1 = arrays["box_m"].tolist()
+    return Implement(
+        region=Region(
+            ground=(a, b, c),
+            box_m=(x0, x1, y0, y1),
+            columns=arrays["columns"].astype(bool),
+            still_m=arrays["still_m"].astype(np.float32),
+            split=int(split),
+            clockwise=bool(clockwise),
+            turn_s=turn_s,
+        ),
+        template=Template(grid, arrays["odds"].astype(np.float32)),
+        levels=Levels(low_m, high_m, ToolState(int(hidden)), sigma_m, jitter_m),
+        working_m=working_m,
+        points=points,
+        gain=gain,
+        images=DepthImages(arrays["up_m"], arrays["down_m"], arrays["own"], arrays["azimuth_deg"]),
+    )
