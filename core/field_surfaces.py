@@ -37,6 +37,8 @@ CLEAR_M: Final = 0.3
 """Nothing stands higher on ground that a tool works: what is seen above it is dust, or the machine itself."""
 BLOCK: Final = 8
 """Cells a side of the blocks whose lower heights tell where the soil is."""
+ENOUGH: Final = 100_000
+"""So many of a tile's returns, a hundred a block, tell that."""
 LOWER: Final = Statistic.parse("p10")
 AT_ONCE: Final = 16
 """Tiles that are computed before their results are asked for."""
@@ -94,9 +96,8 @@ class FieldPoints:
     def add(self, placed: PlacedScan) -> None:
         """Take the points of one scan that may lie on the land and not too far away."""
         assert self._spool is not None
-        xyz = placed.scan.xyz_m
-        near = np.einsum("ij,ij->i", xyz, xyz) < REACH_M * REACH_M
-        self._spool.add(placed.xyz_m, placed.t_s, placed.kept & near, self._origin_m)
+        near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, REACH_M)
+        self._spool.add(placed.xyz_m, placed.t_s, near, self._origin_m)
 
     @property
     def grid(self) -> Grid | None:
@@ -168,7 +169,9 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     blocks = Grid(grid.cell_m * BLOCK, 0, 0, (rows, columns))
     row, column = np.divmod(np.arange(grid.rows * grid.columns), grid.columns)
     block = (row // BLOCK * columns + column // BLOCK).astype(np.uint16)
-    low = ordered_surface(blocks, block[points.cell], points.height_m, 0.0, LOWER).height_m
+    some = slice(None, None, max(1, len(points.cell) // ENOUGH))
+    heights = np.ascontiguousarray(points.height_m[some])
+    low = ordered_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
     around = np.lib.stride_tricks.sliding_window_view(np.pad(low, 1, constant_values=np.nan), (3, 3))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # blocks in which, and round which, there is nothing
@@ -182,6 +185,16 @@ def _seconds(passage: Passage, begin_s: float) -> tuple[NDArray[np.float32], NDA
     """First and last passage of each cell in seconds after `begin_s`, flat."""
     first, last = (passage.first_s - begin_s).ravel(), (passage.last_s - begin_s).ravel()
     return first.astype(np.float32), last.astype(np.float32)
+
+
+@numba.njit("boolean[::1](float32[:, ::1], boolean[::1], float64)", cache=True, nogil=True)
+def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
+    """Which of the kept points (n,) lie within reach of the sensor, in whose frame they are."""
+    near = np.empty(len(xyz_m), np.bool_)
+    for i in range(len(xyz_m)):
+        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        near[i] = kept[i] and x * x + y * y + z * z < reach_m * reach_m
+    return near
 
 
 @numba.njit(

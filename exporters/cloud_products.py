@@ -44,6 +44,7 @@ LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
 ACCOUNT: Final = "surfaces.json"
 PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, ACCOUNT)
 RUN_REPORT: Final = "report.json"
+CACHE_BYTES: Final = 64 << 20
 WINDOW: Final = 1024
 """Cells a side of the squares in which finished surfaces are read again."""
 MOST_LOW_SPOT_CELLS: Final = 2_000_000
@@ -113,7 +114,8 @@ def write_cloud_surfaces(
     _refuse_occupied(folder, overwrite=overwrite)
     clouds = open_clouds(paths, settings.crs, settings.dst_crs)
     box = _box_in(clouds, settings)
-    with staged_folder(folder) as staging:
+    # GDAL would keep a twentieth of the computer's memory of what it has read.
+    with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         cell_m = settings.cell_m
         if cell_m is None:
             cell_m = cell_for(clouds, box, settings.classes, progress)

@@ -1,0 +1,126 @@
+"""Writes docs/reference/codes.md from the codes in the source: ``python scripts/code_reference.py``."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, NamedTuple, TypeAlias
+
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+PAGE: Final = CHECKOUT / "docs" / "reference" / "codes.md"
+PARTS: Final = ("core", "exporters", "cli")
+NOTICE: Final = "Notice"
+ANYTHING: Final = "…"
+"""Stands for what differs from case to case: a file, a number."""
+HEAD: Final = """\
+# Codes of errors and warnings
+
+<!-- Written by scripts/code_reference.py from the source. -->
+
+Programs tell errors and warnings apart by their codes: `code` in the JSON of an error, `warnings` in
+`report.json`. … stands for what differs from case to case; a code that is used in several places has a line for each.
+"""
+
+
+Words: TypeAlias = dict[str, list[ast.expr]]
+"""What a file assigns to each name."""
+
+
+class Told(NamedTuple):
+    """A code where it is used, and the sentences told with it."""
+
+    code: str
+    says: str
+    remedy: str
+    error: bool
+
+
+def page() -> str:
+    """The page as it should be."""
+    told = sorted(set(found()))
+    errors = [f"| `{t.code}` | {t.says} | {t.remedy} |" for t in told if t.error]
+    notices = [f"| `{t.code}` | {t.says} |" for t in told if not t.error]
+    return "\n".join(
+        [
+            HEAD,
+            "## Warnings\n",
+            "They do not change the exit status; they are told at the end of a run, on its page and in its report.\n",
+            "| code | says |\n| --- | --- |",
+            *notices,
+            "\n## Errors\n",
+            "| code | says | what to do |\n| --- | --- | --- |",
+            *errors,
+            "",
+        ]
+    )
+
+
+def found() -> Iterator[Told]:
+    """Every place of the source where a code is used."""
+    for part in PARTS:
+        for file in sorted((CHECKOUT / part).rglob("*.py")):
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            words: Words = {}
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.expr):
+                    for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                        if isinstance(target, ast.Name):
+                            words.setdefault(target.id, []).append(node.value)
+            for call in ast.walk(tree):
+                if isinstance(call, ast.Call):
+                    yield from _told(call, words)
+
+
+def _told(call: ast.Call, words: Words) -> Iterator[Told]:
+    name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+    arguments = call.args
+    code = next((keyword.value for keyword in call.keywords if keyword.arg == "code"), None)
+    if name == NOTICE and arguments:
+        says = arguments[1] if len(arguments) > 1 else next((k.value for k in call.keywords if k.arg == "text"), None)
+        for each in _constants(arguments[0]):
+            yield Told(each, _first(_text(says, words)), "", error=False)
+    elif code is not None and len(arguments) >= 3:
+        for each in _constants(code):
+            yield Told(each, _text(arguments[0], words), _text(arguments[2], words), error=True)
+
+
+def _constants(node: ast.expr) -> Iterator[str]:
+    """The texts that an expression can be."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    elif isinstance(node, ast.IfExp):
+        yield from _constants(node.body)
+        yield from _constants(node.orelse)
+
+
+def _text(node: ast.expr | None, words: Words) -> str:
+    """An expression as a table's cell; what is known only when it is told becomes an ellipsis."""
+    text = re.sub(r"\s+", " ", _raw(node, words)).replace("|", "\\|").replace("<", "&lt;").strip()
+    return re.sub(rf"{ANYTHING}(?:\s*{ANYTHING})+", ANYTHING, text)
+
+
+def _raw(node: ast.expr | None, words: Words) -> str:
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_raw(value, words) for value in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return _raw(node.left, words) + _raw(node.right, words)
+    if isinstance(node, ast.FormattedValue):
+        return _raw(node.value, words) if isinstance(node.value, ast.Name) else ANYTHING
+    if isinstance(node, ast.Name) and node.id in words:
+        texts = [_raw(value, {}) for value in words[node.id]]
+        return ANYTHING if ANYTHING in texts else " / ".join(texts)
+    return ANYTHING
+
+
+def _first(text: str) -> str:
+    """The first two sentences."""
+    sentences = re.split(r"(?<=[.!?]) (?=[A-Z`…])", text)
+    return " ".join(sentences[:2])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,26 @@
+"""The page of codes is that of the source."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+
+
+def test_code_reference__is_what_the_script_writes() -> None:
+    page = runpy.run_path(str(CHECKOUT / "scripts" / "code_reference.py"))["page"]
+    written = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
+    assert written == page(), "run scripts/code_reference.py"
+
+
+def test_code_reference__has_every_code_of_the_source() -> None:
+    page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
+    source = "".join(
+        f.read_text(encoding="utf-8") for part in ("core", "exporters") for f in (CHECKOUT / part).rglob("*.py")
+    )
+    used = set(re.findall(r'code="([a-z0-9-]+)"', source))
+    assert len(used) > 50
+    assert not used - told
