@@ -62,6 +62,8 @@ TRACK_KEPT_S: Final = 30.0
 """Positions that are kept to judge the next ones by."""
 RELIEF_KEPT: Final = 0.98
 """Of what scans said about the relief, at each new one."""
+UNTRIMMED: Final = np.inf
+"""The few scans in the window at the start show too little of the relief to tell which slopes are not part of it."""
 BODY_EVERY: Final = 10
 """Scans from one look at the vehicle's footprint to the next."""
 ANTENNAS_OFF_DEG: Final = 45.0
@@ -227,7 +229,7 @@ class _Window:
         self._prior, self._first = Prior.of_start(state), True
         self._twist, self._centre_m = np.zeros(6), state.xyz_m[-1]
         self._base = RollingBase(state.xyz_m[-1], CELL_M)
-        self._relief, self._tally = Relief(), np.zeros(7)
+        self._relief, self._tally = Relief(trim=UNTRIMMED), np.zeros(7)
         self._sums = Sums.of(len(state.xyz_m))
         self._trust: dict[float, float] = {}
 
@@ -285,7 +287,7 @@ class _Window:
             CoarseGrid(0, 0, 1.0),
         )
         self._tally = RELIEF_KEPT * self._tally + self._sums.tally
-        self._relief = Relief.of(self._tally)
+        self._relief = Relief.of(self._tally, UNTRIMMED)
         near = self._near(positions)
         trust = np.array([self._trust.get(t, 1.0) for t in near.t_s.tolist()])
         held = hold(knots, state, self._sums, self._sums.right, near, self._origin_m, self._lever_m, trust)
