@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Callable
+import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from html.parser import HTMLParser
@@ -16,6 +18,7 @@ import laspy
 import numpy as np
 import pyogrio
 import pytest
+from playwright.sync_api import Browser, sync_playwright
 
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.exporters.products import write_products
@@ -132,6 +135,44 @@ def test_page__is_whole_in_itself_and_tells_the_figures(result: Callable[[str], 
     assert page.tags.count("img") == 3
     assert f"{found.report['figures']['worked_area_m2']:.1f} m²" in text
     assert len(text) < 400_000
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Debian's Chromium, installed where that can be. Where it cannot, CI fails and everybody else skips."""
+    script = Path(__file__).resolve().parents[1] / "scripts" / "chromium.sh"
+    found = subprocess.run([script], capture_output=True, text=True, check=False)
+    if found.returncode != 0:
+        reason = f"no browser to test with: {found.stderr.strip().splitlines()[-1]}"
+        if os.environ.get("CI") == "true":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with sync_playwright() as playwright:
+        # Chromium's own sandbox needs rights that root in a container does not have; the page is our own.
+        chromium = playwright.chromium.launch(executable_path=found.stdout.strip(), args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (360, 740)], ids=["desktop", "phone"])
+def test_page__in_a_browser_asks_for_nothing_fits_its_width_and_prints(
+    result: Callable[[str], Result], browser: Browser, width: int, height: int
+) -> None:
+    address = (result("tractor_fishtail").folder / "report.html").as_uri()
+    page = browser.new_page(viewport={"width": width, "height": height})
+    asked: list[str] = []
+    faults: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: faults.append(message.text))
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.goto(address)
+    assert [url for url in asked if not url.startswith("data:")] == [address]
+    assert faults == []
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    pdf = page.pdf(format="A4")
+    assert pdf.startswith(b"%PDF")
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 5
+    page.close()
 
 
 def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path, tmp_path: Path) -> None:

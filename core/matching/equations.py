@@ -121,21 +121,14 @@ def _add_positions(
     trust: FloatArray,
 ) -> FloatArray:
     """Antenna = origin + R · lever + drift. Returns the horizontal residuals in standard deviations."""
-    k, share, inside = knots.at(positions.t_s)
-    misfit = np.full(len(k), np.nan)
-    if not inside.any():
+    seen = Seen.of(knots, state, positions, origin_m, lever_m)
+    misfit = np.full(len(positions.t_s), np.nan)
+    if not len(seen.knot):
         return misfit
-    k, share = k[inside], share[inside, None]
-    arm = state.rotation @ lever_m
-
-    def between(values: FloatArray) -> FloatArray:
-        return values[k] + share * (values[k + 1] - values[k])
-
-    turned = between(arm)
-    residual = positions.xyz_m[inside] - origin_m - between(state.xyz_m) - turned - between(state.drift_m)
-    white = positions.white_m[inside]
-    misfit[inside] = np.hypot(*(residual / white)[:, :2].T)
-    sigma = white / np.sqrt(trust[inside, None])
+    k, share, turned = seen.knot, seen.share[:, None], seen.arm_m
+    white = positions.white_m[seen.inside]
+    misfit[seen.inside] = np.hypot(*(seen.residual_m / white)[:, :2].T)
+    sigma = white / np.sqrt(trust[seen.inside, None])
     design = np.zeros((len(k), 3, 2 * SIZE))
     for first, weight in ((0, 1.0 - share[:, 0]), (SIZE, share[:, 0])):
         for axis in range(3):
@@ -146,25 +139,73 @@ def _add_positions(
             design[:, axis, first + 6 + axis] = weight
     for chosen in _without_repeats(k):
         for axis in range(3):
-            equations.add(k[chosen] * SIZE, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
-    _add_headings(equations, state, positions.yaw_rad[inside], k, positions.t_s[inside])
+            equations.add(k[chosen] * SIZE, design[chosen, axis], seen.residual_m[chosen, axis], sigma[chosen, axis])
+    headings = Headings.of(seen, state, positions)
+    for chosen in _without_repeats(headings.knot) if len(headings.knot) else ():
+        at, sigma_rad = headings.knot[chosen] * SIZE + 5, np.full(len(chosen), headings.sigma_rad)
+        equations.add(at, np.ones((len(chosen), 1)), headings.off_rad[chosen], sigma_rad)
     return misfit
 
 
-def _add_headings(
-    equations: NormalEquations, state: State, yaw_rad: FloatArray, k: NDArray[np.int64], t_s: FloatArray
-) -> None:
-    """Headings that two antennas show."""
-    shown = np.isfinite(yaw_rad)
-    if not shown.any():
-        return
-    k, t_s = k[shown], t_s[shown]
-    off = yaw_rad[shown] - np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
-    off = (off + np.pi) % (2 * np.pi) - np.pi
-    step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
-    sigma = HEADING_SIGMA * np.sqrt(max(1.0, HEADING_CORRELATION_S / step_s))
-    for chosen in _without_repeats(k):
-        equations.add(k[chosen] * SIZE + 5, np.ones((len(chosen), 1)), off[chosen], np.full(len(chosen), sigma))
+@dataclass(frozen=True)
+class Seen:
+    """The positions in the time of the knots, against where the state has the antenna.
+
+    Attributes:
+        inside: (m,) which of all positions they are.
+        knot: (k,) the knot before each.
+        share: (k,) of the way to the next knot.
+        arm_m: (k, 3) from the vehicle frame's origin to the antenna.
+        antenna_m: (k, 3) of the antenna against the local origin.
+        residual_m: (k, 3) the position less antenna and drift.
+    """
+
+    inside: NDArray[np.bool_]
+    knot: NDArray[np.int64]
+    share: FloatArray
+    arm_m: FloatArray
+    antenna_m: FloatArray
+    residual_m: FloatArray
+
+    @classmethod
+    def of(cls, knots: Knots, state: State, positions: Positions, origin_m: FloatArray, lever_m: FloatArray) -> Seen:
+        """Of a state; the arguments are those of :func:`hold`."""
+        k, share, inside = knots.at(positions.t_s)
+        k, share = k[inside], share[inside]
+
+        def between(values: FloatArray) -> FloatArray:
+            return values[k] + share[:, None] * (values[k + 1] - values[k])
+
+        arm = between(state.rotation @ lever_m)
+        antenna = between(state.xyz_m) + arm
+        residual = positions.xyz_m[inside] - origin_m - antenna - between(state.drift_m)
+        return cls(inside, k, share, arm, antenna, residual)
+
+
+@dataclass(frozen=True)
+class Headings:
+    """Headings that two antennas show, against those of the state.
+
+    Attributes:
+        knot: (k,) the knot before each.
+        off_rad: (k,) by which they are further counter-clockwise than the state's.
+        sigma_rad: standard deviation of each, taken as independent of the others.
+    """
+
+    knot: NDArray[np.int64]
+    off_rad: FloatArray
+    sigma_rad: float
+
+    @classmethod
+    def of(cls, seen: Seen, state: State, positions: Positions) -> Headings:
+        """Those of the positions that have one."""
+        yaw_rad, t_s = positions.yaw_rad[seen.inside], positions.t_s[seen.inside]
+        shown = np.isfinite(yaw_rad)
+        k, t_s = seen.knot[shown], t_s[shown]
+        off = yaw_rad[shown] - np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
+        step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+        sigma = HEADING_SIGMA * np.sqrt(max(1.0, HEADING_CORRELATION_S / step_s))
+        return cls(k, (off + np.pi) % (2 * np.pi) - np.pi, float(sigma))
 
 
 def _without_repeats(k: NDArray[np.int64]) -> list[NDArray[np.intp]]:

@@ -19,6 +19,10 @@ STEP_S: Final = 0.025
 """Distance of the knots: at 3 Hz and 0.25° of sway a straight line between them is within 0.007° of it."""
 PAUSE_S: Final = 5.0
 """Where a recording pauses for longer, a new chain of knots begins."""
+MOST_CHAINS: Final = 150
+"""Of more pauses only the longest part chains: each chain has coarse knots of its own, whose equations are dense."""
+PART: Final = 1 << 20
+"""So many times are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +104,8 @@ class State:
 
 def knots_over(t_s: NDArray[np.float64]) -> Knots:
     """Knots that cover the times (n,), which increase."""
-    begins = np.flatnonzero(np.diff(t_s, prepend=-np.inf) > PAUSE_S)
-    ends = np.append(begins[1:], len(t_s))
+    pauses = _pauses(t_s)
+    begins, ends = np.concatenate([[0], pauses]), np.append(pauses, len(t_s))
     chains, first = [], 0
     for begin, end in zip(begins, ends, strict=True):
         count = int(np.ceil((t_s[end - 1] - t_s[begin]) / STEP_S)) + 2
@@ -109,6 +113,18 @@ def knots_over(t_s: NDArray[np.float64]) -> Knots:
         first += count
     t = np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains])
     return Knots(tuple(chains), t)
+
+
+def _pauses(t_s: NDArray[np.float64]) -> IntArray:
+    """Indices (k,) of the times before which a chain ends; looked for in parts, since `t_s` may lie in a file."""
+    found, lasting = [np.zeros(0, np.int64)], [np.zeros(0)]
+    for begin in range(0, len(t_s) - 1, PART):
+        step_s = np.diff(t_s[begin : begin + PART + 1])
+        at = np.flatnonzero(step_s > PAUSE_S)
+        found.append(begin + 1 + at)
+        lasting.append(step_s[at])
+    longest = np.argsort(-np.concatenate(lasting), kind="stable")[: MOST_CHAINS - 1]
+    return np.sort(np.concatenate(found)[longest])
 
 
 def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> State:

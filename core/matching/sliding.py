@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.coarse import SIZE
-from furrowmap.core.matching.equations import HEADING_CORRELATION_S, HEADING_SIGMA
+from furrowmap.core.matching.equations import Headings, Seen
 from furrowmap.core.matching.knots import STEP_S, Knots, State
 from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
@@ -143,42 +143,26 @@ class Bordered:
             centre_m: (3,) place in the local frame about which the twist turns.
         """
         out = cls(held, np.zeros((len(knots) * SIZE, 6)), np.zeros((6, 6)), np.zeros(6))
-        k, share, inside = knots.at(positions.t_s)
-        k, share = k[inside], share[inside, None]
+        seen = Seen.of(knots, state, positions, origin_m, lever_m)
+        k = seen.knot
         if not len(k):
             return out
-        arm = state.rotation @ lever_m
-
-        def between(values: FloatArray) -> FloatArray:
-            return values[k] + share * (values[k + 1] - values[k])
-
-        turned = between(arm)
-        antenna = between(state.xyz_m) + turned
-        residual = positions.xyz_m[inside] - origin_m - antenna - between(state.drift_m)
-        weight = (trust[inside, None] / positions.white_m[inside] ** 2)[:, :, None]
+        weight = (trust[seen.inside, None] / positions.white_m[seen.inside] ** 2)[:, :, None]
         whole = np.broadcast_to(np.eye(3), (len(k), 3, 3))
-        design = np.concatenate([whole, -cross_matrix(turned), whole], axis=2)
-        twist = np.concatenate([whole, -cross_matrix(antenna - centre_m)], axis=2)
+        design = np.concatenate([whole, -cross_matrix(seen.arm_m), whole], axis=2)
+        twist = np.concatenate([whole, -cross_matrix(seen.antenna_m - centre_m)], axis=2)
         part = np.einsum("nia,nib->nab", design, weight * twist)
-        for i, (a, late) in enumerate(zip((k * SIZE).tolist(), share[:, 0].tolist(), strict=True)):
+        for i, (a, late) in enumerate(zip((k * SIZE).tolist(), seen.share.tolist(), strict=True)):
             out.border[a : a + SIZE] += (1.0 - late) * part[i]
             out.border[a + SIZE : a + 2 * SIZE] += late * part[i]
         out.corner[:] = np.einsum("nia,nib->ab", twist, weight * twist)
-        out.right[:] = np.einsum("nia,ni->a", twist, weight[:, :, 0] * residual)
-        out._add_headings(k, positions.t_s[inside], positions.yaw_rad[inside], state)
+        out.right[:] = np.einsum("nia,ni->a", twist, weight[:, :, 0] * seen.residual_m)
+        headings = Headings.of(seen, state, positions)
+        sharp = headings.sigma_rad**-2
+        np.add.at(out.border[:, 5], headings.knot * SIZE + 5, sharp)
+        out.corner[5, 5] += sharp * len(headings.knot)
+        out.right[5] += sharp * float(headings.off_rad.sum())
         return out
-
-    def _add_headings(self, k: NDArray[np.int64], t_s: FloatArray, yaw_rad: FloatArray, state: State) -> None:
-        shown = np.isfinite(yaw_rad)
-        if not shown.any():
-            return
-        k, t_s = k[shown], t_s[shown]
-        off = yaw_rad[shown] - np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
-        step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
-        weight = 1.0 / (HEADING_SIGMA**2 * max(1.0, HEADING_CORRELATION_S / step_s))
-        np.add.at(self.border[:, 5], k * SIZE + 5, weight)
-        self.corner[5, 5] += weight * len(k)
-        self.right[5] += weight * float(((off + np.pi) % (2 * np.pi) - np.pi).sum())
 
     def add_prior(self, prior: Prior, state: State, twist: FloatArray) -> None:
         """Add what is known from what has left the window, after a twist (6,) since."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.matching.knots import PAUSE_S, STEP_S, State, knots_over, place, start_from, turns
+from furrowmap.core.matching.knots import MOST_CHAINS, PAUSE_S, STEP_S, State, knots_over, place, start_from, turns
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
@@ -85,6 +85,17 @@ def test_knots__cover_all_times_and_no_pause(steps: list[float]) -> None:
     ends = np.cumsum([c.count for c in knots.chains])
     assert set(range(len(knots))) - set(knots.linked.tolist()) == set((ends - 1).tolist())
     assert len(knots.inner) == len(knots) - 2 * len(knots.chains)
+
+
+def test_of_very_many_pauses_the_longest_part_chains() -> None:
+    long = np.random.default_rng(3).permutation(np.arange(400) < 100)
+    begins = T0_S + np.cumsum(np.where(long, 60.0, PAUSE_S + 1.0))
+    t = (begins[:, None] + np.linspace(0.0, 0.3, 5)).ravel()
+    knots = knots_over(t)
+    assert len(knots.chains) == MOST_CHAINS
+    assert knots.at(t)[2].all()
+    parted = {round(chain.begin_s + 0.5 * STEP_S, 6) for chain in knots.chains}
+    assert parted >= set(np.round(begins[1:][long[1:]], 6).tolist())
 
 
 def test_the_start_is_the_trajectory_held_at_its_ends_and_straight_across_its_gaps() -> None:
