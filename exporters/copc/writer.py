@@ -20,7 +20,7 @@ from furrowmap.exporters.copc.file import CopcFile, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
 from furrowmap.exporters.copc.points import Extent, PointBatch, Records, pack
 
-MEMORY_POINTS: Final = 12_000_000
+MEMORY_POINTS: Final = 8_000_000
 NODE_POINTS: Final = 50_000
 LEAST_NODE_POINTS: Final = 64
 """Below it, chance might leave a node with children empty: with 64 expected points once in 10^28 nodes."""
