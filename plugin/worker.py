@@ -6,14 +6,12 @@ of a task; whoever calls looks at messages and says when to cancel.
 """
 
 import json
-import os
 import time
 from dataclasses import dataclass, field
 
-from qgis.core import QgsApplication
-from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess, QProcessEnvironment
+from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess
 
-from .environment import own_prefix, worker_environment
+from .program import process_environment
 
 PROTOCOL = 1
 HELLO_S = 20.0
@@ -79,6 +77,22 @@ def run_verb(program, arguments, on_message, is_cancelled):
         _end(process)
 
 
+def greet(program, is_cancelled):
+    """Start a worker, hear its hello, end it.
+
+    Returns:
+        The hello: protocol, version, pid.
+
+    Raises:
+        WorkerError: if there is none, or of another protocol.
+    """
+    process = _start(program)
+    try:
+        return _Conversation(process, program, _ignore, is_cancelled).greet()
+    finally:
+        _end(process)
+
+
 class _Conversation:
     def __init__(self, process, program, on_message, is_cancelled):
         self.process = process
@@ -89,42 +103,51 @@ class _Conversation:
         self.tail = b""
         self.log = []
 
-    def hold(self, arguments):
+    def greet(self):
+        """Wait for the hello of a worker that speaks this plugin's protocol."""
         begun = time.monotonic()
-        ordered = cancelled_at = None
-        while self.heard.status is None:
-            running = self.process.state() == QProcess.ProcessState.Running
-            if running:
-                self.process.waitForReadyRead(_POLL_MS)
-            self._hear()
-            now = time.monotonic()
-            if self.heard.hello is None and now - begun > HELLO_S:
+        while self.heard.hello is None:
+            if self.is_cancelled():
+                raise _cancelled()
+            if time.monotonic() - begun > HELLO_S:
                 raise self._silent()
-            if self.heard.hello is not None and ordered is None:
-                self._check_protocol()
-                ordered = now
-                self._say({"type": "start", "arguments": [str(word) for word in arguments]})
+            if not self._wait():
+                raise self._crashed()
+        self._check_protocol()
+        return self.heard.hello
+
+    def hold(self, arguments):
+        """Order the verb and listen to the end."""
+        self.greet()
+        self._say({"type": "start", "arguments": [str(word) for word in arguments]})
+        cancelled_at = None
+        while self.heard.status is None and self._wait():
             if cancelled_at is None and self.is_cancelled():
-                cancelled_at = now
-                if ordered is None:
-                    break
+                cancelled_at = time.monotonic()
                 self._say({"type": "cancel"})
-            if cancelled_at is not None and now - cancelled_at > CANCEL_S:
-                break
-            if not running and not self.process.bytesAvailable():
+            if cancelled_at is not None and time.monotonic() - cancelled_at > CANCEL_S:
                 break
         if cancelled_at is not None:
-            raise WorkerCancelled("cancelled", (tr("Stopped before the end."), tr("Nothing half-written is left."), ""))
+            raise _cancelled()
         return self._outcome()
+
+    def _wait(self):
+        """Hear what comes for a moment; whether more may come."""
+        running = self.process.state() == QProcess.ProcessState.Running
+        if running:
+            self.process.waitForReadyRead(_POLL_MS)
+        self._hear()
+        return running or bool(self.process.bytesAvailable())
 
     def _outcome(self):
         if self.heard.error is not None:
             error = self.heard.error
             lines = [str(error.get(key, "")) for key in ("what", "meaning", "remedy")]
             raise WorkerError(str(error.get("code", "failed")), lines, self.log)
-        if self.heard.status != 0:
+        told = self.heard.status == 0 or (self.heard.status is not None and self.heard.value is not None)
+        if not told:
             raise self._crashed()
-        return self.heard.value
+        return self.heard.value  # with another status where a part could not be done, which the answer tells
 
     def _say(self, message):
         self.process.write(json.dumps(message).encode() + b"\n")
@@ -198,10 +221,7 @@ class _Conversation:
 
 def _start(program):
     process = QProcess()
-    environment = QProcessEnvironment()
-    for name, value in worker_environment(dict(os.environ), own_prefix(QgsApplication.prefixPath())).items():
-        environment.insert(name, value)
-    process.setProcessEnvironment(environment)
+    process.setProcessEnvironment(process_environment())
     process.start(program[0], [*program[1:], "worker"], QIODevice.OpenModeFlag.ReadWrite)
     if not process.waitForStarted(10_000):
         raise WorkerError(
@@ -228,6 +248,14 @@ def _end(process):
     if not process.waitForFinished(int(END_S * 1000)):
         process.kill()
         process.waitForFinished(int(END_S * 1000))
+
+
+def _cancelled():
+    return WorkerCancelled("cancelled", (tr("Stopped before the end."), tr("Nothing half-written is left."), ""))
+
+
+def _ignore(message):
+    """For who wants to know nothing on the way."""
 
 
 def tr(text):

@@ -6,10 +6,33 @@ from pathlib import Path
 from qgis.core import QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
+from .base_add import BaseAdd
+from .base_list import BaseList
+from .base_mosaic import BaseMosaic
+from .base_remove import BaseRemove
+from .calibrate import Calibrate
+from .export import Export
+from .fields import Fields
+from .init import Init
 from .inspect import Inspect
 from .run import Run
+from .simulate import Simulate
+from .surface import Surface
 
-ALGORITHMS = (Run, Inspect)
+ALGORITHMS = (
+    Init,
+    Inspect,
+    Run,
+    Calibrate,
+    Simulate,
+    Surface,
+    Fields,
+    Export,
+    BaseAdd,
+    BaseList,
+    BaseRemove,
+    BaseMosaic,
+)
 
 
 class FurrowmapProvider(QgsProcessingProvider):

@@ -7,13 +7,13 @@ from qgis.core import (
     QgsProcessingOutputFolder,
     QgsProcessingOutputNumber,
     QgsProcessingOutputString,
-    QgsProcessingParameterBoolean,
     QgsProcessingParameterFile,
     QgsProcessingParameterFolderDestination,
 )
 
 from ..results import open_results
-from .base import VerbAlgorithm
+from .base import ARGUMENT, VerbAlgorithm
+from .shared import OPEN, add_open, add_overwrite
 
 FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
 
@@ -21,14 +21,14 @@ FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "poi
 class Run(VerbAlgorithm):
     """From a session to its products."""
 
-    ID = "run"
-    SESSION, OUTPUT, OVERWRITE, OPEN = "SESSION", "OUTPUT", "OVERWRITE", "OPEN"
+    ID, VERB = "run", ("run",)
+    SESSION, OUTPUT = "SESSION", "OUTPUT"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""
         return self.tr("Run a session")
 
-    def shortHelpString(self):  # noqa: N802
+    def summary(self):
         """What it does."""
         return self.tr(
             "Computes the georeferenced point cloud of the recording that a session describes, sees in the scans "
@@ -39,35 +39,25 @@ class Run(VerbAlgorithm):
         """Its parameters and outputs."""
         self.add(
             QgsProcessingParameterFile(self.SESSION, self.tr("Session"), extension="toml"),
+            ARGUMENT,
             self.tr("The session.toml beside the recording; 'Begin a session' writes one."),
         )
         self.add(
             QgsProcessingParameterFolderDestination(self.OUTPUT, self.tr("Folder for the products")),
+            "--output",
             self.tr("Products of the same session in it are replaced."),
         )
-        self.add(
-            QgsProcessingParameterBoolean(
-                self.OVERWRITE, self.tr("Replace products of another session"), defaultValue=False
-            ),
-            advanced=True,
-        )
-        self.add(
-            QgsProcessingParameterBoolean(self.OPEN, self.tr("Open the products, styled"), defaultValue=True),
-        )
+        add_overwrite(self, self.tr("Replace products of another session"))
+        add_open(self)
         self.addOutput(QgsProcessingOutputFolder("FOLDER", self.tr("Folder of the products")))
         self.addOutput(QgsProcessingOutputString("REPORT", self.tr("Report to read (HTML)")))
         for name in FIGURES:
             self.addOutput(QgsProcessingOutputNumber(name.upper(), name))
 
-    def arguments(self, parameters, context):
-        """`run SESSION -o FOLDER`."""
-        self.folder = self.parameterAsString(parameters, self.OUTPUT, context)
-        overwrite = ["--overwrite"] if self.parameterAsBool(parameters, self.OVERWRITE, context) else []
-        self.opened = self.parameterAsBool(parameters, self.OPEN, context)
-        return ["run", self.parameterAsFile(parameters, self.SESSION, context), "-o", self.folder, *overwrite]
-
-    def outputs(self, answer, parameters, context):  # noqa: ARG002
+    def outputs(self, answer, parameters, context):
         """The folder, the report and the figures."""
+        self.folder = answer["folder"]
+        self.opened = self.parameterAsBool(parameters, OPEN, context)
         figures = answer.get("figures", {})
         return {
             "FOLDER": self.folder,
@@ -79,6 +69,6 @@ class Run(VerbAlgorithm):
     def postProcessAlgorithm(self, context, feedback):  # noqa: N802
         """Open the products, in the main thread."""
         folder = getattr(self, "folder", None)
-        if folder and getattr(self, "opened", False) and not feedback.isCanceled() and context.project() is not None:
+        if folder and self.opened and not feedback.isCanceled() and context.project() is not None:
             open_results(folder, context.project())
         return {}

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Parameters that several algorithms have: the results of runs, a base map, whether to replace, whether to open."""
+
+from pathlib import Path
+
+from qgis.core import (
+    QgsProcessing,
+    QgsProcessingParameterBoolean,
+    QgsProcessingParameterFile,
+    QgsProcessingParameterMultipleLayers,
+    QgsProcessingParameterString,
+)
+
+from .base import ARGUMENT, VerbAlgorithm
+
+RESULTS, BASE, DATABASE, DB_SCHEMA = "RESULTS", "BASE", "DATABASE", "SCHEMA"
+OVERWRITE, OPEN = "OVERWRITE", "OPEN"
+
+
+class TakesResults(VerbAlgorithm):
+    """Takes the folders of runs, each told by itself or by a file in it, for QGIS's dialog lists only files."""
+
+    def add_results(self):
+        """Add the parameter."""
+        self.add(
+            QgsProcessingParameterMultipleLayers(
+                RESULTS, self.tr("Results of runs"), QgsProcessing.SourceType.TypeFile
+            ),
+            ARGUMENT,
+            self.tr("The report.json of each run, which stands for its folder."),
+        )
+
+    def words(self, definition, parameters, context):
+        """Folders instead of files in them, each once."""
+        words = super().words(definition, parameters, context)
+        if definition.name() != RESULTS:
+            return words
+        return list(dict.fromkeys(str(Path(word).parent if Path(word).is_file() else word) for word in words))
+
+
+class TakesBase(VerbAlgorithm):
+    """Takes a base map: a GeoPackage, or the address of a PostGIS database."""
+
+    GROUP = "base"
+
+    def add_base(self, parameter=None):
+        """Add the parameters; `parameter` is that of the GeoPackage, which is read by default."""
+        self.add(
+            parameter
+            or QgsProcessingParameterFile(BASE, self.tr("Base map (GeoPackage)"), extension="gpkg", optional=True),
+            ARGUMENT,
+            self.tr("The farm's GeoPackage."),
+        )
+        self.add(
+            QgsProcessingParameterString(DATABASE, self.tr("Base map in PostGIS instead"), optional=True),
+            ARGUMENT,
+            self.tr("An address such as postgresql://me@server/farm. Passwords belong into PostgreSQL's own files."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterString(DB_SCHEMA, self.tr("Schema in PostGIS"), defaultValue="furrowmap"),
+            "--schema",
+            self.tr("Where the tables lie in the database."),
+            advanced=True,
+        )
+
+    def fault(self, parameters, context):  # noqa: ARG002 - the base class's signature
+        """Exactly one base is needed."""
+        given = [name for name in (BASE, DATABASE) if parameters.get(name) not in (None, "")]
+        if len(given) == 1:
+            return ""
+        return self.tr("Choose either a GeoPackage or a PostGIS database.")
+
+
+def add_overwrite(algorithm, text):
+    """Whether what is there may be replaced."""
+    algorithm.add(
+        QgsProcessingParameterBoolean(OVERWRITE, text, defaultValue=False),
+        "--overwrite",
+        algorithm.tr("Otherwise what is there is kept, and nothing is done."),
+        advanced=True,
+    )
+
+
+def add_open(algorithm):
+    """Whether the products are opened."""
+    algorithm.add(
+        QgsProcessingParameterBoolean(OPEN, algorithm.tr("Open the products, styled"), defaultValue=True),
+        None,
+        algorithm.tr("Adds them to the project when the work is done."),
+    )

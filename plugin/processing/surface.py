@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""`furrowmap surface` as an algorithm."""
+
+from pathlib import Path
+
+from qgis.core import (
+    QgsProcessing,
+    QgsProcessingOutputFolder,
+    QgsProcessingOutputRasterLayer,
+    QgsProcessingParameterCrs,
+    QgsProcessingParameterEnum,
+    QgsProcessingParameterExtent,
+    QgsProcessingParameterFolderDestination,
+    QgsProcessingParameterMultipleLayers,
+    QgsProcessingParameterNumber,
+    QgsProcessingParameterString,
+)
+
+from .base import ARGUMENT, VerbAlgorithm, crs_words
+from .loading import load_when_done
+from .shared import OPEN, add_open, add_overwrite
+
+RASTERS = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
+SHOWN = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
+
+
+class Surface(VerbAlgorithm):
+    """Surfaces of any cloud."""
+
+    ID, VERB, GROUP = "surface", ("surface",), "surfaces"
+    CLOUDS, OUTPUT, CELL, STATISTIC, EXTENT, CLASSES = "CLOUDS", "OUTPUT", "CELL", "STATISTIC", "EXTENT", "CLASSES"
+    GROUND, OUTLIERS, EVERY, FILL, CRS, DST_CRS = "GROUND", "OUTLIERS", "EVERY", "FILL", "CRS", "DST_CRS"
+
+    def displayName(self):  # noqa: N802 - the names are QGIS's
+        """As the toolbox shows it."""
+        return self.tr("Surfaces of point clouds")
+
+    def summary(self):
+        """What it does."""
+        return self.tr(
+            "Makes surfaces of LAS, LAZ or COPC clouds, from furrowmap or from anybody else: heights of all points "
+            "(DSM) and of the ground (DTM), height above ground, hillshade, slope, roughness, and low spots that hold "
+            "water. Memory does not grow with the land."
+        )
+
+    def initAlgorithm(self, configuration=None):  # noqa: N802, ARG002
+        """Its parameters and outputs."""
+        number, enum = QgsProcessingParameterNumber, QgsProcessingParameterEnum
+        self.add(
+            QgsProcessingParameterMultipleLayers(self.CLOUDS, self.tr("Clouds"), QgsProcessing.SourceType.TypeFile),
+            ARGUMENT,
+            self.tr("LAS, LAZ or COPC files; together they lie on one grid."),
+        )
+        self.add(
+            number(self.CELL, self.tr("Cell (m)"), number.Type.Double, None, optional=True, minValue=0.001),
+            "--cell",
+            self.tr("Side of a cell. Left out: the least round one with four points in it."),
+        )
+        self.add(
+            enum(
+                self.GROUND,
+                self.tr("Ground is told by"),
+                ["auto", "class", "smrf", "csf", "none"],
+                defaultValue="auto",
+                usesStaticStrings=True,
+            ),
+            "--ground-method",
+            self.tr("auto: by the clouds' own classes where they have them, else by the SMRF filter."),
+        )
+        self.add(
+            number(self.FILL, self.tr("Fill gaps up to (m)"), number.Type.Double, 0.0, minValue=0.0),
+            "--fill",
+            self.tr("From heights seen around them; nothing is filled outside."),
+        )
+        self.add(
+            QgsProcessingParameterExtent(self.EXTENT, self.tr("Only within"), optional=True),
+            "--bbox",
+            self.tr("A box, from a layer, the map, or by coordinates."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterString(self.CLASSES, self.tr("Only classes"), optional=True),
+            "--class",
+            self.tr("Numbers with commas between them, such as 2,9. Left out: all but noise."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterString(self.STATISTIC, self.tr("Height of a cell"), defaultValue="median"),
+            "--statistic",
+            self.tr("median, trimmed, mean, min, max, or a percentile such as p90."),
+            advanced=True,
+        )
+        self.add(
+            enum(
+                self.OUTLIERS,
+                self.tr("Leave out points that are alone"),
+                ["none", "radius", "statistical"],
+                defaultValue="none",
+                usesStaticStrings=True,
+            ),
+            "--outliers",
+            self.tr("How they are told: by their number in a radius, or by their distance to the next ones."),
+            advanced=True,
+        )
+        self.add(
+            number(self.EVERY, self.tr("Take every n-th point"), number.Type.Integer, 1, minValue=1),
+            "--every",
+            self.tr("More than 1 for a quick look."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterCrs(self.CRS, self.tr("CRS of clouds that state none"), optional=True),
+            "--crs",
+            self.tr("Clouds that state theirs keep it."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterCrs(self.DST_CRS, self.tr("CRS of the surfaces"), optional=True),
+            "--dst-crs",
+            self.tr("In metres. Left out: that of the clouds."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterFolderDestination(self.OUTPUT, self.tr("Folder for the surfaces")),
+            "--output",
+            self.tr("Takes cloud-optimised GeoTIFFs and surfaces.json."),
+        )
+        add_overwrite(self, self.tr("Replace earlier surfaces"))
+        add_open(self)
+        self.addOutput(QgsProcessingOutputFolder("FOLDER", self.tr("Folder of the surfaces")))
+        for name in RASTERS:
+            self.addOutput(QgsProcessingOutputRasterLayer(name.upper(), name))
+
+    def fault(self, parameters, context):
+        """Classes are numbers."""
+        classes = self.parameterAsString(parameters, self.CLASSES, context)
+        if classes and not all(part.strip().isdigit() for part in classes.split(",")):
+            return self.tr("Only classes: {text} are not numbers with commas between them.").format(text=classes)
+        return ""
+
+    def words(self, definition, parameters, context):
+        """The box by its four coordinates."""
+        if definition.name() != self.EXTENT:
+            return super().words(definition, parameters, context)
+        box = self.parameterAsExtent(parameters, self.EXTENT, context)
+        sides = (box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum())
+        return [] if box.isNull() else [",".join(f"{side:.9f}" for side in sides)]
+
+    def arguments(self, parameters, context):
+        """With the box its CRS, which QGIS may tell together with it."""
+        verb, *rest = super().arguments(parameters, context)
+        crs = self.parameterAsExtentCrs(parameters, self.EXTENT, context)
+        stated = not self.parameterAsExtent(parameters, self.EXTENT, context).isNull() and crs.isValid()
+        return [verb, *([f"--bbox-crs={crs_words(crs)}"] if stated else []), *rest]
+
+    def outputs(self, answer, parameters, context):
+        """The folder and the rasters in it."""
+        folder = Path(answer["folder"])
+        written = [name for name in SHOWN if name in answer["products"]]
+        if self.parameterAsBool(parameters, OPEN, context):
+            for name in written:
+                load_when_done(context, folder / name, folder.name)
+        rasters = {name.upper(): str(folder / f"{name}.tif") for name in RASTERS if f"{name}.tif" in answer["products"]}
+        return {"FOLDER": str(folder), self.OUTPUT: str(folder), **rasters}

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The plugin's words in the user's language.
+
+Qt reads compiled translations (.qm), which are binary and so neither in the repository nor in the zip. They are
+compiled when the plugin starts, in memory, from the .ts files of ``i18n``: some milliseconds, and no tool is needed.
+"""
+
+import struct
+from pathlib import Path
+
+from qgis.core import QgsApplication
+from qgis.PyQt.QtCore import QCoreApplication, QTranslator, QXmlStreamReader
+
+FOLDER = Path(__file__).with_name("i18n")
+MAGIC = bytes.fromhex("3cb86418caef9c95cd211cbf60a1bddd")
+HASHES, MESSAGES = 0x42, 0x69
+END, TRANSLATION, SOURCE, CONTEXT, COMMENT = 1, 3, 6, 7, 8
+
+
+def install_translator(locale=None):
+    """Translate the plugin's words into the language that QGIS speaks.
+
+    Returns:
+        The translator, to be removed when the plugin goes; None where there are no words in that language.
+    """
+    locale = locale or QgsApplication.locale() or ""
+    path = FOLDER / f"furrowmap_{locale[:2]}.ts"
+    if not path.is_file():
+        return None
+    translator = Translator(compiled(messages(path)))
+    QCoreApplication.installTranslator(translator)
+    return translator
+
+
+class Translator(QTranslator):
+    """One that reads its words from memory, which has to stay as long as it."""
+
+    def __init__(self, content):
+        super().__init__()
+        self.content = content
+        self.loadFromData(content)
+
+
+def messages(path):
+    """The finished translations in a .ts file: (context, source) → translation."""
+    reader = QXmlStreamReader(path.read_text(encoding="utf-8"))
+    found, context, source = {}, "", ""
+    while not reader.atEnd():
+        if reader.readNext() != QXmlStreamReader.TokenType.StartElement:
+            continue
+        element = str(reader.name())
+        if element == "name":
+            context = reader.readElementText()
+        elif element == "source":
+            source = reader.readElementText()
+        elif element == "translation" and not reader.attributes().hasAttribute("type"):
+            found[context, source] = reader.readElementText()
+    return found
+
+
+def compiled(translations):
+    """The content of a .qm file, as Qt's `lrelease` writes it and QTranslator reads it.
+
+    Args:
+        translations: (context, source) → translation.
+    """
+    hashes, body = [], bytearray()
+    for (context, source), translation in translations.items():
+        hashes.append((elf_hash(source.encode()), len(body)))
+        for tag, text in (
+            (TRANSLATION, translation.encode("utf-16-be")),
+            (COMMENT, b""),
+            (SOURCE, source.encode()),
+            (CONTEXT, context.encode()),
+        ):
+            body += struct.pack(">BI", tag, len(text)) + text
+        body.append(END)
+    table = b"".join(struct.pack(">II", *entry) for entry in sorted(hashes))
+    sections = ((HASHES, table), (MESSAGES, bytes(body)))
+    return MAGIC + b"".join(struct.pack(">BI", tag, len(content)) + content for tag, content in sections)
+
+
+def elf_hash(text):
+    """The hash of System V's ELF, by which Qt looks source texts up."""
+    value = 0
+    for byte in text:
+        value = (value << 4) + byte
+        high = value & 0xF0000000
+        value = (value ^ (high >> 24)) & ~high & 0xFFFFFFFF
+    return value or 1
