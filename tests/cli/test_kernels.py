@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_kernels
+from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
@@ -65,3 +65,25 @@ def test_compilation__is_told_once_and_only_when_it_happens(tmp_path: Path) -> N
 
     assert run() == f"{COMPILING}\n"
     assert run() == ""
+
+
+@pytest.mark.parametrize(("stated", "kept"), [(None, "1"), ("4", "4")])
+def test_blas__has_one_thread_unless_the_user_says_otherwise(
+    stated: str | None, kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", stated or "")
+    if stated is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    keep_blas_single()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == kept
+
+
+def test_command__says_so_before_numpy_is_there(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from furrowmap.cli import kernels, options\n"
+        "said = kernels.keep_blas_single\n"
+        "options.keep_blas_single = lambda: (print('numpy' in sys.modules), said())\n"
+        f"from furrowmap.cli.main import command_line; command_line(['run', {str(tmp_path / 'none.toml')!r}])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "False\n"
