@@ -36,7 +36,7 @@ def keep_kernels() -> None:
 def keep_blas_single() -> None:
     """Let the linear algebra of numpy and scipy work in one thread each; to be called before they are imported.
 
-    Our own threads share the cores already, and BLAS's only wait for each other: matching 64 million points took 30 s of
+    Our own threads share the cores already, and those of BLAS only wait: matching 64 million points took 30 s of
     processor time with them and 18 s without. A number that the user has set is respected.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
