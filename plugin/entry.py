@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the plugin adds to QGIS, and takes away again: the algorithms' provider and an entry in the plugins menu."""
+"""What the plugin adds to QGIS, and takes away again: algorithms, the dock, and what helps on the map."""
 
 from pathlib import Path
 
-from qgis.core import Qgis, QgsApplication
-from qgis.PyQt.QtCore import QCoreApplication
+from qgis.core import QgsApplication
+from qgis.PyQt.QtCore import QCoreApplication, Qt
 from qgis.PyQt.QtGui import QIcon
-from qgis.PyQt.QtWidgets import QAction, QFileDialog
+from qgis.PyQt.QtWidgets import QAction
 
 from .processing.provider import FurrowmapProvider
-from .results import NoResultsError, open_results
+from .translation import install_translator
 
 MENU = "furrowmap"
 
@@ -20,7 +20,13 @@ class FurrowmapPlugin:
     def __init__(self, iface):
         self.iface = iface  # None in qgis_process, which has no window
         self.action = None
+        self.attribution = None
+        self.dock = None
+        self.drops = None
+        self.locator = None
+        self.options = None
         self.provider = None
+        self.translator = install_translator()
 
     def initProcessing(self):  # noqa: N802 - the names are QGIS's
         """Add the algorithms; qgis_process calls nothing else."""
@@ -28,35 +34,49 @@ class FurrowmapPlugin:
         QgsApplication.processingRegistry().addProvider(self.provider)
 
     def initGui(self):  # noqa: N802
-        """Add the algorithms and the menu entry."""
+        """Add the algorithms, the dock with its entry in menu and toolbar, and what helps on the map."""
+        from .basemap import AttributionLabel
+        from .dock.canvas_drop import ResultsDropHandler
+        from .dock.dock import FurrowmapDock
+        from .locator import PassLocator
+        from .options_page import OptionsFactory
+
         self.initProcessing()
-        icon = QIcon(str(Path(__file__).with_name("icon.svg")))
-        self.action = QAction(icon, self.tr("Open furrowmap results…"), self.iface.mainWindow())
-        self.action.setObjectName("furrowmapOpenResults")
-        self.action.triggered.connect(self.choose_and_open)
+        self.dock = FurrowmapDock(self.iface)
+        self.iface.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, self.dock)
+        self.action = QAction(QIcon(str(Path(__file__).with_name("icon.svg"))), self.tr("furrowmap"), self.dock)
+        self.action.setObjectName("furrowmapShow")
+        self.action.setCheckable(True)
+        self.dock.setToggleVisibilityAction(self.action)
         self.iface.addPluginToMenu(MENU, self.action)
+        self.iface.addToolBarIcon(self.action)
+        self.drops = ResultsDropHandler(self.dock.open_folder)
+        self.iface.registerCustomDropHandler(self.drops)
+        self.locator = PassLocator(self.iface)
+        self.iface.registerLocatorFilter(self.locator)
+        self.attribution = AttributionLabel(self.iface.mapCanvas())
+        self.options = OptionsFactory()
+        self.iface.registerOptionsWidgetFactory(self.options)
 
     def unload(self):
-        """Remove whatever was added."""
+        """Remove whatever was added; work under way is cancelled."""
+        if self.dock is not None:
+            self.iface.unregisterOptionsWidgetFactory(self.options)
+            self.options.end()
+            self.attribution.remove()
+            self.iface.deregisterLocatorFilter(self.locator)
+            self.iface.unregisterCustomDropHandler(self.drops)
+            self.iface.removeToolBarIcon(self.action)
+            self.iface.removePluginMenu(MENU, self.action)
+            self.dock.end()
+            self.iface.removeDockWidget(self.dock)
+            self.dock.deleteLater()
+        self.action = self.attribution = self.dock = self.drops = self.locator = self.options = None
         QgsApplication.processingRegistry().removeProvider(self.provider)
         self.provider = None
-        self.iface.removePluginMenu(MENU, self.action)
-        self.action.deleteLater()
-        self.action = None
-
-    def choose_and_open(self):
-        """Ask for the folder of a run and open what it holds."""
-        title = self.tr("Folder that 'furrowmap run' wrote")
-        folder = QFileDialog.getExistingDirectory(self.iface.mainWindow(), title)
-        if not folder:
-            return
-        try:
-            layers = open_results(folder)
-        except NoResultsError as error:
-            self.iface.messageBar().pushMessage(MENU, str(error), level=Qgis.MessageLevel.Warning)
-            return
-        self.iface.setActiveLayer(layers[0])
-        self.iface.zoomToActiveLayer()
+        if self.translator is not None:
+            QCoreApplication.removeTranslator(self.translator)
+            self.translator = None
 
     @staticmethod
     def tr(text):

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 from qgis.core import (
+    Qgis,
     QgsDateTimeRange,
     QgsPointCloudLayer,
     QgsProject,
@@ -27,6 +28,10 @@ CLOUD = "cloud.copc.laz"
 SURFACES = ("change.tif", "dsm.tif", "dsm_before.tif")
 SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zones", "trajectory", "change", "dsm")
 """What a map shows at first; the rest is a click away."""
+MEASURED = ("trajectory", "events", "tool_path")
+"""Layers whose heights are measured: in profiles and in 3D they are where they say."""
+FOLDER_PROPERTY = "furrowmap/folder"
+"""Of a group in the layer tree: the folder of the run whose layers are in it."""
 
 
 class NoResultsError(Exception):
@@ -44,69 +49,102 @@ def open_results(folder, project=None):
     Raises:
         NoResultsError: if there is nothing to open.
     """
+    steps = opening(folder, project)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as done:
+            return done.value
+
+
+def opening(folder, project=None):
+    """As :func:`open_results`, in steps that are short enough for the window's thread.
+
+    A generator that gives nothing but turns, and returns the layers. The project does not change before all files are
+    open.
+    """
     folder = Path(folder)
-    found = [*field_layers(folder), *surface_layers(folder), *cloud_layers(folder)]
-    layers = [layer for layer in found if layer.isValid()]
+    project = QgsProject.instance() if project is None else project
+    layers = []
+    for layer in _files_opened(folder):
+        if layer.isValid():
+            layers.append(layer)
+        yield
     if not layers:
         raise NoResultsError(
             tr("No {products} that QGIS can open in {folder}. Choose the folder of a run.").format(
                 products=f"{FIELD_LAYERS}, {', '.join(SURFACES)} or {CLOUD}", folder=folder
             )
         )
-    project = QgsProject.instance() if project is None else project
-    empty = not project.mapLayers()
-    root = project.layerTreeRoot()
-    for group in [group for group in root.findGroups() if group.customProperty("furrowmap/folder") == str(folder)]:
-        project.removeMapLayers(group.findLayerIds())
-        root.removeChildNode(group)
     report = read_report(folder)
-    group = root.insertGroup(0, session_name(report, folder))
-    group.setCustomProperty("furrowmap/folder", str(folder))
+    empty = all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values())
+    if empty:  # a project with layers has a CRS of its user's choice
+        project.setCrs(layers[0].crs())
+    for old in groups_of(project, folder):
+        project.removeMapLayers(old.findLayerIds())
+        project.layerTreeRoot().removeChildNode(old)
+    yield
+    group = project.layerTreeRoot().insertGroup(0, session_name(report, folder))
+    group.setCustomProperty(FOLDER_PROPERTY, str(folder))
     for layer in layers:
         project.addMapLayer(layer, addToLegend=False)
         node = group.addLayer(layer)
         node.setItemVisibilityChecked(layer.name() in SHOWN)
         node.setExpanded(False)
-    if empty:  # a project with layers has a CRS of its user's choice
-        project.setCrs(layers[0].crs())
+        yield
     stand_on_terrain(project, layers)
     play_day(project, report)
     return layers
 
 
+def groups_of(project, folder=None):
+    """The groups in the layer tree that hold a run's layers: of that folder, or of any."""
+    groups = project.layerTreeRoot().findGroups()
+    opened = [(group, group.customProperty(FOLDER_PROPERTY)) for group in groups]
+    return [group for group, of in opened if of and (folder is None or of == str(folder))]
+
+
+def _files_opened(folder):
+    yield from field_layers(folder)
+    yield from surface_layers(folder)
+    yield from cloud_layers(folder)
+
+
 def field_layers(folder):
-    """The vector layers of a run's GeoPackage, each in the style stored with it."""
+    """The vector layers of a run's GeoPackage one by one, each in the style stored with it."""
     path = Path(folder) / FIELD_LAYERS
     found = QgsProviderRegistry.instance().querySublayers(str(path)) if path.is_file() else []
-    tables = (details for details in found if details.name() != "layer_styles")
-    layers = [QgsVectorLayer(details.uri(), details.name(), details.providerKey()) for details in tables]
-    for layer in layers:
+    for details in found:
+        if details.name() == "layer_styles":
+            continue
+        layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
         layer.loadDefaultStyle()  # again: at its birth a layer takes the symbols of its style, but not its times
-    return layers
+        if layer.name() in MEASURED:
+            layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
+        yield layer
 
 
 def surface_layers(folder):
-    """The surfaces of a run: what was changed in colours over the hillshade of the surface as left."""
-    layers = []
+    """The surfaces of a run one by one: what was changed in colours over the hillshade of the surface as left."""
     for name in SURFACES:
         path = Path(folder) / name
-        if path.is_file():
-            layer = QgsRasterLayer(str(path), path.stem, "gdal")
-            if layer.isValid():
-                (show_as_change if path.stem == "change" else show_as_surface)(layer)
-            layers.append(layer)
-    return layers
+        if not path.is_file():
+            continue
+        layer = QgsRasterLayer(str(path), path.stem, "gdal")
+        if layer.isValid():
+            styled = path.with_suffix(".qml").is_file()  # the style beside it is already the layer's
+            (show_as_change if path.stem == "change" else show_as_surface)(layer, styled=styled)
+        yield layer
 
 
 def cloud_layers(folder):
-    """The cloud of a run, if it is there, coloured by class."""
+    """The cloud of a run, if it is there, coloured by class, in 3D as on the map."""
     path = Path(folder) / CLOUD
-    if not path.is_file():
-        return []
-    layer = QgsPointCloudLayer(str(path), "cloud", "copc")
-    if layer.isValid():
-        show_by_class(layer)
-    return [layer]
+    if path.is_file():
+        layer = QgsPointCloudLayer(str(path), "cloud", "copc")
+        if layer.isValid():
+            show_by_class(layer)
+        yield layer
 
 
 def read_report(folder):

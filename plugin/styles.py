@@ -16,30 +16,37 @@ from qgis.PyQt.QtGui import QColor, QPainter
 LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
 EXAGGERATION = 1.0
 """At cells of 5 cm the clods of tilled soil stand out by themselves; more makes them glaring."""
+RELIEF_OPACITY = 0.6
+"""The relief stays behind what lies on it, and lets a base map through."""
 CHANGE_M = 0.10
-CHANGES = (  # metres, colour: removed, unchanged, heaped up
-    (-CHANGE_M, "#8c510a"),
-    (-CHANGE_M / 3, "#dfc27d"),
+CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own style
+    (-CHANGE_M, "#01665e"),
+    (-CHANGE_M / 2, "#80cdc1"),
     (0.0, "#f5f5f5"),
-    (CHANGE_M / 3, "#80cdc1"),
-    (CHANGE_M, "#01665e"),
+    (CHANGE_M / 2, "#dfc27d"),
+    (CHANGE_M, "#8c510a"),
 )
 CLASSES = ((2, "#9c7a4a", "ground"), (1, "#5c9c4a", "other"), (64, "#d08020", "vehicle"), (65, "#c03030", "implement"))
 NOISE = (7, "#b0b0b0", "noise")
 
 
-def show_as_surface(layer):
-    """A hillshade."""
+def show_as_surface(layer, *, styled=False):
+    """A hillshade, unless it has a style of its own; a surface of elevation profiles, and of 3D views."""
+    layer.elevationProperties().setEnabled(True)
+    layer.setOpacity(RELIEF_OPACITY)
+    if styled:
+        return
     renderer = QgsHillshadeRenderer(layer.dataProvider(), 1, LIGHT_FROM_DEG, LIGHT_ABOVE_DEG)
     renderer.setZFactor(EXAGGERATION)
     renderer.setMultiDirectional(False)
     layer.setRenderer(renderer)
-    properties = layer.elevationProperties()
-    properties.setEnabled(True)
 
 
-def show_as_change(layer):
-    """Brown where soil went, green where it came, over the hillshade below."""
+def show_as_change(layer, *, styled=False):
+    """Over the hillshade below, unless it has a style of its own in the colours of :data:`CHANGES`."""
+    layer.setBlendMode(QPainter.CompositionMode.CompositionMode_Multiply)
+    if styled:
+        return
     ramp = QgsColorRampShader(-CHANGE_M, CHANGE_M)
     ramp.setColorRampType(QgsColorRampShader.Type.Interpolated)
     ramp.setColorRampItemList(
@@ -51,7 +58,6 @@ def show_as_change(layer):
     renderer.setClassificationMin(-CHANGE_M)
     renderer.setClassificationMax(CHANGE_M)
     layer.setRenderer(renderer)
-    layer.setBlendMode(QPainter.CompositionMode.CompositionMode_Multiply)
 
 
 def show_by_class(layer):
@@ -61,6 +67,8 @@ def show_by_class(layer):
         for code, colour, label in (*CLASSES, NOISE)
     ]
     layer.setRenderer(QgsPointCloudClassifiedRenderer("Classification", categories))
+    layer.setSync3DRendererTo2DRenderer(True)
+    layer.convertRenderer3DFromRenderer2D()
 
 
 def stand_on_terrain(project, layers):

@@ -1,0 +1,341 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The dock: recordings dropped on it become a session, a run, figures and layers, page after page."""
+
+import os.path
+from pathlib import Path
+
+from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProject
+from qgis.gui import QgsDockWidget
+from qgis.PyQt.QtCore import QTimer, QUrl
+from qgis.PyQt.QtGui import QDesktopServices
+from qgis.PyQt.QtWidgets import QPushButton, QStackedWidget, QVBoxLayout, QWidget
+
+from ..interpreter import find_interpreter, is_usable
+from ..layout.session_layout import session_layout
+from ..options_page import PAGE
+from ..results import NoResultsError, groups_of, opening, read_report
+from .base_map_chooser import BaseMapChooser
+from .dropped import RESULTS, SESSION, local_paths, recognise
+from .replay import replay
+from .result_page import ResultPage
+from .run_page import RunPage
+from .session_lines import NotSimpleError
+from .session_page import SessionPage
+from .start_page import StartPage
+from .tasks import StageFeedback, VerbTask
+
+NAME = "furrowmap"
+STEP_MS = 1
+"""Between two steps of opening a result: the window's other events have their turn."""
+
+
+class FurrowmapDock(QgsDockWidget):
+    """Everything the user does with sessions.
+
+    Args:
+        iface: QGIS's interface.
+    """
+
+    def __init__(self, iface):
+        super().__init__(NAME, iface.mainWindow())
+        self.setObjectName("furrowmapDock")
+        self.setAcceptDrops(True)
+        self._iface = iface
+        self._task = self._feedback = self._steps = None
+        self._folder = self._session = None
+        self._error = ""
+        self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
+        self.pages = QStackedWidget()
+        for page in (self.start, self.session, self.run, self.result):
+            self.pages.addWidget(page)
+        self.base_map = BaseMapChooser(self.report)
+        inside = QWidget()
+        layout = QVBoxLayout(inside)
+        layout.setContentsMargins(4, 4, 4, 4)
+        layout.addWidget(self.pages, 1)
+        layout.addWidget(self.base_map)
+        self.setWidget(inside)
+        self.start.chosen.connect(self.open_paths)
+        self.start.setup_wanted.connect(self.offer_setup)
+        self.session.left.connect(self.show_start)
+        self.session.saved.connect(self._saved)
+        self.session.run_wanted.connect(self.run_session)
+        self.run.cancelled.connect(self.cancel)
+        self.result.wanted.connect(self._do)
+        self.show_start()
+
+    # what is dropped
+
+    def dragEnterEvent(self, event):  # noqa: N802 - the names are Qt's
+        """Files may be dropped anywhere on the dock."""
+        if local_paths(event.mimeData()):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event):  # noqa: N802
+        """Take them."""
+        event.acceptProposedAction()
+        self.open_paths(local_paths(event.mimeData()))
+
+    def open_paths(self, paths):
+        """Open results, a session, or begin a session from recordings."""
+        dropped = recognise(paths)
+        if dropped is None:
+            return
+        if self._task is not None:
+            self.report(self.tr("Work is under way. Wait for its end, or cancel it first."))
+        elif dropped.kind == RESULTS:
+            self.open_folder(dropped.paths[0])
+        elif dropped.kind == SESSION:
+            self.open_session(dropped.paths[0])
+        else:
+            self.begin_session(dropped.paths)
+
+    # a session
+
+    def begin_session(self, recordings):
+        """Let the worker look at recordings and propose a session."""
+        program = self._program()
+        if program is None:
+            return
+        session = session_for(recordings)
+        if session.exists():
+            self.open_session(session)
+            self.report(self.tr("These recordings have a session already: here it is."), Qgis.MessageLevel.Info)
+            return
+        self.run.begin(self.tr("Looking at the recordings"))
+        self.pages.setCurrentWidget(self.run)
+        task = VerbTask(
+            self.tr("furrowmap: looking at recordings"), program, ["init", *map(str, recordings), "-o", str(session)]
+        )
+        task.answered.connect(self._proposed)
+        task.failed.connect(self._failed)
+        task.taskTerminated.connect(self._stopped)
+        self._begin(task)
+
+    def open_session(self, path, findings=None):
+        """Show a session in the form; one that is more than the form understands can be run as it is."""
+        try:
+            self.session.show_session(path, findings)
+        except NotSimpleError as error:
+            self.report(
+                self.tr(
+                    "Line {number} of {name} is more than this form edits, so the session was taken as it is."
+                ).format(number=error.number, name=Path(path).name),
+                Qgis.MessageLevel.Info,
+            )
+            self.run_session(path)
+            return
+        except (OSError, UnicodeDecodeError) as error:
+            self.report(self.tr("{path} cannot be read: {reason}.").format(path=path, reason=error))
+            return
+        self.start.remember(path)
+        self.pages.setCurrentWidget(self.session)
+
+    def run_session(self, session):
+        """Start the run's algorithm in the background."""
+        if self._program() is None:
+            return
+        self._session, self._folder = Path(session), folder_for(session)
+        self.start.remember(session)
+        self._error = ""
+        self._feedback = StageFeedback(logFeedback=False)
+        self._feedback.stage_changed.connect(self.run.show_stage)
+        self._feedback.progressChanged.connect(self.run.show_share)
+        self._feedback.failed.connect(self._keep_error)
+        self._context = QgsProcessingContext()
+        algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
+        parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False}
+        self.run.begin(self.tr("Running {name}").format(name=self._session.parent.name))
+        self.pages.setCurrentWidget(self.run)
+        task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback)
+        task.executed.connect(self._ran)
+        self._begin(task)
+
+    def cancel(self):
+        """Stop the work under way."""
+        if self._task is not None:
+            self._task.cancel()
+
+    # results
+
+    def open_folder(self, folder):
+        """Open the products in a folder step by step, and show their figures."""
+        self._folder = Path(folder)
+        self._steps = opening(self._folder)
+        self._step()
+
+    def show_start(self):
+        """The first page."""
+        self.start.show_setup(needed=not is_usable(find_interpreter()))
+        self.start.show_recent()
+        self.pages.setCurrentWidget(self.start)
+
+    def offer_setup(self):
+        """The options page that makes or finds the worker's environment."""
+        self._iface.showOptionsDialog(self._iface.mainWindow(), PAGE)
+        self.start.show_setup(needed=not is_usable(find_interpreter()))
+
+    def report(self, text, level=Qgis.MessageLevel.Warning):
+        """Tell something in the message bar: its first line there, all of it in the log a click away."""
+        QgsMessageLog.logMessage(text, NAME, level, notifyUser=False)
+        first, _, rest = text.partition("\n")
+        bar = self._iface.messageBar()
+        message = bar.createMessage(NAME, first if not rest else f"{first} {rest.splitlines()[-1]}")
+        if rest:
+            button = QPushButton(self.tr("Log"))
+            button.clicked.connect(lambda: self._iface.openMessageLog())
+            message.layout().addWidget(button)
+        bar.pushWidget(message, level, 0 if level == Qgis.MessageLevel.Critical else 8)
+
+    def end(self):
+        """Before the plugin goes: no work and no timer is left."""
+        self._steps = None
+        self.run.end()
+        task, self._task = self._task, None
+        if task is not None:
+            task.cancel()
+            task.waitForFinished(8000)
+
+    # steps of the work
+
+    def _begin(self, task):
+        self._task = task
+        QgsApplication.taskManager().addTask(task)
+
+    def _program(self):
+        """The worker's command; without one the set-up is offered."""
+        interpreter = find_interpreter()
+        if is_usable(interpreter):
+            return interpreter.program
+        self.show_start()
+        self.report(self.tr("To compute, furrowmap's worker has to be set up first; results can be opened without it."))
+        return None
+
+    def _proposed(self, answer):
+        self._task = None
+        self.run.end()
+        self.open_session(Path(answer["session"]), answer)
+
+    def _failed(self, text):
+        self._task = None
+        self.run.end()
+        self.show_start()
+        self.report(text, Qgis.MessageLevel.Critical)
+
+    def _stopped(self):
+        """A look at recordings was cancelled (a failure has said so itself)."""
+        if self._task is not None and self._task.isCanceled():
+            self._task = None
+            self.run.end()
+            self.show_start()
+
+    def _keep_error(self, text):
+        self._error = text
+
+    def _ran(self, successful, results):
+        cancelled = self._feedback.isCanceled()
+        self._task = None
+        self.run.end()
+        if cancelled or not successful:
+            self._back_to_session()
+            if cancelled:
+                self.report(self.tr("Stopped; nothing half-written is left."), Qgis.MessageLevel.Info)
+            else:
+                self.report(self._error or self.tr("The run failed; the log tells more."), Qgis.MessageLevel.Critical)
+            return
+        self.open_folder(results.get("FOLDER", self._folder))
+
+    def _back_to_session(self):
+        try:
+            self.session.show_session(self._session)
+            self.pages.setCurrentWidget(self.session)
+        except (NotSimpleError, OSError, UnicodeDecodeError):
+            self.show_start()
+
+    def _saved(self, path):
+        self.report(self.tr("Saved {path}").format(path=path), Qgis.MessageLevel.Success)
+
+    def _step(self):
+        """One step of opening a folder; the next has its own turn in the event loop."""
+        if self._steps is None:
+            return
+        try:
+            next(self._steps)
+        except StopIteration as done:
+            self._steps = None
+            self._opened(done.value)
+        except NoResultsError as error:
+            self._steps = None
+            self.show_start()
+            self.report(str(error))
+        else:
+            QTimer.singleShot(STEP_MS, self._step)
+
+    def _opened(self, layers):
+        self.result.show_folder(self._folder)
+        self.pages.setCurrentWidget(self.result)
+        names = {layer.name(): layer for layer in layers}
+        layer = names.get("coverage") or names.get("trajectory") or layers[0]
+        if names.get("coverage") and not names["coverage"].featureCount():
+            layer = names.get("trajectory", layer)
+        self._iface.setActiveLayer(layer)
+        self._iface.zoomToActiveLayer()
+
+    def _do(self, what):
+        {
+            "map": lambda: self.open_folder(self._folder),
+            "replay": lambda: replay(self._iface, read_report(self._folder)),
+            "report": lambda: self._open_file(self._folder / "report.html"),
+            "folder": lambda: self._open_file(self._folder),
+            "print": self._print,
+            "back": self.show_start,
+        }[what]()
+
+    def _open_file(self, path):
+        if not path.exists():
+            self.report(self.tr("{path} is not there.").format(path=path))
+        else:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+
+    def _print(self):
+        project = QgsProject.instance()
+        groups = groups_of(project, self._folder)
+        if not groups:
+            self.report(self.tr("Add the session to the map first."))
+            return
+        self._iface.openLayoutDesigner(session_layout(project, groups[0], read_report(self._folder)))
+
+
+def folder_for(session):
+    """Where the products of a session go: where the command line puts them, too."""
+    session = Path(session).resolve()
+    return session.parent / f"{session.stem}_result"
+
+
+def session_for(recordings):
+    """The session file of recordings: `session.toml` beside them, if there is none yet or it names them.
+
+    Else the first of `session-2.toml`, … of which that holds: a folder may hold the drives of a season.
+    """
+    folder = Path(_common([str(Path(path).resolve().parent) for path in recordings]))
+    number = 1
+    while True:
+        session = folder / ("session.toml" if number == 1 else f"session-{number}.toml")
+        if not session.exists() or _names_all(session, recordings):
+            return session
+        number += 1
+
+
+def _common(folders):
+    try:
+        return os.path.commonpath(folders)
+    except ValueError:  # on different drives; the worker refuses with its reason
+        return folders[0]
+
+
+def _names_all(session, recordings):
+    try:
+        text = session.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return all(Path(path).name in text for path in recordings)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What somebody dropped: the folder of a run, a session file, or recordings."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..results import CLOUD, FIELD_LAYERS, REPORT
+
+RESULTS, SESSION, RECORDINGS = "results", "session", "recordings"
+_PRODUCTS = (REPORT, FIELD_LAYERS, CLOUD)
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """What it is.
+
+    Attributes:
+        kind: "results", "session" or "recordings".
+        paths: one folder of results, one session file, or the recordings.
+    """
+
+    kind: str
+    paths: tuple
+
+
+def recognise(paths):
+    """What `paths` are; None for nothing."""
+    paths = tuple(Path(path) for path in paths if str(path))
+    if not paths:
+        return None
+    folder = next((folder for folder in map(results_folder, paths) if folder is not None), None)
+    if folder is not None:
+        return Dropped(RESULTS, (folder,))
+    session = next((path for path in paths if path.suffix.lower() == ".toml"), None)
+    return Dropped(SESSION, (session,)) if session is not None else Dropped(RECORDINGS, paths)
+
+
+def results_folder(path):
+    """The folder of a run that `path` is, or whose report it is; None if neither."""
+    folder = path.parent if path.name == REPORT else path
+    return folder if folder.is_dir() and any((folder / name).is_file() for name in _PRODUCTS) else None
+
+
+def local_paths(mime):
+    """The local files and folders in what is dragged."""
+    return [Path(url.toLocalFile()) for url in mime.urls() if url.isLocalFile()] if mime.hasUrls() else []

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The page of a run's result: the figures a farmer asks for, what to be aware of, and what can be done with it."""
+
+import html
+
+from qgis.PyQt.QtCore import Qt, pyqtSignal
+from qgis.PyQt.QtWidgets import QGridLayout, QPushButton, QTextBrowser, QVBoxLayout, QWidget
+
+from ..figures import figure_rows
+from ..results import read_report, session_name
+
+
+class ResultPage(QWidget):
+    """Shows the report of a folder.
+
+    Signals:
+        wanted: with the name of what to do: "map", "replay", "report", "folder", "print" or "back".
+    """
+
+    wanted = pyqtSignal(str)
+
+    def __init__(self, parent=None):
+        super().__init__(parent)
+        layout = QVBoxLayout(self)
+        self.words = QTextBrowser(objectName="furrowmapFigures")
+        self.words.setFrameShape(QTextBrowser.Shape.NoFrame)
+        layout.addWidget(self.words, 1)
+        grid = QGridLayout()
+        for k, (name, text, tip) in enumerate(
+            (
+                ("map", self.tr("Add to map"), self.tr("Open the products, styled, in a group of their own")),
+                ("replay", self.tr("Replay"), self.tr("Play the drive in the temporal controller")),
+                ("report", self.tr("Open report"), self.tr("The page to read and to print, in the browser")),
+                ("folder", self.tr("Open folder"), self.tr("Where the products lie")),
+                ("print", self.tr("Print…"), self.tr("A page with map, legend and figures, and a page for each pass")),
+                ("back", self.tr("Other session"), self.tr("Back to the beginning")),
+            )
+        ):
+            button = QPushButton(text, objectName=f"furrowmapDo_{name}")
+            button.setToolTip(tip)
+            button.clicked.connect(lambda _=False, name=name: self.wanted.emit(name))
+            grid.addWidget(button, *divmod(k, 2))
+        layout.addLayout(grid)
+
+    def show_folder(self, folder):
+        """Show the figures of the run in a folder."""
+        report = read_report(folder)
+        name = html.escape(session_name(report, folder))
+        rows = "".join(
+            f"<tr><td>{html.escape(label)}&nbsp;&nbsp;</td><td><b>{html.escape(value)}</b></td></tr>"
+            for label, value in figure_rows(report)
+        )
+        warnings = [str(w.get("text", "")) for w in report.get("warnings") or [] if isinstance(w, dict)]
+        words = f"<h3>{name}</h3><table>{rows}</table>"
+        if warnings:
+            items = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
+            words += f"<h4>{self.tr('To be aware of')}</h4><ul style='margin-left:-20px'>{items}</ul>"
+        if not report:
+            words += f"<p>{self.tr('There is no report in this folder, so nothing is known of its accuracy.')}</p>"
+        self.words.setHtml(words)
+        self.words.setAlignment(Qt.AlignmentFlag.AlignLeft)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The dock's first page: where recordings, sessions and results are dropped, and the sessions of late."""
+
+from pathlib import Path
+
+from qgis.core import QgsSettings
+from qgis.PyQt.QtCore import Qt, pyqtSignal
+from qgis.PyQt.QtWidgets import (
+    QFileDialog,
+    QFrame,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+RECENT_KEY = "furrowmap/recent"
+MOST_RECENT = 10
+
+
+class StartPage(QWidget):
+    """Drop here, or choose.
+
+    Signals:
+        chosen: with a list of paths.
+        setup_wanted: the user wants to set the worker up.
+    """
+
+    chosen = pyqtSignal(object)
+    setup_wanted = pyqtSignal()
+
+    def __init__(self, parent=None):
+        super().__init__(parent)
+        layout = QVBoxLayout(self)
+        self.setup = self._setup_offer()
+        layout.addWidget(self.setup)
+        here = QLabel(
+            self.tr("Drop here\nthe recordings of a drive,\na session.toml\nor the folder of a run"),
+            objectName="furrowmapHere",
+        )
+        here.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        here.setMinimumHeight(110)
+        here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
+        layout.addWidget(here)
+        for name, text, slot in (
+            ("furrowmapChoose", self.tr("Choose recordings or a session…"), self._choose_files),
+            ("furrowmapChooseResults", self.tr("Open the folder of a run…"), self._choose_folder),
+        ):
+            button = QPushButton(text, objectName=name)
+            button.clicked.connect(slot)
+            layout.addWidget(button)
+        layout.addWidget(QLabel(self.tr("Recent sessions")))
+        self.recent = QListWidget(objectName="furrowmapRecent")
+        self.recent.itemActivated.connect(lambda item: self.chosen.emit([Path(item.data(Qt.ItemDataRole.UserRole))]))
+        layout.addWidget(self.recent, 1)
+        self.show_recent()
+
+    def show_setup(self, *, needed):
+        """Offer the set-up where no worker is."""
+        self.setup.setVisible(needed)
+
+    def remember(self, session):
+        """Put a session at the top of the recent ones."""
+        known = [path for path in recent_sessions() if path != str(session)]
+        QgsSettings().setValue(RECENT_KEY, [str(session), *known][:MOST_RECENT])
+        self.show_recent()
+
+    def show_recent(self):
+        """List the recent sessions that are still there."""
+        self.recent.clear()
+        for path in map(Path, recent_sessions()):
+            if path.is_file():
+                item = QListWidgetItem(f"{path.parent.name} / {path.name}")
+                item.setToolTip(str(path))
+                item.setData(Qt.ItemDataRole.UserRole, str(path))
+                self.recent.addItem(item)
+
+    def _setup_offer(self):
+        frame = QFrame(objectName="furrowmapSetup")
+        frame.setFrameShape(QFrame.Shape.StyledPanel)
+        layout = QVBoxLayout(frame)
+        words = QLabel(
+            self.tr(
+                "Results of others can be opened at once. To compute your own, furrowmap's worker has to be set up "
+                "once: a Python environment of its own, which leaves QGIS's as it is. The next page asks before it "
+                "does anything."
+            )
+        )
+        words.setWordWrap(True)
+        button = QPushButton(self.tr("Set up…"), objectName="furrowmapSetupButton")
+        button.clicked.connect(self.setup_wanted)
+        layout.addWidget(words)
+        layout.addWidget(button)
+        return frame
+
+    def _choose_files(self):
+        title = self.tr("Recordings of one drive, or a session")
+        files, _ = QFileDialog.getOpenFileNames(self, title)
+        if files:
+            self.chosen.emit([Path(file) for file in files])
+
+    def _choose_folder(self):
+        folder = QFileDialog.getExistingDirectory(self, self.tr("Folder that 'furrowmap run' wrote"))
+        if folder:
+            self.chosen.emit([Path(folder)])
+
+
+def recent_sessions():
+    """Paths, the latest first."""
+    known = QgsSettings().value(RECENT_KEY, [])
+    return [known] if isinstance(known, str) else list(known or [])

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The vehicle to scale, from the side and from above, with its scanner, antenna and tool where the form says."""
+
+import math
+from dataclasses import dataclass
+
+from qgis.PyQt.QtCore import QCoreApplication, QPointF, QRectF, QSize, Qt
+from qgis.PyQt.QtGui import QColor, QPainter, QPen, QPolygonF
+from qgis.PyQt.QtWidgets import QWidget
+
+REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
+TRACK_M, TYRE_M = 1.25, 0.30
+"""Of a compact tractor: a figure to compare with, not the user's machine."""
+BEAM_M = 3.0
+SHOWN_BEYOND_M = 0.5
+SCANNER, ANTENNA, TOOL = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
+BODY, TYRE, GROUND = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where things are on the vehicle, in its frame (x forward, y left, z up; metres); None where that is not known.
+
+    Attributes:
+        lidar_xyz_m, antenna_xyz_m: of scanner and antenna.
+        lidar_rpy_deg: how the scanner is turned.
+        tool_xy_m, tool_width_m: middle of the tool's line, and how wide it is.
+        tool_depth_m: how deep it works.
+    """
+
+    lidar_xyz_m: tuple = (0.0, 0.0, 0.0)
+    lidar_rpy_deg: tuple = (0.0, 0.0, 0.0)
+    antenna_xyz_m: tuple = None
+    tool_xy_m: tuple = None
+    tool_width_m: float = 0.0
+    tool_depth_m: float = 0.0
+
+
+def spin_axis(rpy_deg):
+    """The scanner's spin axis in the vehicle frame: the third column of Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = (math.radians(angle) for angle in rpy_deg)
+    along, across = math.cos(roll) * math.sin(pitch), math.sin(roll)
+    return (
+        math.cos(yaw) * along + math.sin(yaw) * across,
+        math.sin(yaw) * along - math.cos(yaw) * across,
+        math.cos(roll) * math.cos(pitch),
+    )
+
+
+def scan_direction(axis, normal):
+    """Where the middle of the scanner's plane cuts a plane of the drawing: a unit vector; None where they coincide."""
+    (a, b, c), (p, q, r) = axis, normal
+    cut = (b * r - c * q, c * p - a * r, a * q - b * p)
+    length = math.sqrt(sum(value * value for value in cut))
+    return None if length < 1e-6 else tuple(value / length for value in cut)
+
+
+class VehicleView(QWidget):
+    """The drawing; :meth:`show_placement` changes it."""
+
+    def __init__(self, parent=None):
+        super().__init__(parent)
+        self._placement = Placement()
+        self.setObjectName("furrowmapVehicle")
+        self.setMinimumHeight(250)
+        self.setToolTip(
+            self.tr(
+                "Upper: from the right side. Lower: from above. The origin is on the ground below the middle of the "
+                "rear axle. Grey is a compact tractor to compare with. Blue lines show where the scanner's plane cuts."
+            )
+        )
+
+    def sizeHint(self):  # noqa: N802 - the names are Qt's
+        """Of a dock's width."""
+        return QSize(340, 280)
+
+    def show_placement(self, placement):
+        """Draw this one."""
+        self._placement = placement
+        self.update()
+
+    def paintEvent(self, event):  # noqa: N802, ARG002
+        """Draw both views to one scale."""
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.fillRect(self.rect(), self.palette().base())
+        x_m, y_m, z_m = self._reach()
+        scale = min((self.width() - 20) / (x_m[1] - x_m[0]), (self.height() - 46) / (z_m[1] - z_m[0] + y_m[1] - y_m[0]))
+        left = 0.5 * (self.width() - scale * (x_m[0] + x_m[1]))
+        side = _View(painter, scale, left, 18 + scale * z_m[1], (0, 2))
+        above = _View(painter, scale, left, side.y + scale * (-z_m[0] + y_m[1]) + 8, (0, 1))
+        self._draw_side(side)
+        self._draw_above(above)
+        self._draw_scale(painter, scale)
+        painter.end()
+
+    def _reach(self):
+        """The extents of both drawings along x, y and z, from everything in them."""
+        p = self._placement
+        places = [p.lidar_xyz_m, *([p.antenna_xyz_m] if p.antenna_xyz_m else [])]
+        if p.tool_xy_m:
+            half = 0.5 * p.tool_width_m
+            places += [(p.tool_xy_m[0], p.tool_xy_m[1] + s * half, -p.tool_depth_m) for s in (-1, 1)]
+        limits = ((-0.9, 2.3), (-0.85, 0.85), (-0.15, 1.3))
+        return [
+            (
+                min([low, *(place[k] for place in places)]) - SHOWN_BEYOND_M,
+                max([high, *(place[k] for place in places)]) + SHOWN_BEYOND_M,
+            )
+            for k, (low, high) in enumerate(limits)
+        ]
+
+    def _draw_side(self, view):
+        p = self._placement
+        view.line((-30, 0), (30, 0), GROUND, 1.5)
+        view.polygon([(-0.2, 0.6), (-0.2, 1.25), (0.55, 1.25), (0.75, 1.0), (2.05, 0.9), (2.05, 0.5)], BODY)
+        view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE)
+        view.disc((WHEELBASE_M, FRONT_WHEEL_M), FRONT_WHEEL_M, TYRE)
+        if p.tool_xy_m:
+            x = p.tool_xy_m[0]
+            view.polygon(
+                [(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -p.tool_depth_m), (x - 0.12, -p.tool_depth_m)], TOOL
+            )
+        self._draw_scanner(view, (0.0, 1.0, 0.0))
+        self._draw_antenna(view)
+        view.label(4, 14, self.tr("side"))
+
+    def _draw_above(self, view):
+        p = self._placement
+        view.polygon([(-0.3, -0.4), (-0.3, 0.4), (2.05, 0.3), (2.05, -0.3)], BODY)
+        for x, radius in ((0.0, REAR_WHEEL_M), (WHEELBASE_M, FRONT_WHEEL_M)):
+            for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
+                view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE)
+        if p.tool_xy_m:
+            (x, y), half = p.tool_xy_m, 0.5 * p.tool_width_m
+            view.box((x - 0.2, y - half), (x + 0.2, y + half), TOOL)
+        self._draw_scanner(view, (0.0, 0.0, 1.0))
+        self._draw_antenna(view)
+        view.label(4, int(view.y - view.scale * 0.85), self.tr("above"))
+
+    def _draw_scanner(self, view, normal):
+        place = self._placement.lidar_xyz_m
+        along = scan_direction(spin_axis(self._placement.lidar_rpy_deg), normal)
+        if along is not None:
+            for sign in (-1, 1):
+                end = [place[k] + sign * BEAM_M * along[k] for k in range(3)]
+                view.line(view.flat(place), view.flat(end), SCANNER, 1.0)
+        view.mark(view.flat(place), SCANNER)
+
+    def _draw_antenna(self, view):
+        if self._placement.antenna_xyz_m:
+            view.mark(view.flat(self._placement.antenna_xyz_m), ANTENNA, pointed=True)
+
+    def _draw_scale(self, painter, scale):
+        x, y = self.width() - 10, self.height() - 8
+        painter.setPen(QPen(self.palette().text().color(), 1.5))
+        painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
+        painter.drawText(QPointF(x - scale, y - 4), "1 m")
+        names = ((SCANNER, self.tr("scanner")), (ANTENNA, self.tr("antenna")), (TOOL, self.tr("tool")))
+        left = 6.0
+        for colour, name in names:
+            painter.setPen(colour)
+            painter.drawText(QPointF(left, y), name)
+            left += painter.fontMetrics().horizontalAdvance(name) + 12
+
+    @staticmethod
+    def tr(text):
+        """`text` in the user's language."""
+        return QCoreApplication.translate("VehicleView", text)
+
+
+@dataclass(frozen=True)
+class _View:
+    """One of the two drawings: metres of two axes of the vehicle to pixels."""
+
+    painter: object
+    scale: float
+    x: float
+    y: float
+    axes: tuple
+
+    def at(self, place):
+        """The pixel of a place (two coordinates)."""
+        return QPointF(self.x + self.scale * place[0], self.y - self.scale * place[1])
+
+    def flat(self, place):
+        """Of three coordinates, this view's two."""
+        return place[self.axes[0]], place[self.axes[1]]
+
+    def line(self, begin, end, colour, width):
+        self.painter.setPen(QPen(colour, width))
+        self.painter.drawLine(self.at(begin), self.at(end))
+
+    def polygon(self, corners, colour):
+        self.painter.setPen(QPen(colour.darker(130), 1))
+        self.painter.setBrush(colour)
+        self.painter.drawPolygon(QPolygonF([self.at(corner) for corner in corners]))
+
+    def box(self, low, high, colour):
+        self.polygon([low, (low[0], high[1]), high, (high[0], low[1])], colour)
+
+    def disc(self, middle, radius, colour):
+        self.painter.setPen(QPen(colour.darker(130), 1))
+        self.painter.setBrush(colour)
+        self.painter.drawEllipse(self.at(middle), self.scale * radius, self.scale * radius)
+
+    def mark(self, place, colour, *, pointed=False):
+        at = self.at(place)
+        self.painter.setPen(QPen(Qt.GlobalColor.white, 1))
+        self.painter.setBrush(colour)
+        if pointed:
+            corners = [QPointF(at.x() - 6, at.y() + 5), QPointF(at.x() + 6, at.y() + 5), QPointF(at.x(), at.y() - 6)]
+            self.painter.drawPolygon(QPolygonF(corners))
+        else:
+            self.painter.drawRect(QRectF(at.x() - 5, at.y() - 5, 10, 10))
+
+    def label(self, x, y, text):
+        self.painter.setPen(QColor("#808080"))
+        self.painter.drawText(QPointF(x, y), text)

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The figures of a report as a farmer asks for them: worked, worked twice, missed, and how accurate all is."""
+
+from qgis.PyQt.QtCore import QCoreApplication
+
+
+def figure_rows(report):
+    """What a report says about the ground worked and about its accuracy: pairs of a label and a value with its unit."""
+    figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
+    accuracy = report.get("accuracy") if isinstance(report.get("accuracy"), dict) else {}
+    rows = [
+        (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
+        (tr("Worked twice"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
+        (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
+        (tr("Passes"), _number(figures.get("passes"), "{:.0f}")),
+        (tr("Way driven"), _number(figures.get("distance_m"), "{:,.0f} m")),
+        (tr("Duration"), _number(figures.get("duration_s"), "{:,.0f} s")),
+        (tr("Points"), _number(figures.get("points"), "{:,.0f}")),
+        (tr("Accuracy across the ground"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
+        (tr("Accuracy of heights"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
+        (tr("Accuracy of heading"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
+        (tr("CRS"), figures.get("crs")),
+    ]
+    return [(label, str(value)) for label, value in rows if value]
+
+
+def _number(value, form):
+    return form.format(value) if isinstance(value, (int, float)) else None
+
+
+def _area(figures, key, sigma_key):
+    """An area in m², above a hectare in hectares, with twice its standard error."""
+    area, sigma = figures.get(key), figures.get(sigma_key)
+    if not isinstance(area, (int, float)):
+        return None
+    factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e4 else (1.0, "{:,.1f}", "m²")
+    spread = f" ± {form.format(2 * sigma * factor)}" if isinstance(sigma, (int, float)) and sigma > 0 else ""
+    return f"{form.format(area * factor)}{spread} {unit}"
+
+
+def _sigma(accuracy, keys, factor, form):
+    """The median of a standard deviation; of several components the length of their vector."""
+    medians = [(accuracy.get(key) or {}).get("median") for key in keys]
+    if not all(isinstance(value, (int, float)) for value in medians):
+        return None
+    return form.format(factor * sum(value * value for value in medians) ** 0.5)
+
+
+def tr(text):
+    """`text` in the user's language."""
+    return QCoreApplication.translate("Figures", text)
