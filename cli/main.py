@@ -19,7 +19,19 @@ from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = ("init", "inspect", "run", "surface", "fields", "export", "base", "calibrate", "simulate", "worker")
+VERBS: Final = (
+    "init",
+    "inspect",
+    "run",
+    "surface",
+    "fields",
+    "export",
+    "base",
+    "calibrate",
+    "simulate",
+    "qgis",
+    "worker",
+)
 """Each is the function of that name in the module of that name beside this one."""
 
 log = logging.getLogger("furrowmap.cli")

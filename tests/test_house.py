@@ -123,7 +123,7 @@ def test_licences__only_the_plugin_says_gpl() -> None:
 def test_packages__are_those_on_disk() -> None:
     on_disk = {
         ".".join(("furrowmap", *p.parent.relative_to(CHECKOUT).parts))
-        for part in ("core", "exporters", "cli")
+        for part in ("core", "exporters", "cli", "plugin")
         for p in (CHECKOUT / part).rglob("__init__.py")
     }
     assert set(PROJECT["tool"]["setuptools"]["packages"]) == on_disk
@@ -176,14 +176,15 @@ def test_wheel__holds_every_module_and_its_data_and_nothing_else(wheel: Path) ->
     expected = {
         f"furrowmap/{path.relative_to(CHECKOUT).as_posix()}"
         for path in repository_files()
-        if path.relative_to(CHECKOUT).parts[0] in {"core", "exporters", "cli"} and path.suffix in data | {".py"}
+        if (path.relative_to(CHECKOUT).parts[0] in {"core", "exporters", "cli"} and path.suffix in data | {".py"})
+        or path.relative_to(CHECKOUT).parts[0] == "plugin"
     }
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
-        licences = [name for name in archive.namelist() if name.endswith("licenses/LICENSE")]
+        licences = [name for name in archive.namelist() if name.endswith("LICENSE") and ".dist-info/" in name]
     assert names == expected
     assert {f"furrowmap/{part}/py.typed" for part in ("core", "exporters", "cli")} <= names
-    assert len(licences) == 1
+    assert len(licences) == 2  # furrowmap's own, and the plugin's
 
 
 def test_wheel__installs_and_imports_as_furrowmap(wheel: Path, tmp_path: Path) -> None:
