@@ -28,9 +28,10 @@ from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.cog import FILLED, Band, Bands, Origin, cog_output, surface_arrays, surface_bands
+from furrowmap.exporters.cog import FILLED, Band, Bands, cog_output, surface_arrays, surface_bands
 from furrowmap.exporters.json_text import json_text, plain
-from furrowmap.exporters.report import file_records
+from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.report import FileRecord, file_records
 from furrowmap.exporters.staging import recover, staged_folder
 
 DSM: Final = "dsm.tif"
@@ -44,6 +45,8 @@ LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
 ACCOUNT: Final = "surfaces.json"
 PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, ACCOUNT)
 RUN_REPORT: Final = "report.json"
+SURFACE: Final = "surface"
+"""Title of the raster whose statistic is of the user's choice."""
 CACHE_BYTES: Final = 64 << 20
 WINDOW: Final = 1024
 """Cells a side of the squares in which finished surfaces are read again."""
@@ -125,14 +128,15 @@ def write_cloud_surfaces(
             if grid is None:
                 raise _nothing_left(clouds, box)
             method = _method(settings, spooled)
-            work = _Work(staging, clouds, grid, settings, method, _origin(paths, clouds, spooled, settings, progress))
+            records = [file_records([path], path.parent, progress)[0] for path in paths]
+            work = _Work(staging, clouds, grid, settings, box, method, records, spooled.span_s)
             work.surfaces(spooled, progress)
         figures, notices = work.derived(progress)
         account = {
             "furrowmap": version("furrowmap"),
             "inputs": [
-                {"name": path.name, "format": file.format, "points": file.points, "sha256": digest}
-                for path, file, digest in zip(paths, clouds.files, (work.origin.inputs or {}).values(), strict=True)
+                {"name": record.name, "format": file.format, "points": file.points, "sha256": record.sha256}
+                for record, file in zip(records, clouds.files, strict=True)
             ],
             "crs": name_of(clouds.crs),
             "parameters": work.parameters,
@@ -160,8 +164,10 @@ class _Work:
     clouds: Clouds
     grid: Grid
     settings: CloudSettings
+    box: Box | None
     method: GroundMethod
-    origin: Origin
+    records: Sequence[FileRecord]
+    span_s: tuple[float, float] | None
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -174,6 +180,7 @@ class _Work:
             "every": settings.every,
             "fill_m": settings.fill_m,
             "classes": sorted(settings.classes) if settings.classes is not None else None,
+            "box": list(self.box) if self.box is not None else None,
         }
 
     @property
@@ -185,7 +192,7 @@ class _Work:
         """The surfaces that come from the points themselves."""
         settings = self.settings
         with ExitStack() as stack:
-            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), "surface", surface_bands()))
+            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, surface_bands()))
             if self.method != "none":
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", surface_bands()))
                 above = Band("height above ground")
@@ -235,14 +242,23 @@ class _Work:
         return figures, notices
 
     def _output(self, name: str, title: str, bands: Sequence[Band]) -> Any:
-        origin = Origin(title, "", self.origin.inputs, self.origin.span_s, self.origin.parameters)
-        return cog_output(self.folder / name, self.grid, self.clouds.crs, bands, origin)
+        return cog_output(self.folder / name, self.grid, self.clouds.crs, bands, self._origin(title))
+
+    def _origin(self, title: str) -> Origin:
+        """What is told inside a raster."""
+        stated = {name: _text(value) for name, value in self.parameters.items() if value is not None}
+        statistic = self.settings.statistic if title == SURFACE or self.method == "none" else MEDIAN
+        parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
+        if self.clouds.crs.is_compound:
+            parameters["heights"] = self.clouds.crs.sub_crs_list[1].name
+        inputs = [(record.name, record.sha256) for record in self.records]
+        return Origin(title, inputs=inputs, span_s=self.span_s, parameters=parameters)
 
     def _fill(self, name: str, progress: Progress) -> None:
         """Fill the gaps of a surface, window by window, each with what lies round it."""
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
-        title = "surface" if name == DSM else "ground"
+        title = SURFACE if name == DSM else "ground"
         with self._output(name, title, [*surface_bands(), FILLED]) as put, rasterio.open(source) as raster:
             for inner, outer in _windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=_window(outer, self.grid))
@@ -258,7 +274,7 @@ class _Work:
         west, south, east, north = self.grid.bounds_m
         inset = 0.5 * self.grid.cell_m
         plots = Grid.of_bounds(PLOT_M, (west + inset, south + inset, east - inset, north - inset))
-        origin = Origin("random roughness", "", self.origin.inputs, self.origin.span_s, self.origin.parameters)
+        origin = self._origin("random roughness")
         margin = int(np.ceil(PLOT_M / self.grid.cell_m)) + 1
         with cog_output(self.folder / ROUGHNESS, plots, self.clouds.crs, [Band("random roughness")], origin) as put:
             for inner, outer, height in self._windows(self.ground_name, margin, progress, "measuring roughness"):
@@ -298,7 +314,7 @@ class _Work:
             np.add.at(count, at, known.astype(np.uint32))
         height = np.divide(total, count, out=np.full(coarse.shape, np.nan), where=count > 0)
         spots = find_depressions(height, coarse)
-        origin = Origin("low spots", "", self.origin.inputs, self.origin.span_s, self.origin.parameters)
+        origin = self._origin("low spots")
         with cog_output(self.folder / LOW_SPOTS, coarse, self.clouds.crs, [Band("depth of water")], origin) as put:
             put(coarse, [spots.depth_m])
         if len(spots):
@@ -422,15 +438,8 @@ def _method(settings: CloudSettings, spooled: SpooledClouds) -> GroundMethod:
     return settings.ground
 
 
-def _origin(
-    paths: Sequence[Path], clouds: Clouds, spooled: SpooledClouds, settings: CloudSettings, progress: Progress
-) -> Origin:
-    records = [file_records([path], path.parent, progress)[0] for path in paths]
-    parameters = {"statistic": settings.statistic.name, "heights_unit_m": f"{clouds.unit_m:.10g}"}
-    inputs = {f"{record.name}": record.sha256 for record in records}
-    if len(inputs) < len(records):  # files of one name in several folders
-        inputs = {f"{number} {record.name}": record.sha256 for number, record in enumerate(records, 1)}
-    return Origin("", "", inputs, spooled.span_s, parameters)
+def _text(value: object) -> str:
+    return ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value)
 
 
 def _box_in(clouds: Clouds, settings: CloudSettings) -> Box | None:

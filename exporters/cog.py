@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,8 +20,8 @@ from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.values.clock import iso_utc
 from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.provenance import Origin
 
 Bands = Sequence[NDArray[Any]]
 """One array for each band, of the shape of the grid that they are over; written as float32, nan where unknown."""
@@ -80,46 +79,6 @@ def surface_arrays(surface: Surface) -> Bands:
     return bands
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where a raster comes from.
-
-    Attributes:
-        title: what it shows.
-        session: name of the session; empty where there is none.
-        inputs: name and SHA-256 of each file that went into it.
-        span_s: UTC of the first and the last measurement; None where unknown.
-        parameters: what it was made with, such as the statistic.
-    """
-
-    title: str
-    session: str = ""
-    inputs: Mapping[str, str] | None = None
-    span_s: tuple[float, float] | None = None
-    parameters: Mapping[str, str] | None = None
-
-    @property
-    def tags(self) -> dict[str, str]:
-        """As a GeoTIFF's metadata."""
-        tags = {
-            "TIFFTAG_SOFTWARE": f"furrowmap {version('furrowmap')}",
-            "TIFFTAG_IMAGEDESCRIPTION": self.title,
-            **{key.upper(): value for key, value in (self.parameters or {}).items()},
-        }
-        if self.session:
-            tags["SESSION"] = self.session
-        if self.span_s is not None:
-            first, last = map(iso_utc, self.span_s)
-            tags |= {
-                "TIME_START": first,
-                "TIME_END": last,
-                "TIFFTAG_DATETIME": last[:19].replace("-", ":").replace("T", " "),
-            }
-        for number, (name, digest) in enumerate((self.inputs or {}).items(), start=1):
-            tags[f"INPUT_{number}"] = f"{name} sha256:{digest}"
-        return tags
-
-
 @contextmanager
 def cog_output(
     path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], origin: Origin
@@ -132,7 +91,7 @@ def cog_output(
     Args:
         path: of the file; an older one is replaced.
         grid: of the raster.
-        crs: of the map, with or without heights.
+        crs: of the map, with or without heights; GDAL then tells :func:`told_crs` of it.
         bands: what they hold.
         origin: where the raster comes from.
 
@@ -164,7 +123,7 @@ def cog_output(
             raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
             raster.descriptions = tuple(band.description for band in bands)
             raster.units = tuple(band.unit for band in bands)
-            raster.update_tags(**origin.tags)
+            raster.update_tags(**_tags(origin))
 
             sums = [_Statistics() for _ in bands]
 
@@ -179,7 +138,7 @@ def cog_output(
             yield write
             for number, band_sums in enumerate(sums, start=1):
                 raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        copy(scratch, unfinished, **_OPTIONS)
+        copy(scratch, unfinished, GEOTIFF_VERSION="AUTO" if told_crs(crs) == crs else "1.0", **_OPTIONS)
 
 
 def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
@@ -208,10 +167,28 @@ def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
         return crs
 
 
+def told_crs(crs: CRS) -> CRS:
+    """What GDAL tells of a raster in `crs`: the map's part of a compound that has no code of its own, else the whole.
+
+    QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by its
+    code, and the whole if asked to (`GTIFF_REPORT_COMPD_CS=YES`); both are in the file.
+    """
+    return crs.sub_crs_list[0] if crs.is_compound and crs.to_epsg() is None else crs
+
+
 _COMPOUND: Final = (
     'COMPD_CS["{name} + {base} ellipsoidal height",{map},VERT_CS["{base} ellipsoidal height",'
     'VERT_DATUM["{base} ellipsoid",2005],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]]'
 )
+
+
+def _tags(origin: Origin) -> dict[str, str]:
+    """As a GeoTIFF's metadata; TIFF has tags of its own for some."""
+    tags = origin.told
+    own = {"TIFFTAG_SOFTWARE": tags.pop("SOFTWARE"), "TIFFTAG_IMAGEDESCRIPTION": tags.pop("TITLE")}
+    if "TIME_END" in tags:
+        own["TIFFTAG_DATETIME"] = tags["TIME_END"][:19].replace("-", ":").replace("T", " ")
+    return own | tags
 
 
 def _quoted(name: str) -> str:

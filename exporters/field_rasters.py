@@ -18,12 +18,12 @@ from furrowmap.exporters.cog import (
     STANDARD_ERROR,
     Band,
     Bands,
-    Origin,
     cog_output,
     surface_arrays,
     surface_bands,
     with_heights,
 )
+from furrowmap.exporters.provenance import Origin
 from furrowmap.exporters.report import FileRecord
 
 DSM: Final = "dsm.tif"
@@ -120,7 +120,7 @@ def _origin(name: str, found: Run, inputs: Sequence[FileRecord]) -> Origin:
     return Origin(
         _TITLES[name],
         found.session.name,
-        {record.name: record.sha256 for record in inputs},
+        [(record.name, record.sha256) for record in inputs],
         (found.tally.first_s, found.tally.last_s),
         {"statistic": MEDIAN.name, "heights": found.session.crs.heights},
     )

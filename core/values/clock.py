@@ -97,3 +97,10 @@ def iso_utc(t_s: float) -> str:
     """ISO 8601 in UTC with milliseconds, such as ``2026-06-11T01:23:40.300Z``."""
     moment = dt.datetime.fromtimestamp(round(t_s * 1000.0) / 1000.0, tz=dt.UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def decimal_year(t_s: float) -> float:
+    """The epoch as geodesy writes it: the year and the share of it that has passed, such as 2026.44."""
+    moment = dt.datetime.fromtimestamp(t_s, tz=dt.UTC)
+    begin, end = (dt.datetime(year, 1, 1, tzinfo=dt.UTC) for year in (moment.year, moment.year + 1))
+    return moment.year + (moment - begin) / (end - begin)

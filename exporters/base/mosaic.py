@@ -24,7 +24,9 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.base.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file
 from furrowmap.exporters.base.virtual_raster import virtual_raster
-from furrowmap.exporters.cog import Band, Origin, cog_output
+from furrowmap.exporters.cog import Band, cog_output
+from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.report import file_records
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
@@ -103,13 +105,14 @@ def mosaic(
             code="mosaic-virtual",
         )
     grid = _whole_grid(surfaces, target, cell_m)
+    origin = _origin(surfaces, mean=mean, progress=progress)
     if output.suffix == VIRTUAL:
         sources = [(s.path, s.grid, s.nodata) for s in surfaces if s.grid is not None]
-        text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources)
+        text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources, origin)
         with atomic_output(output) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     else:
-        _compute(surfaces, output, grid, target, mean=mean, progress=progress)
+        _compute(surfaces, output, grid, target, origin, mean=mean, progress=progress)
     size = {"columns": grid.columns, "rows": grid.rows}
     return Mosaic(output, name_of(target), cell_m, **size, surfaces=len(surfaces), notices=tuple(notices))
 
@@ -180,13 +183,30 @@ def _grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
     return Grid.of_bounds(cell_m, bounds)
 
 
+def _origin(surfaces: Sequence[SurfaceFile], *, mean: bool, progress: Progress) -> Origin:
+    records = [file_records([surface.path], surface.path.parent.parent, progress)[0] for surface in surfaces]
+    spans = [surface.span_s for surface in surfaces if surface.span_s is not None]
+    heights = heights_of(surfaces[-1].crs)
+    return Origin(
+        "Mosaic of surfaces",
+        inputs=[(record.name, record.sha256) for record in records],
+        span_s=(min(first for first, _ in spans), max(last for _, last in spans)) if spans else None,
+        parameters={"pick": "mean" if mean else "latest", **({"heights": heights} if heights else {})},
+    )
+
+
 def _compute(
-    surfaces: Sequence[SurfaceFile], output: Path, grid: Grid, crs: CRS, *, mean: bool, progress: Progress
+    surfaces: Sequence[SurfaceFile],
+    output: Path,
+    grid: Grid,
+    crs: CRS,
+    origin: Origin,
+    *,
+    mean: bool,
+    progress: Progress,
 ) -> None:
     count = 1 if mean else min(len(surface.bands) for surface in surfaces)
     bands = (*surfaces[-1].bands[:count], *([Band("sessions", "", 0)] if mean else []))
-    made_of = {f"surface_{i}": f"{s.path.parent.name}/{s.path.name}" for i, s in enumerate(surfaces, start=1)}
-    origin = Origin("Mosaic of surfaces", parameters={"pick": "mean" if mean else "latest", **made_of})
     with ExitStack() as stack:
         sources = [stack.enter_context(_opened(surface, crs, grid.cell_m, count)) for surface in surfaces]
         put = stack.enter_context(cog_output(output, grid, crs, bands, origin))

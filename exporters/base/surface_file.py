@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime as dt
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -29,6 +31,7 @@ class SurfaceFile:
         grid: its cells; None where they are not anchored to the CRS.
         bands: what they hold, the height first.
         nodata: of each band; None where there is none.
+        span_s: UTC of the first and the last measurement; None where it does not tell.
     """
 
     path: Path
@@ -38,6 +41,7 @@ class SurfaceFile:
     grid: Grid | None
     bands: tuple[Band, ...]
     nodata: float | None
+    span_s: tuple[float, float] | None
 
 
 def surface_file(path: Path) -> SurfaceFile:
@@ -47,7 +51,7 @@ def surface_file(path: Path) -> SurfaceFile:
         InputError: if it is none, or has no CRS or cells that are not square and north-up.
     """
     try:
-        with rasterio.open(path, driver="GTiff") as raster:
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
             if raster.crs is None:
                 raise _unusable(path, "has no CRS")
             width, skew, _, skew2, height = raster.transform[:5]
@@ -59,7 +63,9 @@ def surface_file(path: Path) -> SurfaceFile:
             )
             crs = CRS.from_wkt(raster.crs.to_wkt())
             grid = _anchored(width, raster.bounds, raster.shape)
-            return SurfaceFile(path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata)
+            return SurfaceFile(
+                path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, _span(raster.tags())
+            )
     except rasterio.errors.RasterioIOError as error:
         raise _unusable(path, f"cannot be read ({error})") from None
 
@@ -71,6 +77,14 @@ def _unusable(path: Path, why: str) -> InputError:
         "Make it again with `furrowmap run` or `furrowmap surface`, or leave its folder out.",
         code="surface-unusable",
     )
+
+
+def _span(tags: Mapping[str, str]) -> tuple[float, float] | None:
+    try:
+        first, last = (dt.datetime.fromisoformat(tags[name]) for name in ("TIME_START", "TIME_END"))
+    except (KeyError, ValueError):
+        return None
+    return first.timestamp(), last.timestamp()
 
 
 def _anchored(cell_m: float, bounds: Any, shape: tuple[int, int]) -> Grid | None:

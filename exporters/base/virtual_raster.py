@@ -10,13 +10,16 @@ from xml.etree import ElementTree as ET
 from pyproj import CRS
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cog import Band
+from furrowmap.exporters.cog import Band, told_crs
+from furrowmap.exporters.provenance import Origin
 
 Source = tuple[Path, Grid, float | None]
 """A file, its cells, and the value of those without one."""
 
 
-def virtual_raster(folder: Path, grid: Grid, crs: CRS, bands: Sequence[Band], sources: Sequence[Source]) -> str:
+def virtual_raster(
+    folder: Path, grid: Grid, crs: CRS, bands: Sequence[Band], sources: Sequence[Source], origin: Origin
+) -> str:
     """The text of a virtual raster.
 
     Args:
@@ -25,12 +28,17 @@ def virtual_raster(folder: Path, grid: Grid, crs: CRS, bands: Sequence[Band], so
         crs: of its cells.
         bands: what they hold; each source has them.
         sources: whose cells are those of the grid; later ones cover earlier ones.
+        origin: where it comes from.
     """
+    crs = told_crs(crs)
     root = ET.Element("VRTDataset", {"rasterXSize": str(grid.columns), "rasterYSize": str(grid.rows)})
     ET.SubElement(root, "SRS", {"dataAxisToSRSAxisMapping": _axes(crs)}).text = crs.to_wkt()
     west, north = grid.west * grid.cell_m, grid.north * grid.cell_m
     transform = (west, grid.cell_m, 0.0, north, 0.0, -grid.cell_m)
     ET.SubElement(root, "GeoTransform").text = ", ".join(repr(float(number)) for number in transform)
+    metadata = ET.SubElement(root, "Metadata")
+    for name, text in origin.told.items():
+        ET.SubElement(metadata, "MDI", {"key": name}).text = text
     for i, band in enumerate(bands, start=1):
         element = ET.SubElement(root, "VRTRasterBand", {"dataType": "Float32", "band": str(i)})
         ET.SubElement(element, "Description").text = band.description

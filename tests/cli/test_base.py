@@ -12,7 +12,8 @@ from pyproj import CRS
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cog import HEIGHT, Origin, write_cog
+from furrowmap.exporters.cog import HEIGHT, write_cog
+from furrowmap.exporters.provenance import Origin
 from tests.exporters.base.result_folders import write_result
 
 

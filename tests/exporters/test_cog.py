@@ -12,14 +12,15 @@ from pyproj import CRS
 from rio_cogeo import cog_validate
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cog import COUNT, FILLED, HEIGHT, Bands, Origin, cog_output, with_heights, write_cog
+from furrowmap.exporters.cog import COUNT, FILLED, HEIGHT, Bands, cog_output, with_heights, write_cog
+from furrowmap.exporters.provenance import Origin
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
 
 GRID = Grid(0.05, 332_692, 1_931_559, (700, 900))
 MAP = CRS("EPSG:6677")
-ORIGIN = Origin("Surface", "North field", {"a.pcap": "0" * 64}, (1.78e9, 1.78e9 + 60.0), {"statistic": "median"})
+ORIGIN = Origin("Surface", "North field", [("a.pcap", "0" * 64)], (1.78e9, 1.78e9 + 60.0), {"statistic": "median"})
 
 
 def bands() -> Bands:
@@ -61,6 +62,7 @@ def test_cog__tells_what_where_when_and_of_what(raster: Path) -> None:
         assert tags["INPUT_1"] == f"a.pcap sha256:{'0' * 64}"
         assert tags["TIFFTAG_SOFTWARE"].startswith("furrowmap ")
         assert tags["TIME_START"] == "2026-05-28T20:26:40.000Z"
+        assert tags["MEASURED_EPOCH"] == "2026.405"
         told, height = file.tags(1), bands()[0]
         for name, value in (
             ("MINIMUM", np.nanmin),
@@ -70,6 +72,8 @@ def test_cog__tells_what_where_when_and_of_what(raster: Path) -> None:
         ):
             assert float(told[f"STATISTICS_{name}"]) == pytest.approx(float(value(height)), abs=2e-4)
         assert float(told["STATISTICS_VALID_PERCENT"]) == pytest.approx(100.0 * np.isfinite(height).mean(), abs=0.01)
+        assert file.crs.to_epsg() == 6677  # which QGIS and all others know
+    with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(raster) as file:
         crs = CRS.from_wkt(file.crs.to_wkt())
     assert crs.is_compound
     flat, vertical = crs.sub_crs_list
@@ -114,6 +118,15 @@ def test_heights__that_are_not_ellipsoidal_or_told_already_leave_the_crs() -> No
     assert with_heights(MAP, "GSIGEO2011") == MAP
     told = CRS("EPSG:6677+6695")
     assert with_heights(told) == told
+
+
+@pytest.mark.parametrize(("heights", "code"), [("EPSG:6695", 10170), ("EPSG:3855", 6677)])
+def test_crs__is_told_by_a_code(tmp_path: Path, heights: str, code: int) -> None:
+    write_cog(tmp_path / "dsm.tif", GRID, CRS(f"EPSG:6677+{heights[5:]}"), [HEIGHT], bands()[:1], ORIGIN)
+    with rasterio.open(tmp_path / "dsm.tif") as file:
+        assert file.crs.to_epsg() == code
+    with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(tmp_path / "dsm.tif") as file:
+        assert CRS.from_wkt(file.crs.to_wkt()).sub_crs_list[1].equals(CRS(heights))
 
 
 def test_qgis__opens_it_in_its_place(raster: Path, qgis: QgisRoot) -> None:

@@ -110,5 +110,11 @@ def test_iso_utc__is_read_back_to_the_millisecond(t_s: float) -> None:
     assert abs(dt.datetime.fromisoformat(text).timestamp() - t_s) < 0.000_501
 
 
+def test_decimal_year__is_the_share_of_its_own_year() -> None:
+    assert clock.decimal_year(utc("2026-01-01T00:00:00")) == 2026.0
+    assert clock.decimal_year(utc("2026-07-02T12:00:00")) == 2026.5
+    assert clock.decimal_year(utc("2024-07-02T00:00:00")) == 2024.5  # a leap year
+
+
 def test_iso_utc__carries_over() -> None:
     assert clock.iso_utc(utc("2016-12-31T23:59:59") + 0.9996) == "2017-01-01T00:00:00.000Z"

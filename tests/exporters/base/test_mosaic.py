@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,8 @@ from furrowmap.exporters.base import mosaic as module
 from furrowmap.exporters.base.base import add_results
 from furrowmap.exporters.base.mosaic import mosaic
 from furrowmap.exporters.base.surfaces import find_surfaces, refuse_output
-from furrowmap.exporters.cog import COUNT, HEIGHT, Origin, with_heights, write_cog
+from furrowmap.exporters.cog import COUNT, HEIGHT, with_heights, write_cog
+from furrowmap.exporters.provenance import Origin
 from tests.exporters.base.result_folders import write_result
 
 JAPAN = CRS.from_epsg(6677)
@@ -109,7 +111,8 @@ def test_bands_of_a_cell__come_from_one_session(write: Write, tmp_path: Path) ->
     mosaic([write("a", eighths((20, 30), 0, 0.0)), write("b", height_m)], tmp_path / "farm.tif")
     with rasterio.open(tmp_path / "farm.tif") as raster:
         assert raster.descriptions == ("height", "returns")
-        assert raster.tags()["SURFACE_2"].endswith("b.tif")
+        digest = hashlib.sha256((tmp_path / "b.tif").read_bytes()).hexdigest()
+        assert raster.tags()["INPUT_2"] == f"{tmp_path.name}/b.tif sha256:{digest}"
         np.testing.assert_array_equal(raster.read(2), 5.0)
 
 
@@ -142,6 +145,8 @@ def test_geotiff__is_a_valid_cog_in_the_crs_of_the_surfaces(write: Write, tmp_pa
         rasterio.open(path) as surface,
     ):
         assert tif.crs == vrt.crs == surface.crs
+        assert vrt.tags()["INPUT_1"] == tif.tags()["INPUT_1"]
+        assert vrt.tags()["HEIGHTS"] == "JGD2011 ellipsoidal height"
 
 
 def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) -> None:
@@ -150,7 +155,7 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
     plane_m[:, 60:64] = np.nan
     made = mosaic([write("a", plane_m)], tmp_path / "farm.tif", crs=UTM)
     assert made.cell_m == CELL_M
-    with rasterio.open(tmp_path / "farm.tif") as raster:
+    with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(tmp_path / "farm.tif") as raster:
         heights = raster.read(1)
         assert "UTM zone 54N" in raster.crs.to_wkt()
         assert "ellipsoidal height" in raster.crs.to_wkt()

@@ -1,0 +1,42 @@
+"""Where a product comes from, as it is told inside the product itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+
+from furrowmap.core.values.clock import decimal_year, iso_utc
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a product comes from.
+
+    Attributes:
+        title: what it shows.
+        session: name of the session; empty where there is none.
+        inputs: name and SHA-256 of each file that went into it.
+        span_s: UTC of the first and the last measurement; None where unknown.
+        parameters: what it was made with, such as the statistic.
+    """
+
+    title: str
+    session: str = ""
+    inputs: Sequence[tuple[str, str]] = ()
+    span_s: tuple[float, float] | None = None
+    parameters: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def told(self) -> dict[str, str]:
+        """Names, in capitals, and texts: title, software, session, times and epoch, parameters, inputs."""
+        told = {"TITLE": self.title, "SOFTWARE": f"furrowmap {version('furrowmap')}"}
+        if self.session:
+            told["SESSION"] = self.session
+        if self.span_s is not None:
+            told["TIME_START"], told["TIME_END"] = map(iso_utc, self.span_s)
+            told["MEASURED_EPOCH"] = f"{decimal_year(self.span_s[0]):.3f}"
+        told |= {key.upper(): value for key, value in self.parameters.items()}
+        return told | {
+            f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)
+        }
