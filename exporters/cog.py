@@ -170,8 +170,8 @@ def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
 def told_crs(crs: CRS) -> CRS:
     """What GDAL tells of a raster in `crs`: the map's part of a compound that has no code of its own, else the whole.
 
-    QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by its
-    code, and the whole if asked to (`GTIFF_REPORT_COMPD_CS=YES`); both are in the file.
+    QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by
+    its code, and the whole if asked to (`GTIFF_REPORT_COMPD_CS=YES`); both are in the file.
     """
     return crs.sub_crs_list[0] if crs.is_compound and crs.to_epsg() is None else crs
 
