@@ -32,6 +32,7 @@ PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]]
 FIX_COLOURS: Final = {
     Fix.FIXED: "#1a9850",
     Fix.FLOAT: "#f4a528",
+    Fix.PPP: "#4575b4",
     Fix.DGPS: "#d6604d",
     Fix.SINGLE: "#b2182b",
     Fix.NONE: "#222222",

@@ -51,6 +51,7 @@ MOST_PASSES: Final = 60
 _FIX_WORDS: Final = {
     Fix.FIXED: "RTK fixed",
     Fix.FLOAT: "RTK float",
+    Fix.PPP: "PPP",
     Fix.DGPS: "differential",
     Fix.SINGLE: "single",
     Fix.NONE: "no position",

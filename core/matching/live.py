@@ -485,4 +485,4 @@ def _knots(begin_s: float, count: int) -> Knots:
 
 def _joined(one: GnssTrack, two: GnssTrack) -> GnssTrack:
     columns = {name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in GnssTrack.columns()}
-    return GnssTrack(**columns, source=one.source)
+    return GnssTrack(**columns, source=one.source, service=one.service)

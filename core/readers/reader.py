@@ -33,10 +33,10 @@ class ReadOptions:
 
     Attributes:
         model: the scanner's model, which wins over what the packets say.
-        date: UTC date (YYYY-MM-DD) of the first sentence of a log without dates.
+        date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
         near_s: a UTC time near which the recording lies, for clocks that show only a part of it.
         time: "utc" or "gps", for trajectory files that do not say.
-        week: GPS week, for trajectory files whose times are seconds of the week.
+        week: GPS week, for files whose times are seconds of the week.
         task: id or name of the task that is wanted, for task data of several.
     """
 
@@ -230,7 +230,6 @@ _RECEIVERS_OWN: Final = {
     b"\xb5\x62": "a u-blox receiver's own messages (UBX)",
     b"$@": "a Septentrio receiver's own messages (SBF)",
     b"\xd3\x00": "corrections or raw observations (RTCM 3)",
-    b"% ": "a solution of RTKLIB (.pos)",
 }
 """What files of formats that are not read begin with; the second kind has positions that can be exported."""
 

@@ -18,6 +18,7 @@ FloatArray = NDArray[np.float64]
 ASSUMED_SIGMA_M: Final = {
     Fix.FIXED: 0.015,
     Fix.FLOAT: 0.30,
+    Fix.PPP: 0.15,
     Fix.DGPS: 0.60,
     Fix.PPS: 0.60,
     Fix.SINGLE: 2.0,

@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 
 
 class Fix(IntEnum):
-    """Quality of a position, with the codes of NMEA 0183's GGA."""
+    """Quality of a position, whichever format stated it; up to 8 the codes are those of NMEA 0183's GGA.
+
+    The scale tells how a position came about, not from whom its corrections are (:attr:`GnssTrack.service`): FIXED and
+    FLOAT are carrier phase with ambiguities fixed or not, by RTK as by PPP-RTK (CLAS); PPP is precise point positioning
+    whose ambiguities are not fixed (MADOCA-PPP); DGPS is code corrected (SLAS, SBAS).
+    """
 
     NONE = 0
     SINGLE = 1
@@ -22,6 +27,7 @@ class Fix(IntEnum):
     ESTIMATED = 6
     MANUAL = 7
     SIMULATED = 8
+    PPP = 9
 
     @property
     def label(self) -> str:
@@ -46,7 +52,10 @@ class GnssTrack:
         heading_deg: (n,) of the vehicle from two antennas, clockwise from true north.
         satellites: (n,) int16 used, −1 unknown.
         hdop: (n,).
+        age_s: (n,) of the corrections.
         source: the name of the file or topic, for messages.
+        service: whose corrections these are, as far as the file says it: "rtk", "clas", "madoca", "ppp", "ppp-rtk",
+            "sbas"; "" unknown.
     """
 
     t_s: NDArray[np.float64]
@@ -62,7 +71,9 @@ class GnssTrack:
     heading_deg: NDArray[np.float64]
     satellites: NDArray[np.int16]
     hdop: NDArray[np.float64]
+    age_s: NDArray[np.float64]
     source: str = ""
+    service: str = ""
 
     def __post_init__(self) -> None:
         n = len(self.t_s)
@@ -79,10 +90,12 @@ class GnssTrack:
     @classmethod
     def columns(cls) -> tuple[str, ...]:
         """Names of the array attributes."""
-        return tuple(name for name in cls.__dataclass_fields__ if name != "source")
+        return tuple(name for name in cls.__dataclass_fields__ if name not in ("source", "service"))
 
     @classmethod
-    def build(cls, t_s: NDArray[np.float64], *, source: str = "", **columns: NDArray[np.generic]) -> Self:
+    def build(
+        cls, t_s: NDArray[np.float64], *, source: str = "", service: str = "", **columns: NDArray[np.generic]
+    ) -> Self:
         """A track from the columns at hand; the others are filled with 'unknown' (nan, −1, fix NONE)."""
         n = len(t_s)
         unknown: dict[str, NDArray[np.generic]] = {
@@ -96,8 +109,9 @@ class GnssTrack:
         }
         whole["fix"] = whole["fix"].astype(np.int8)
         whole["satellites"] = whole["satellites"].astype(np.int16)
-        return cls(t_s=np.asarray(t_s, np.float64), source=source, **whole)
+        return cls(t_s=np.asarray(t_s, np.float64), source=source, service=service, **whole)
 
     def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
         """The track of some of its epochs."""
-        return type(self)(**{name: getattr(self, name)[index] for name in self.columns()}, source=self.source)
+        columns = {name: getattr(self, name)[index] for name in self.columns()}
+        return type(self)(**columns, source=self.source, service=self.service)

@@ -56,7 +56,7 @@ class TaskDataLog:
         """
         tasks = self._tasks()
         columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}
-        return GnssTrack(**columns, source=", ".join(str(path) for path in self.paths))
+        return GnssTrack(**columns, source=", ".join(str(path) for path in self.paths), service="")
 
     def states(self) -> ToolStates:
         """Whether the machine worked, over time.

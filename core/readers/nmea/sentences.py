@@ -38,7 +38,7 @@ class Kind(IntEnum):
 
 
 FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
-    Kind.GGA: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop"),
+    Kind.GGA: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop", "age_s"),
     Kind.RMC: ("tod_s", "date_ymd", "valid", "speed_mps", "course_deg"),
     Kind.GST: ("tod_s", "sigma_n_m", "sigma_e_m", "sigma_h_m"),
     Kind.VTG: ("", "speed_mps", "course_deg"),
@@ -259,6 +259,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
         out[5] = _number(data, begin[5], begin[6] - 1)
         out[6] = _number(data, begin[6], begin[7] - 1)
         out[7] = _number(data, begin[7], begin[8] - 1)
+        out[8] = _number(data, begin[12], begin[13] - 1)
     elif a == _R and b == _M and c == _C:
         known = _RMC
         out[0] = _time_of_day(data, begin, 0)

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.epochs import MOST_DISORDER, MOST_SPLICES, midnight_utc_s
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, Sentences
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, runs_forward, unroll
 from furrowmap.core.values.errors import InputError, Notice
@@ -22,10 +23,6 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]
 
-MOST_DISORDER: Final = 0.05
-"""Share of epochs running backwards from which on a log is not taken for one receiver's."""
-MOST_SPLICES: Final = 4
-"""Steps back up to which a log in disorder is taken for pieces put together wrongly."""
 CLOCK_SET_S: Final = 60.0
 """A step of the clock before the first fix from which on it has been set, and not only waited."""
 MOST_SATELLITES: Final = 999
@@ -162,7 +159,7 @@ def _times(
 ) -> tuple[FloatArray, bool]:
     """Times (n,) of the positions, and whether they are UTC (else they count from the first one's midnight)."""
     tod = positions.column(Kind.GGA, "tod_s")
-    stated_s = None if date is None else _midnight(date)
+    stated_s = None if date is None else midnight_utc_s(date)
     if not len(tod):
         return tod, False
     dated_s, dated_at = _dated(log, positions.at[0])
@@ -188,18 +185,6 @@ def _times(
     if near_s is not None:
         return t_s + float(nearest_in_cycle(t_s[0], near_s, DAY_S) - t_s[0]), True
     return t_s, False
-
-
-def _midnight(date: str) -> float:
-    try:
-        return dt.datetime.fromisoformat(date).replace(tzinfo=dt.UTC, hour=0, minute=0, second=0).timestamp()
-    except ValueError:
-        raise InputError(
-            f"{date!r} is not a date.",
-            "The day of the log's first position is needed as year, month and day.",
-            'Write it as `date = "2026-06-11"` under `[recording]`.',
-            code="bad-date",
-        ) from None
 
 
 def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -259,6 +244,7 @@ def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> 
         heading_deg=added.get((Kind.HDT, "heading_deg"), nothing),
         satellites=satellites.astype(np.int16),
         hdop=gga["hdop"],
+        age_s=gga["age_s"],
         source=name,
     )
 

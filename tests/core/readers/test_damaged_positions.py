@@ -7,6 +7,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pysbf2
+import pytest
+import pyubx2
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,7 +17,10 @@ from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.sbf.log import SbfLog
 from furrowmap.core.readers.source import look
+from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.values.errors import InputError
 
 DAMAGE = st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=40), st.integers(0, 200)), max_size=8)
@@ -29,7 +35,12 @@ def damaged(data: bytes, damage: list[tuple[float, bytes, int]]) -> bytes:
     return data or b"\0"
 
 
-def outcome(reader: type[NmeaLog | PoseCsv | Sbet], data: bytes) -> Inspection | InputError:
+TRACKS = (NmeaLog, UbxLog, SbfLog, RtklibPos)
+
+
+def outcome(
+    reader: type[NmeaLog | UbxLog | SbfLog | RtklibPos | PoseCsv | Sbet], data: bytes
+) -> Inspection | InputError:
     """What comes of a file of these bytes; reading all of it must end as inspecting it did."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "recording")
@@ -41,11 +52,11 @@ def outcome(reader: type[NmeaLog | PoseCsv | Sbet], data: bytes) -> Inspection |
         except InputError as error:
             return error
         try:
-            whole = opened.track() if isinstance(opened, NmeaLog) else opened.poses()
+            whole = opened.track() if isinstance(opened, TRACKS) else opened.poses()
         except InputError as error:
             assert error.code in {notice.code for notice in told.notices}  # noqa: PT017 (not all are refused)
         else:
-            assert len(whole) == told.facts["epochs" if isinstance(opened, NmeaLog) else "poses"]
+            assert len(whole) == told.facts["epochs" if isinstance(opened, TRACKS) else "poses"]
         return told
 
 
@@ -61,6 +72,50 @@ def test_nmea(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None
     result = outcome(NmeaLog, damaged(piece(shared_data / "tractor_loop/gnss.nmea"), damage))
     # A log is always told, unless the damage makes it look compressed.
     assert isinstance(result, Inspection) or result.code == "empty-file"
+
+
+@settings(deadline=None)  # the first example may compile
+@given(damage=DAMAGE)
+@pytest.mark.parametrize(
+    ("reader", "name"),
+    [
+        (UbxLog, "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx"),
+        (UbxLog, "gnss/walk_f9p/walk.ubx"),
+        (SbfLog, "gnss/sbf/x5pvt.sbf"),
+        (SbfLog, "gnss/sbf/x5_pvtgeod.sbf"),
+        (RtklibPos, "gnss/pos/static_rtk.pos"),
+        (RtklibPos, "gnss/clas/clas_kinematic.pos"),
+    ],
+)
+def test_receivers_logs(
+    reader: type[UbxLog | SbfLog | RtklibPos], name: str, damage: list[tuple[float, bytes, int]], shared_data: Path
+) -> None:
+    result = outcome(reader, damaged(piece(shared_data / name), damage))
+    assert isinstance(result, Inspection) or result.code in ("empty-file", "date-contradicted")
+
+
+@settings(deadline=None)  # the first example may compile
+@given(frames=st.lists(st.tuples(st.integers(0, 3), st.binary(min_size=92, max_size=92)), min_size=1, max_size=4))
+def test_ubx__with_right_checksums_and_any_content(frames: list[tuple[int, bytes]]) -> None:
+    """Damage is caught by the checksum; what a receiver itself writes may still be any number."""
+    kinds = [(b"\x01\x07", 92), (b"\x01\x14", 36), (b"\x01\x36", 64), (b"\x01\x20", 16)]
+    log = b"".join(
+        pyubx2.UBXMessage(kinds[k][0][:1], kinds[k][0][1:], pyubx2.GET, payload=content[: kinds[k][1]]).serialize()
+        for k, content in frames
+    )
+    assert outcome(UbxLog, log)
+
+
+@settings(deadline=None)  # the first example may compile
+@given(
+    blocks=st.lists(
+        st.tuples(st.sampled_from([4007, 4006, 5906, 5905, 5938, 4001]), st.binary(min_size=88, max_size=88))
+    )
+)
+def test_sbf__with_right_checksums_and_any_content(blocks: list[tuple[int, bytes]]) -> None:
+    heads = [(number.to_bytes(2, "little") + (96).to_bytes(2, "little") + content) for number, content in blocks]
+    log = b"".join(b"$@" + pysbf2.calc_crc(rest).to_bytes(2, "little") + rest for rest in heads)
+    assert outcome(SbfLog, log or b"$@")
 
 
 @settings(deadline=None)  # the first example may compile

@@ -49,4 +49,4 @@ def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str) ->
             assert math.isfinite(clock.first_s), path
             assert clock.first_s <= clock.last_s, path
         assert all(notice.code and notice.text.strip() for notice in answer.notices), path
-    assert read >= {"velodyne": 11, "rosbag": 15, "gnss": 24, "las": 45}[folder]
+    assert read >= {"velodyne": 11, "rosbag": 15, "gnss": 66, "las": 45}[folder]

@@ -545,11 +545,11 @@ def test_scan__numbers_come_back(lat: float, lon: float, tod_ms: int, altitude: 
     tod = f"{tod_ms // 3_600_000:02d}{tod_ms // 60_000 % 60:02d}{tod_ms // 1000 % 60:02d}.{tod_ms % 1000:03d}"
     body = (
         f"GPGGA,{tod},{angle(lat, 2)},{'N' if lat >= 0 else 'S'},{angle(lon, 3)},{'E' if lon >= 0 else 'W'},"
-        f"5,07,1.25,{altitude:.4f},M,-33.057,M,,"
+        f"5,07,1.25,{altitude:.4f},M,-33.057,M,2.5,0120"
     )
     found, _ = scan_bytes(sentence(body), Tally())
-    expected = [tod_ms / 1000, lat, lon, altitude, -33.057, 5, 7, 1.25]
-    assert np.all(np.abs(found.values[0] - expected) <= [1e-9, 2e-9, 2e-9, 6e-5, 0, 0, 0, 0])
+    expected = [tod_ms / 1000, lat, lon, altitude, -33.057, 5, 7, 1.25, 2.5]
+    assert np.all(np.abs(found.values[0] - expected) <= [1e-9, 2e-9, 2e-9, 6e-5, 0, 0, 0, 0, 0])
 
 
 @pytest.mark.parametrize(

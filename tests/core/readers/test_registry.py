@@ -11,11 +11,13 @@ import pytest
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording, readers
 from furrowmap.core.values.errors import InputError
 
-# Files of the folder gnss that are NMEA 0183; the others are of kinds that are not read.
+# Files of the folder gnss that are NMEA 0183; of the others the suffix tells the reader.
 NMEA = (
     *("nmea/*", "clas/*.nmea", "car_reference/*.nmea"),
     *("walk_f9p/walk.nmea", "walk_f9p/walk_raw_mixed.log"),
 )
+
+OWN = {".ubx": "ubx", ".sbf": "sbf", ".pos": "rtklib-pos"}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -50,8 +52,8 @@ def test_gnss_samples__are_told_or_refused(shared_data: Path) -> None:
     nmea = {path for pattern in NMEA for path in folder.glob(pattern)}
     assert len(nmea) == 21 + 2 + 1 + 2
     for path in files(folder):
-        if path in nmea:
-            assert Recognised.of(path).reader.format == "nmea", path
+        if path in nmea or path.suffix in OWN:
+            assert Recognised.of(path).reader.format == OWN.get(path.suffix, "nmea"), path
         else:
             assert refused(path).code in ("unknown-format", "missing-column"), path
 
@@ -65,20 +67,29 @@ def test_samples_of_other_kinds__are_refused(folder: str, shared_data: Path) -> 
 def test_binary_logs__with_a_stray_sentence_are_no_nmea(shared_data: Path) -> None:
     for name in ("ubx/mixed_ubx_nmea_rtcm3.ubx", "ubx/mixed_many_messages.ubx", "sbf/mixed.sbf"):
         assert b"$GN" in (shared_data / "gnss" / name).read_bytes()
-        assert refused(shared_data / "gnss" / name).code == "unknown-format"
+        assert Recognised.of(shared_data / "gnss" / name).reader.format == name[:3]
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "format_"),
     [
-        ("gnss/walk_f9p/walk.ubx", "UBX"),
-        ("gnss/sbf/x5pvt.sbf", "SBF"),
-        ("gnss/pos/static_rtk.pos", "RTKLIB"),
-        ("gnss/pos/car_f9p_rtklibpy_weektow.pos", "RTKLIB"),
+        ("gnss/walk_f9p/walk.ubx", "ubx"),
+        ("gnss/sbf/x5pvt.sbf", "sbf"),
+        ("gnss/sbf/x5_measurements.sbf", "sbf"),
+        ("gnss/pos/static_rtk.pos", "rtklib-pos"),
+        ("gnss/pos/car_f9p_rtklibpy_weektow.pos", "rtklib-pos"),
+        ("gnss/walk_f9p/walk_raw_mixed.log", "nmea"),
+        ("gnss/nmea/f9p_nmea_in_binary.log", "nmea"),
     ],
 )
-def test_receivers_own_formats__are_named_with_the_way_to_nmea(name: str, words: str, shared_data: Path) -> None:
-    error = refused(shared_data / name)
+def test_receivers_own_formats__have_their_readers(name: str, format_: str, shared_data: Path) -> None:
+    assert Recognised.of(shared_data / name).reader.format == format_
+
+
+@pytest.mark.parametrize(("start", "words"), [(b"\xb5\x62", "UBX"), (b"$@", "SBF")])
+def test_receivers_own_formats__without_an_intact_message_are_named(start: bytes, words: str, tmp_path: Path) -> None:
+    (tmp_path / "log").write_bytes(start + bytes(range(200)))
+    error = refused(tmp_path / "log")
     assert words in error.what
     assert "Export NMEA (GGA, RMC, GST)" in error.remedy
 

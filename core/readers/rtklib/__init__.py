@@ -1,0 +1,1 @@
+"""Solutions of RTKLIB and its descendants (CLASLIB, MADOCALIB, rtklib-py): ``.pos`` files."""

@@ -1,0 +1,192 @@
+"""The rows of a ``.pos`` file: which lines are whole, and what its header says of them.
+
+(RTKLIB 2.4.2 manual, appendix B.1, "Positioning solution file"; its descendants write the same layout.)
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.source import Source
+
+CHUNK_BYTES: Final = 1 << 22
+LONGEST: Final = 2048
+"""Bytes above which a line is none of a solution."""
+FEWEST: Final = 5
+"""Numbers behind the time that no row can do without: three of position, quality, satellites."""
+MOST: Final = 24
+
+_NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
+_BETWEEN = rb"[ \t,;]+"
+_CALENDAR = rb"\d{4}/\d\d?/\d\d?" + _BETWEEN + rb"\d\d?:\d\d?:\d\d?(?:\.\d*)?"
+_WEEK = rb"\d{1,4}" + _BETWEEN + rb"\d{1,6}(?:\.\d*)?"
+_VALUES = rb"((?:" + _BETWEEN + _NUMBER + rb"){5,40})[ \t,;\r]*"
+ROWS: Final = {
+    6: re.compile(rb"[ \t]*" + _CALENDAR + _VALUES),
+    2: re.compile(rb"[ \t]*" + _WEEK + _VALUES),
+}
+"""What a row looks like, by how many numbers its time is: year to second, or week and second of the week."""
+_PLAIN: Final = bytes.maketrans(b"/:,;\t\r", b"      ")
+
+
+class Form(Enum):
+    """How a position is written."""
+
+    DEGREES = "latitude, longitude, height"
+    SEXAGESIMAL = "latitude, longitude in degrees, minutes, seconds; height"
+    CARTESIAN = "earth-centred coordinates"
+    BASELINE = "baseline east, north, up"
+
+
+@dataclass
+class Header:
+    """What the comments at a file's head say.
+
+    Attributes:
+        form: how positions are written.
+        time: "GPST", "UTC", "JST"; "" where it is not said.
+        geodetic_height: whether heights are above the geoid.
+        program: that wrote the file.
+        mode: of its positioning.
+    """
+
+    form: Form = Form.DEGREES
+    time: str = ""
+    geodetic_height: bool = False
+    program: str = ""
+    mode: str = ""
+
+    def take(self, line: str) -> None:
+        """Take in one line of comment."""
+        text = line.lstrip("%").strip()
+        name, colon, value = text.partition(":")
+        if colon and name.strip() == "program":
+            self.program = value.strip()[:200]
+        elif colon and name.strip() == "pos mode":
+            self.mode = value.strip()[:200]
+        elif text.startswith("(") and "/height=" in text:
+            self.geodetic_height = "/geodetic" in text
+        for scale in ("GPST", "UTC", "JST"):
+            if text.startswith(scale):
+                self.time = scale
+                self.form = (
+                    Form.CARTESIAN
+                    if "x-ecef" in text
+                    else Form.BASELINE
+                    if "baseline" in text
+                    else Form.SEXAGESIMAL
+                    if "latitude(d'" in text
+                    else Form.DEGREES
+                )
+
+    @property
+    def service(self) -> str:
+        """Whose corrections were used, as far as the header says it."""
+        words = f"{self.program} {self.mode}".lower()
+        for word, service in (("madoca", "madoca"), ("clas", "clas"), ("ppp-rtk", "ppp-rtk"), ("ppp", "ppp")):
+            if re.search(rf"\b{word}(?:lib)?\b", words):
+                return service
+        return "rtk" if re.search(r"\b(?:kinematic|static|moving-base)\b", self.mode.lower()) else ""
+
+
+@dataclass
+class Rows:
+    """The rows of one or more files.
+
+    Attributes:
+        header: of the first file.
+        time: (n, 6) or (n, 2) numbers of the time.
+        values: (n, 24) of what stands behind it, nan where a row has no more.
+        line: (n,) number of the row's line, in all files.
+        damaged: lines that are neither comment nor row.
+        lines: of all files.
+    """
+
+    header: Header
+    time: NDArray[np.float64]
+    values: NDArray[np.float64]
+    line: NDArray[np.int64]
+    damaged: int = 0
+    lines: int = 0
+
+
+@dataclass
+class _Gathering:
+    header: Header = field(default_factory=Header)
+    style: int = 0
+    tables: list[NDArray[np.float64]] = field(default_factory=list)
+    numbers: list[NDArray[np.int64]] = field(default_factory=list)
+    damaged: int = 0
+    lines: int = 0
+
+
+def read_rows(source: Source, into: _Gathering | None = None) -> _Gathering:
+    """Gather the rows of a stream behind those of the streams before it."""
+    gathered = into or _Gathering()
+    for lines in _lines(source):
+        _gather(lines, gathered)
+    return gathered
+
+
+def finished(gathered: _Gathering) -> Rows:
+    """All that was gathered."""
+    style = gathered.style or 6
+    table = np.concatenate([np.empty((0, style + MOST)), *gathered.tables])
+    line = np.concatenate([np.empty(0, np.int64), *gathered.numbers])
+    return Rows(gathered.header, table[:, :style], table[:, style:], line, gathered.damaged, gathered.lines)
+
+
+def _lines(source: Source) -> Iterator[list[bytes]]:
+    rest = b""
+    while True:
+        block = source.read(CHUNK_BYTES)
+        if not block:
+            if rest:
+                yield [rest]
+            return
+        *whole, rest = (rest + block).split(b"\n")
+        rest = rest[: LONGEST + 1]  # a line that is longer is none, and need not be kept
+        yield whole
+
+
+def _gather(lines: list[bytes], gathered: _Gathering) -> None:
+    """Take the rows among the lines; the first one decides how times are written."""
+    rows: list[bytes] = []
+    numbers: list[int] = []
+    for number, line in enumerate(lines, start=gathered.lines + 1):
+        text = line.strip()
+        if not text:
+            continue
+        if text.startswith(b"%"):
+            gathered.header.take(text[:LONGEST].decode("latin-1"))
+            continue
+        if len(text) <= LONGEST and not gathered.style:
+            gathered.style = next((style for style, row in ROWS.items() if row.fullmatch(text)), 0)
+        if len(text) <= LONGEST and gathered.style and ROWS[gathered.style].fullmatch(text):
+            rows.append(text.translate(_PLAIN))
+            numbers.append(number)
+        else:
+            gathered.damaged += 1
+    gathered.lines += len(lines)
+    if rows:
+        gathered.tables.append(_table(rows, gathered.style + MOST))
+        gathered.numbers.append(np.array(numbers, np.int64))
+
+
+def _table(rows: list[bytes], width: int) -> NDArray[np.float64]:
+    """The numbers (n, width) of rows of numbers, which may be of different lengths; nan where one has no more."""
+    table = np.full((len(rows), width), np.nan)
+    counts = np.array([len(row.split()) for row in rows])
+    for count in np.unique(counts):
+        mine = np.flatnonzero(counts == count)
+        text = b"\n".join(rows[k] for k in mine.tolist())
+        numbers = np.array(text.split(), dtype="S40").astype(np.float64).reshape(len(mine), count)
+        table[mine, : min(count, width)] = numbers[:, :width]
+    return table

@@ -1,0 +1,167 @@
+"""SBF logs: what the samples hold, agreement with pysbf2, and laws of the blocks."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pysbf2
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyproj import Transformer
+
+from furrowmap.core.readers.frames import Tally, read_records
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.sbf.frames import scan
+from furrowmap.core.readers.sbf.log import SbfLog
+from furrowmap.core.readers.source import Source
+from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+LEAP_S = 18
+WITH_POSITIONS = {
+    "sbfdata.sbf": 58, "x5pvt.sbf": 16, "x5_pvtgeod.sbf": 1, "x5_pvttruncated.sbf": 1, "mixed.sbf": 1,
+    "x5_pvtcart.sbf": 1,
+}  # fmt: skip
+
+
+def track_of(path: Path) -> GnssTrack:
+    return SbfLog([path], ReadOptions()).track()
+
+
+def block(number: int, body: bytes, revision: int = 0) -> bytes:
+    """A block; its CRC by pysbf2."""
+    body += b"\0" * (-len(body) % 4)
+    rest = struct.pack("<HH", number | revision << 13, 8 + len(body)) + body
+    return b"$@" + pysbf2.calc_crc(rest).to_bytes(2, "little") + rest
+
+
+def pvt(tow_ms: int, mode: int = 4, error: int = 0, lat_deg: float = 36.0, week: int = 2400) -> bytes:
+    """A PVTGeodetic of revision 2."""
+    body = struct.pack("<IHBB3d5fdf3BBHHIBBHHHHB", tow_ms, week, mode, error, np.radians(lat_deg), np.radians(140.0),
+                       55.5, 40.0, 0.6, 0.8, 0.0, 53.13, 0.0, 0.0, 0, 0, 20, 0, 7, 150, 0, 0, 1, 0,
+                       0, 5, 7, 0)  # fmt: skip
+    return block(4007, body, revision=2)
+
+
+@pytest.mark.parametrize("name", WITH_POSITIONS)
+def test_track__is_what_pysbf2_reads(name: str, shared_data: Path) -> None:
+    path = shared_data / "gnss/sbf" / name
+    with path.open("rb") as stream:
+        parsed = [message for _, message in pysbf2.SBFReader(stream, protfilter=2, quitonerror=0)]
+    positions = [m for m in parsed if m.identity in ("PVTGeodetic", "PVTCartesian")]
+    covariances = {m.TOW: m for m in parsed if m.identity in ("PosCovGeodetic", "PosCovCartesian")}
+    to_geodetic = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+    track = track_of(path)
+    assert len(track) == len(positions) == WITH_POSITIONS[name]
+    for k, m in enumerate(positions):
+        if m.identity == "PVTGeodetic":
+            lon, lat, height = np.degrees(m.Longitude), np.degrees(m.Latitude), m.Height
+        else:
+            lon, lat, height = to_geodetic.transform(m.X, m.Y, m.Z)
+        assert (track.lon_deg[k], track.lat_deg[k]) == pytest.approx((lon, lat), abs=1e-11)
+        assert track.height_m[k] == pytest.approx(height, abs=1e-6)
+        assert track.satellites[k] == m.NrSV
+        cov = covariances.get(m.TOW)
+        if cov is None:
+            assert np.isnan(track.sigma_e_m[k])
+            continue
+        stated = track.sigma_e_m[k] ** 2 + track.sigma_n_m[k] ** 2 + track.sigma_h_m[k] ** 2
+        names = ("latlat", "lonlon", "hgthgt") if m.identity == "PVTGeodetic" else ("xx", "yy", "zz")
+        assert stated == pytest.approx(sum(getattr(cov, f"Cov_{n}") for n in names), rel=1e-5)
+        # The receiver states its vertical accuracy twice: as two sigmas, rounded to a centimetre.
+        assert 2.0 * track.sigma_h_m[k] == pytest.approx(m.VAccuracy, abs=0.011)
+
+
+def test_inspect__tells_times_and_fixes(shared_data: Path) -> None:
+    facts = SbfLog([shared_data / "gnss/sbf/sbfdata.sbf"], ReadOptions()).inspect().facts
+    assert facts["blocks"] == {"PVTCartesian": 58, "PosCovCartesian": 58, "VelCovCartesian": 58, "BaseVectorCart": 58}
+    assert facts["epochs_by_fix"] == {"single": 58}
+    assert facts["solutions"] == {"stand-alone": 58}
+    track = track_of(shared_data / "gnss/sbf/sbfdata.sbf")
+    assert track.t_s[[0, -1]] - GPS_EPOCH_S - 2367 * WEEK_S + LEAP_S == pytest.approx([218303, 218360])
+    assert np.median(track.satellites) == 15
+    geodetic = track_of(shared_data / "gnss/sbf/x5_pvtgeod.sbf")
+    assert (geodetic.lat_deg[0], geodetic.lon_deg[0]) == pytest.approx((53.344053, -2.246687), abs=2e-6)
+    assert geodetic.fix.tolist() == [Fix.DGPS]
+    assert geodetic.service == "sbas"
+    assert geodetic.age_s[0] == pytest.approx(2.78)
+
+
+def test_logs_without_positions__say_so(shared_data: Path) -> None:
+    folder = shared_data / "gnss/sbf"
+    for path in sorted(set(folder.iterdir()) - {folder / name for name in WITH_POSITIONS}):
+        with pytest.raises(InputError, match=path.name) as error:
+            track_of(path)
+        assert error.value.code == "no-positions"
+
+
+def test_heading__is_of_two_antennas_at_the_same_time(tmp_path: Path) -> None:
+    def attitude(tow_ms: int, mode: int, error: int, heading: float) -> bytes:
+        return block(5938, struct.pack("<IHBBHBB6f", tow_ms, 2400, 20, error, mode, 0, 0, heading, 1, 2, 0, 0, 0))
+
+    log = [pvt(1000 * k) for k in range(5)]
+    log += [
+        attitude(0, 4, 0, 90.5),
+        attitude(1000, 0, 0, 91.0),
+        attitude(2000, 4, 1, 92.0),
+        attitude(3000, 2, 0, -2e10),
+    ]
+    (tmp_path / "log.sbf").write_bytes(b"".join(log))
+    track = track_of(tmp_path / "log.sbf")
+    np.testing.assert_array_equal(track.heading_deg, [90.5, np.nan, np.nan, np.nan, np.nan])
+    assert track.speed_mps == pytest.approx(1.0)
+    assert track.age_s == pytest.approx(1.5)
+
+
+def test_quality__goes_by_type_and_error(tmp_path: Path) -> None:
+    kinds = [(0, 0, None), (1, 0, Fix.SINGLE), (2, 0, Fix.DGPS), (4, 0, Fix.FIXED), (4, 3, None), (5, 0, Fix.FLOAT),
+             (6, 0, Fix.DGPS), (7, 0, Fix.FIXED), (8, 0, Fix.FLOAT), (10, 0, Fix.PPP), (13, 0, None)]  # fmt: skip
+    (tmp_path / "log.sbf").write_bytes(b"".join(pvt(1000 * k, m, e) for k, (m, e, _) in enumerate(kinds)))
+    assert track_of(tmp_path / "log.sbf").fix.tolist() == [fix for *_, fix in kinds if fix is not None]
+
+
+def test_nothing_stated__is_no_position(tmp_path: Path) -> None:
+    log = [pvt(0), pvt(1000, week=0xFFFF), pvt(0xFFFFFFFF), pvt(2000, lat_deg=float(np.degrees(-2e10))), pvt(3000)]
+    (tmp_path / "log.sbf").write_bytes(b"".join(log))
+    track = track_of(tmp_path / "log.sbf")
+    assert np.diff(track.t_s).tolist() == [3.0]
+
+
+def test_two_receivers_in_one_log__are_refused(tmp_path: Path) -> None:
+    log = [pvt(100 * k, lat_deg=lat) for k in range(50) for lat in (36.0, 36.001)]
+    (tmp_path / "two.sbf").write_bytes(b"".join(log))
+    with pytest.raises(InputError) as error:
+        track_of(tmp_path / "two.sbf")
+    assert error.value.code == "receivers-interleaved"
+
+
+@given(
+    parts=st.lists(st.one_of(st.tuples(st.integers(0, 0x1FFF), st.binary(max_size=40)), st.binary(max_size=30))),
+    cuts=st.lists(st.integers(0, 600)),
+)
+def test_blocks__are_found_whatever_stands_between_and_wherever_the_stream_is_cut(
+    parts: list[tuple[int, bytes] | bytes], cuts: list[int]
+) -> None:
+    stream = b"".join(block(*part) if isinstance(part, tuple) else part.replace(b"$", b"\0") for part in parts)
+    found: list[bytes] = []
+    rest = b""
+    edges = sorted({min(cut, len(stream)) for cut in cuts} | {len(stream)})
+    for begin, end in zip([0, *edges], [*edges, len(stream)], strict=True):
+        rest += stream[begin:end]
+        rows, _, used = scan(np.frombuffer(rest, np.uint8), begin == end)
+        found += [rest[at : at + size] for _, at, size in rows.tolist()]
+        rest = rest[used:]
+    assert found == [block(*part) for part in parts if isinstance(part, tuple)]
+
+
+def test_blocks__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
+    """A block at every eighth byte, each claiming 32 kB: were each read through, these 4 MB would take minutes."""
+    (tmp_path / "hostile").write_bytes(b"$@\x12\x34\xa7\x4f\xfc\x7f" * 500_000)
+    tally = Tally()
+    with Source(tmp_path / "hostile") as source:
+        read_records(source, scan, {}, tally)
+    assert (tally.intact, tally.bad_checksums + tally.cut) == (0, 500_000)

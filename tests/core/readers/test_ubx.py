@@ -1,0 +1,222 @@
+"""UBX logs: what the samples hold, agreement with pyubx2 and with NMEA of the same drive, and laws of the frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyubx2
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furrowmap.core.readers.frames import Tally, read_records
+from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.source import Source
+from furrowmap.core.readers.ubx.frames import scan
+from furrowmap.core.readers.ubx.log import PVT, UbxLog
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+# As the samples' README lists them; positions by kind of fix, first and last time.
+HELD: dict[str, tuple[int, dict[str, int], str, str]] = {
+    "ubx/f9p_pvt_hpposllh_1hz.ubx": (29, {"single": 29}, "2019-04-22T21:19:20.000Z", "2019-04-22T21:19:48.000Z"),
+    "ubx/f9p_rtk_float_1hz.ubx": (10, {"float": 10}, "2022-10-11T11:04:24.000Z", "2022-10-11T11:04:33.000Z"),
+    "ubx/m8l_dead_reckoning_hnr10hz.ubx": (19, {"dgps": 19}, "2024-01-30T15:31:52.000Z", "2024-01-30T15:32:10.000Z"),
+    "ubx/m8p_4hz.ubx": (59, {"single": 59}, "2021-06-10T18:18:55.500Z", "2021-06-10T18:19:10.000Z"),
+    "ubx/mixed_many_messages.ubx": (39, {"single": 39}, "2020-10-23T11:33:15.000Z", "2020-10-23T11:33:53.000Z"),
+    "ubx/bad_checksum.ubx": (1, {"dgps": 1}, "2021-12-04T11:34:59.000Z", "2021-12-04T11:34:59.000Z"),
+    "ubx/truncated_end.ubx": (1, {"single": 1}, "2020-10-20T14:04:49.000Z", "2020-10-20T14:04:49.000Z"),
+    "car_reference/derived_rover_rtk.ubx": (
+        5395, {"fixed": 1799, "float": 3596}, "2023-07-11T06:04:12.000Z", "2023-07-11T06:24:42.000Z",
+    ),
+}  # fmt: skip
+
+
+def frame(kind: int, payload: bytes) -> bytes:
+    return bytes(pyubx2.UBXMessage(bytes([kind >> 8]), bytes([kind & 255]), pyubx2.GET, payload=payload).serialize())
+
+
+def track_of(path: Path, **options: Any) -> GnssTrack:
+    return UbxLog([path], ReadOptions(**options)).track()
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> None:
+    count, fixes, first, last = HELD[name]
+    facts = UbxLog([shared_data / "gnss" / name], ReadOptions()).inspect().facts
+    assert facts["messages"]["NAV-PVT"] == count
+    assert facts["epochs_by_fix"] == fixes
+    # Times are the receiver's own, to the nanosecond; a calendar second may begin a little late or early.
+    assert (facts["first"], facts["last"]) == (first, last)
+
+
+def test_inspect__weak_reception(shared_data: Path) -> None:
+    facts = UbxLog([shared_data / "gnss/ubx/m8_weak_2d_3d_nofix_300s.ubx"], ReadOptions()).inspect().facts
+    assert facts["kinds_of_fix"] == {"none": 8, "2D": 169, "3D": 122}
+    assert facts["epochs"] + facts["epochs_without_position"] == 299
+
+
+@pytest.mark.parametrize("name", ["ubx/m8_weak_2d_3d_nofix_300s.ubx", *list(HELD)[:5]])
+def test_track__is_what_pyubx2_reads(name: str, shared_data: Path) -> None:
+    path = shared_data / "gnss" / name
+    with path.open("rb") as stream:
+        parsed = [message for _, message in pyubx2.UBXReader(stream, protfilter=2, quitonerror=0)]
+    precise = {m.iTOW: m for m in parsed if m.identity == "NAV-HPPOSLLH"}
+    usable = [m for m in parsed if m.identity == "NAV-PVT" and m.gnssFixOk and m.fixType in (2, 3, 4)]
+    track = track_of(path)
+    assert len(track) == len(usable)
+    for k, m in enumerate(usable):
+        best = precise.get(m.iTOW, m)
+        assert track.lon_deg[k] == pytest.approx(best.lon, abs=1e-12)
+        assert track.lat_deg[k] == pytest.approx(best.lat, abs=1e-12)
+        assert track.height_m[k] == pytest.approx(best.height / 1000.0, abs=1e-9)
+        assert np.hypot(track.sigma_e_m[k], track.sigma_n_m[k]) == pytest.approx(best.hAcc / 1000.0)
+        assert track.sigma_h_m[k] == pytest.approx(best.vAcc / 1000.0)
+        assert track.speed_mps[k] == pytest.approx(m.gSpeed / 1000.0)
+        assert track.satellites[k] == m.numSV
+
+
+def test_covariance__takes_the_place_of_the_estimate(shared_data: Path) -> None:
+    path = shared_data / "gnss/ubx/bad_checksum.ubx"
+    with path.open("rb") as stream:
+        parsed = {m.identity: m for _, m in pyubx2.UBXReader(stream, protfilter=2, quitonerror=0)}
+    cov, track = parsed["NAV-COV"], track_of(path)
+    assert track.sigma_e_m[0] == pytest.approx(cov.posCovEE**0.5, rel=1e-6)
+    assert track.sigma_n_m[0] == pytest.approx(cov.posCovNN**0.5, rel=1e-6)
+    assert track.sigma_h_m[0] == pytest.approx(cov.posCovDD**0.5, rel=1e-6)
+    # The receiver's own covariance shows what its horizontal estimate is: both axes together.
+    assert (cov.posCovEE + cov.posCovNN) ** 0.5 == pytest.approx(parsed["NAV-PVT"].hAcc / 1000.0, rel=0.01)
+    assert track.hdop[0] == pytest.approx(parsed["NAV-DOP"].hDOP)
+
+
+def test_two_logs_of_one_drive__agree_within_their_rounding(shared_data: Path) -> None:
+    folder = shared_data / "gnss/walk_f9p"
+    ubx, nmea = track_of(folder / "walk.ubx", date="2025-09-09"), NmeaLog([folder / "walk.nmea"], ReadOptions()).track()
+    assert (len(ubx), len(nmea)) == (4122, 3902)
+    key = np.round(ubx.t_s * 1000).astype(np.int64)
+    both, at_ubx, at_nmea = np.intersect1d(key, np.round(nmea.t_s * 1000).astype(np.int64), return_indices=True)
+    assert len(both) == 3900
+    east_m = np.radians(ubx.lon_deg[at_ubx] - nmea.lon_deg[at_nmea]) * 6_386_000.0 * np.cos(np.radians(39.19))
+    north_m = np.radians(ubx.lat_deg[at_ubx] - nmea.lat_deg[at_nmea]) * 6_361_000.0
+    apart_m = np.hypot(east_m, north_m)
+    assert np.sqrt(np.mean(apart_m**2)) == pytest.approx(0.0068, abs=2e-4)
+    assert apart_m.max() < 0.012
+    up_m = ubx.height_m[at_ubx] - nmea.height_m[at_nmea]
+    # Altitude and geoid separation are each rounded to a decimetre.
+    assert np.sqrt(np.mean(up_m**2)) == pytest.approx(0.1 * np.sqrt(2 / 12), abs=0.005)
+    assert np.abs(up_m).max() < 0.1001
+
+
+@pytest.mark.parametrize("options", [{"week": 2383}, {"near_s": 1757444000.0}, {"date": "2025-09-09"}])
+def test_week__may_be_stated_in_three_ways(options: dict[str, Any], shared_data: Path) -> None:
+    track = track_of(shared_data / "gnss/walk_f9p/walk.ubx", **options)
+    assert track.t_s[0] == pytest.approx(1757444321.95, abs=1e-6)
+
+
+def test_no_date__is_refused_and_a_wrong_day_too(shared_data: Path) -> None:
+    path = shared_data / "gnss/walk_f9p/walk.ubx"
+    for options, code in (({}, "no-date"), ({"date": "2025-09-10"}, "date-contradicted"), ({"date": "x"}, "bad-date")):
+        with pytest.raises(InputError) as error:
+            track_of(path, **options)
+        assert error.value.code == code
+    assert UbxLog([path], ReadOptions()).inspect().facts["first"].startswith("Tuesday 18:58:59.950")
+
+
+def test_a_log_without_positions__is_refused(shared_data: Path, tmp_path: Path) -> None:
+    raw = (shared_data / "gnss/nmea/f9p_nmea_in_binary.log").read_bytes()
+    (tmp_path / "raw.ubx").write_bytes(raw)
+    for path in (tmp_path / "raw.ubx", shared_data / "gnss/ubx/mixed_ubx_nmea_rtcm3.ubx"):
+        with pytest.raises(InputError) as error:
+            track_of(path)
+        assert error.value.code == "no-positions"
+    with pytest.raises(InputError, match="raw observations"):
+        track_of(tmp_path / "raw.ubx")
+
+
+def test_two_receivers_in_one_log__are_refused(shared_data: Path, tmp_path: Path) -> None:
+    """Their messages alternate; the times are the same, and the places are not."""
+    data = bytearray((shared_data / "gnss/car_reference/derived_rover_rtk.ubx").read_bytes()[: 100 * 300])
+    mixed = b""
+    for at in range(0, len(data), 100):
+        payload = bytearray(data[at + 6 : at + 98])
+        payload[28] ^= 0x55  # another latitude
+        mixed += bytes(data[at : at + 100]) + frame(PVT, bytes(payload))
+    (tmp_path / "two.ubx").write_bytes(mixed)
+    with pytest.raises(InputError) as error:
+        track_of(tmp_path / "two.ubx")
+    assert error.value.code == "receivers-interleaved"
+
+
+def test_time__is_the_week_where_the_calendar_is_not_vouched_for(shared_data: Path, tmp_path: Path) -> None:
+    data = (shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx").read_bytes()
+    frames, _, _ = scan(np.frombuffer(data, np.uint8), True)
+    payloads = [bytearray(data[b : b + n]) for kind, b, n in frames.tolist() if kind == PVT]
+    whole = track_of(shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx")
+    for payload in payloads:
+        payload[11] = 0b011  # date and time are valid, but the leap seconds not yet known
+        payload[10] = (payload[10] + 2) % 60  # so that the calendar may be off
+    (tmp_path / "log.ubx").write_bytes(b"".join(frame(PVT, bytes(payload)) for payload in payloads))
+    assert track_of(tmp_path / "log.ubx").t_s == pytest.approx(whole.t_s, abs=6e-4)
+
+
+def test_fix__goes_by_the_flags_of_the_message(shared_data: Path, tmp_path: Path) -> None:
+    data = (shared_data / "gnss/car_reference/derived_rover_rtk.ubx").read_bytes()[:1000]
+    expected = [
+        (3, 0b10000011, Fix.FIXED), (3, 0b01000011, Fix.FLOAT), (3, 0b11, Fix.DGPS), (2, 0b1, Fix.SINGLE),
+        (1, 0b1, Fix.ESTIMATED), (3, 0b0, None), (0, 0b1, None), (5, 0b1, None), (4, 0b1, Fix.SINGLE),
+    ]  # fmt: skip
+    log = b""
+    for k, (kind, flags, _) in enumerate(expected):
+        payload = bytearray(data[100 * k + 6 : 100 * k + 98])
+        payload[20:22] = bytes([kind, flags])
+        log += frame(PVT, bytes(payload))
+    (tmp_path / "log.ubx").write_bytes(log)
+    assert track_of(tmp_path / "log.ubx").fix.tolist() == [fix for *_, fix in expected if fix is not None]
+
+
+@given(
+    parts=st.lists(st.one_of(st.tuples(st.integers(0, 0xFFFF), st.binary(max_size=40)), st.binary(max_size=30))),
+    cuts=st.lists(st.integers(0, 600)),
+)
+def test_frames__are_found_whatever_stands_between_and_wherever_the_stream_is_cut(
+    parts: list[tuple[int, bytes] | bytes], cuts: list[int]
+) -> None:
+    noise = [part.replace(b"\xb5", b"\0") for part in parts if isinstance(part, bytes)]
+    frames = [part for part in parts if isinstance(part, tuple)]
+    stream = b"".join(
+        frame_by_hand(*part) if isinstance(part, tuple) else part.replace(b"\xb5", b"\0") for part in parts
+    )
+    found: list[tuple[int, bytes]] = []
+    rest = b""
+    edges = sorted({min(cut, len(stream)) for cut in cuts} | {len(stream)})
+    for begin, end in zip([0, *edges], [*edges, len(stream)], strict=True):
+        rest += stream[begin:end]
+        rows, counts, used = scan(np.frombuffer(rest, np.uint8), begin == end)
+        found += [(kind, rest[at : at + size]) for kind, at, size in rows.tolist()]
+        assert counts[2] == sum(size + 8 for _, _, size in rows.tolist())
+        rest = rest[used:]
+    assert found == frames
+    assert rest == b""
+    assert len(noise) + len(frames) == len(parts)
+
+
+def frame_by_hand(kind: int, payload: bytes) -> bytes:
+    """A frame with the checksum as the interface description writes it down (RFC 1145)."""
+    body = bytes([kind >> 8, kind & 255]) + len(payload).to_bytes(2, "little") + payload
+    a = b = 0
+    for byte in body:
+        a = (a + byte) & 255
+        b = (b + a) & 255
+    return b"\xb5\x62" + body + bytes([a, b])
+
+
+def test_frames__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
+    """A frame at every sixth byte, each claiming 8 kB: were each read through, these 6 MB would take minutes."""
+    (tmp_path / "hostile").write_bytes(b"\xb5\x62\x01\x07\xff\x1f" * 1_000_000)
+    tally = Tally()
+    with Source(tmp_path / "hostile") as source:
+        read_records(source, scan, {}, tally)
+    assert (tally.intact, tally.bad_checksums + tally.cut) == (0, 1_000_000)
