@@ -151,8 +151,6 @@ def write_cloud_surfaces(
             "products": sorted([*(path.name for path in staging.iterdir()), ACCOUNT]),
         }
         (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
-    for name in set(PRODUCTS) - set(account["products"]):
-        (folder / name).unlink(missing_ok=True)
     return dict(plain(account))
 
 

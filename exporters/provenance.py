@@ -1,12 +1,17 @@
-"""Where a product comes from, as it is told inside the product itself."""
+"""Where a product comes from, as it is told inside the product itself, or beside those that have no room for it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from pathlib import Path
+from typing import Final
 
 from furrowmap.core.values.clock import decimal_year, iso_utc
+from furrowmap.exporters.json_text import json_text
+
+BESIDE: Final = "provenance.json"
 
 
 @dataclass(frozen=True)
@@ -40,3 +45,8 @@ class Origin:
         return told | {
             f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)
         }
+
+    def tell_beside(self, folder: Path) -> None:
+        """Write `provenance.json` beside the files in a folder, whose names it lists."""
+        names = sorted({BESIDE, *(path.name for path in folder.iterdir())})
+        (folder / BESIDE).write_text(json_text({**self.told, "products": names}), encoding="utf-8")

@@ -17,7 +17,8 @@ from furrowmap.exporters.atomic import is_running
 STAGING: Final = ".furrowmap-run"
 _OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
-_REPORT: Final = "report.json"
+_ACCOUNTS: Final = ("report.json", "surfaces.json", "provenance.json")
+"""Files that list the products they belong to, themselves among them, under "products"."""
 
 
 @contextmanager
@@ -51,7 +52,8 @@ def staged_folder(folder: Path) -> Iterator[Path]:
         ) from None
     try:
         yield products
-        _mark_complete(staging, sorted(path.name for path in products.iterdir()))
+        names = {path.name for path in products.iterdir()}
+        _mark_complete(staging, sorted(names), sorted(_earlier(folder, names) - names))
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
         if created:
@@ -99,27 +101,32 @@ def _claim(staging: Path) -> None:
     (staging / _OWNER).write_text(json.dumps({"host": platform.node(), "process": os.getpid()}))
 
 
-def _mark_complete(staging: Path, names: list[str]) -> None:
-    """From here on the new products are the folder's, whatever happens."""
+def _earlier(folder: Path, names: set[str]) -> set[str]:
+    """The products that the new ones take the place of: those that an earlier account of the same kind lists."""
+    listed = [_read(folder / account).get("products") for account in _ACCOUNTS if account in names]
+    found = [name for products in listed if isinstance(products, list) for name in products]
+    return {name for name in found if isinstance(name, str) and Path(name).name == name and (folder / name).is_file()}
+
+
+def _mark_complete(staging: Path, names: list[str], gone: list[str]) -> None:
+    """From here on the new products are the folder's, and those without a successor are not, whatever happens."""
     unfinished = staging / "complete.part"
     with unfinished.open("w") as file:
-        json.dump(names, file)
+        json.dump({"products": names, "gone": gone}, file)
         file.flush()
         os.fsync(file.fileno())
     unfinished.replace(staging / _COMPLETE)
 
 
 def _move_in(folder: Path) -> None:
-    """Put the products in their places; a run's remove those of the earlier run that have no successor."""
+    """Put the products in their places, and remove the earlier ones that have no successor."""
     staging = folder / STAGING
-    names = json.loads((staging / _COMPLETE).read_text())
-    earlier = _read(folder / _REPORT).get("products") if _REPORT in names else None
-    for name in names:
+    complete = json.loads((staging / _COMPLETE).read_text())
+    for name in complete["products"]:
         with suppress(FileNotFoundError):  # moved before the process was killed
             (staging / "products" / name).replace(folder / name)
-    for name in earlier if isinstance(earlier, list) else []:
-        if isinstance(name, str) and name not in names and Path(name).name == name:
-            (folder / name).unlink(missing_ok=True)
+    for name in complete["gone"]:
+        (folder / name).unlink(missing_ok=True)
     shutil.rmtree(staging)
 
 

@@ -90,10 +90,10 @@ def _vectors(result: Result, chosen: VectorFormat, target: Path, layers: Sequenc
     found, notices = changed_crs(found, chosen.crs or crs)
     if chosen.single:
         with atomic_output(target) as unfinished:
-            notices += chosen.write(unfinished, found)
+            notices += chosen.write(unfinished, found, result.origin)
         return Exported(target, (target,), tuple(notices))
     with staged_folder(target) as staging:
-        notices += chosen.write(staging, found)
+        notices += chosen.write(staging, found, result.origin)
         files = _names(staging)
     return Exported(target, tuple(target / name for name in files), tuple(notices))
 

@@ -11,7 +11,8 @@ import numpy as np
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import Notice, printable
+from furrowmap.exporters.provenance import Origin
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -32,16 +33,18 @@ _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """Whichever of these fields a feature has first names it."""
 
 
-def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame]) -> list[Notice]:
+def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin) -> list[Notice]:
     """One KML file, a folder a layer; the trajectory, a point a scan, is drawn as one line.
 
     Args:
         path: of the file.
         layers: in WGS 84; heights are left out, since phones would take them as above their own ground model.
+        origin: where they come from; its title names the document.
     """
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = ET.SubElement(root, "Document")
-    _text(document, "name", "furrowmap")
+    _text(document, "name", origin.title)
+    _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.told.items()))
     for name in layers:
         _add_style(document, name)
     notices = []
@@ -135,4 +138,4 @@ def _told(value: Any) -> str | None:
 
 def _text(parent: ET.Element | None, tag: str, text: str) -> None:
     assert parent is not None
-    ET.SubElement(parent, tag).text = text
+    ET.SubElement(parent, tag).text = printable(text)

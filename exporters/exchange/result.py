@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.provenance import Origin
 from furrowmap.exporters.staging import recover
 
 if TYPE_CHECKING:
@@ -63,6 +65,22 @@ class Result:
     def name(self) -> str:
         """The session's name; the folder's where it has none."""
         return str(self.report["session"]["name"]) or self.folder.resolve().name
+
+    @property
+    def origin(self) -> Origin:
+        """Where what is passed on comes from."""
+        report, crs = self.report, self.report["session"]["crs"]
+        first, last = (dt.datetime.fromisoformat(report["figures"][key]).timestamp() for key in ("start", "end"))
+        return Origin(
+            self.name,
+            self.name,
+            [(record["name"], record["sha256"]) for record in report["inputs"]],
+            (first, last),
+            {
+                "result_of": f"furrowmap {report['furrowmap']}",
+                **{key: str(value) for key, value in crs.items() if value},
+            },
+        )
 
     def layer(self, name: str) -> gpd.GeoDataFrame:
         """The features of a layer in the session's CRS.

@@ -220,6 +220,8 @@ def _main(result: Result, implement: dict[str, Any], outline: BaseGeometry, span
         TaskControllerVersion=version("furrowmap"),
         DataTransferOrigin="2",
     )
+    told = "".join(f"\n  {name}: {printable(text)}" for name, text in result.origin.told.items())
+    root.append(ET.Comment(f"{told.replace('--', '- -')}\n"))
     _add_device(root, implement)
     figures = result.report["figures"]
     parts = [part for part in shapely.get_parts(outline) if isinstance(part, shapely.Polygon)]

@@ -15,6 +15,7 @@ from furrowmap.core.crs_change import crs_change
 from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.exchange.kml import write_kml
 from furrowmap.exporters.geopackage import write_styles
+from furrowmap.exporters.provenance import Origin
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -27,7 +28,7 @@ _NAME_BYTES: Final = 10
 
 FloatArray = NDArray[np.float64]
 Layers = Mapping[str, "gpd.GeoDataFrame"]
-Writer = Callable[[Path, Layers], list[Notice]]
+Writer = Callable[[Path, Layers, Origin], list[Notice]]
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class VectorFormat:
     Attributes:
         title: for its users.
         suffix: of its files.
-        write: writes the layers into one file, or a file each into a folder, and says what could not be kept.
+        write: writes the layers into one file, or a file each into a folder, with where they come from, and returns
+            what could not be kept.
         single: whether one file holds all layers.
         crs: the only CRS that the format has; None where it takes any.
     """
@@ -78,22 +80,24 @@ def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDa
     }, list(change.notices)
 
 
-def write_geopackage(path: Path, layers: Layers) -> list[Notice]:
+def write_geopackage(path: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """One GeoPackage with its styles."""
     for name, layer in layers.items():
-        layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio")
+        told = None if path.exists() else origin.told
+        layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=told)
     write_styles(path, list(layers))
     return []
 
 
-def write_flatgeobuf(folder: Path, layers: Layers) -> list[Notice]:
+def write_flatgeobuf(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """A FlatGeobuf a layer, with its spatial index."""
     for name, layer in layers.items():
         layer.to_file(folder / f"{name}.fgb", driver="FlatGeobuf", engine="pyogrio")
+    origin.tell_beside(folder)
     return []
 
 
-def write_geoparquet(folder: Path, layers: Layers) -> list[Notice]:
+def write_geoparquet(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """A GeoParquet file (version 1.1) a layer, compressed by zstandard, with boxes of the rows' geometries.
 
     Raises:
@@ -115,10 +119,11 @@ def write_geoparquet(folder: Path, layers: Layers) -> list[Notice]:
             'Install it: pip install "furrowmap[parquet]".',
             code="extra-missing",
         ) from None
+    origin.tell_beside(folder)
     return []
 
 
-def write_geojson(folder: Path, layers: Layers) -> list[Notice]:
+def write_geojson(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """A GeoJSON file (RFC 7946) a layer."""
     for name, layer in layers.items():
         layer.to_file(
@@ -129,10 +134,11 @@ def write_geojson(folder: Path, layers: Layers) -> list[Notice]:
             COORDINATE_PRECISION=DIGITS_DEG,
             WRITE_NAME="YES",
         )
+    origin.tell_beside(folder)
     return []
 
 
-def write_shapefiles(folder: Path, layers: Layers) -> list[Notice]:
+def write_shapefiles(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """A Shapefile a layer: names of fields cut to what fits, times as text, for the format has dates only."""
     cut: dict[str, str] = {}
     for name, layer in layers.items():
@@ -141,13 +147,14 @@ def write_shapefiles(folder: Path, layers: Layers) -> list[Notice]:
         _with_texts(layer).rename(columns=short).to_file(
             folder / f"{name}.shp", driver="ESRI Shapefile", engine="pyogrio", ENCODING="UTF-8"
         )
+    origin.tell_beside(folder)
     if not cut:
         return []
     pairs = ", ".join(f"{long} is {short}" for long, short in sorted(cut.items()))
     return [Notice("shapefile-names", f"A Shapefile's fields have names of ten letters: {pairs}.")]
 
 
-def write_csv(folder: Path, layers: Layers) -> list[Notice]:
+def write_csv(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """A CSV a layer: points by their coordinates, other geometries as WKT, times as ISO 8601."""
     for name, layer in layers.items():
         geometry = layer.geometry
@@ -160,6 +167,7 @@ def write_csv(folder: Path, layers: Layers) -> list[Notice]:
         else:
             table["wkt"] = geometry.to_wkt(rounding_precision=DIGITS_DEG if geometry.crs.is_geographic else 4)
         table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n")
+    origin.tell_beside(folder)
     return []
 
 

@@ -107,6 +107,24 @@ def test_a_killed_run_leaves_old_or_new_after_recovery(tmp_path: Path, delay_s: 
     assert texts(tmp_path).keys() == set(NAMES)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="kills a process")
+@pytest.mark.parametrize("account", ["report.json", "surfaces.json", "provenance.json"])
+def test_a_kill_between_moving_in_and_removing_is_made_up_for(tmp_path: Path, account: str) -> None:
+    names = ["dsm.tif", account]
+    (tmp_path / account).write_text(json.dumps({"products": [*names, "low_spots.gpkg"]}))
+    (tmp_path / "low_spots.gpkg").write_text("old")
+    program = (
+        "import json, os, sys; from pathlib import Path\n"
+        "from furrowmap.exporters.staging import staged_folder\n"
+        "Path.unlink = lambda *_, **__: os.kill(os.getpid(), 9)\n"
+        "with staged_folder(Path(sys.argv[1])) as staging:\n"
+        "    for name in sys.argv[2:]: (staging / name).write_text(json.dumps({'products': sys.argv[2:]}))\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program, str(tmp_path), *names], check=False).returncode == -9
+    recover(tmp_path)
+    assert texts(tmp_path).keys() == set(names)
+
+
 def test_a_folder_that_is_a_file_is_an_error_in_three_lines(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError) as caught:

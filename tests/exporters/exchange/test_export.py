@@ -87,7 +87,9 @@ def assert_same(copy: gpd.GeoDataFrame, truth: gpd.GeoDataFrame, tolerance_m: fl
 @pytest.mark.parametrize(("to", "suffix"), [("geoparquet", "parquet"), ("flatgeobuf", "fgb")])
 def test_files_a_layer__keep_every_field_and_coordinate(result: Path, tmp_path: Path, to: str, suffix: str) -> None:
     done = export([result], to, tmp_path / "out")
-    assert sorted(path.name for path in done.files) == sorted(f"{name}.{suffix}" for name in LAYERS)
+    assert sorted(path.name for path in done.files) == sorted(
+        ["provenance.json", *(f"{name}.{suffix}" for name in LAYERS)]
+    )
     for name in LAYERS:
         path = tmp_path / "out" / f"{name}.{suffix}"
         copy = gpd.read_parquet(path) if to == "geoparquet" else gpd.read_file(path)
@@ -164,6 +166,41 @@ def test_csv__has_coordinates_of_points_and_texts_of_shapes(result: Path, tmp_pa
     passes = pd.read_csv(tmp_path / "out" / "passes.csv")
     areas = shapely.area(shapely.from_wkt(passes["wkt"].to_numpy(object)))
     np.testing.assert_allclose(areas, original(result, "passes").area, rtol=1e-4)
+
+
+def told_in(to: str, target: Path) -> dict[str, str]:
+    """What an export tells of where it comes from."""
+    if to == "gpkg":
+        return dict(pyogrio.read_info(target, layer="passes")["dataset_metadata"])
+    if to == "kml":
+        text = ET.parse(target).find("./{*}Document/{*}description").text
+        return dict(part.split(" ", 1) for part in text.split("; "))
+    if to == "isoxml":
+        parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
+        comment = ET.parse(target / "TASKDATA.XML", parser).getroot()[0]
+        return dict(line.strip().split(": ", 1) for line in comment.text.strip().splitlines())
+    return json.loads((target / "provenance.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("to", [name for name in NAMES if name != "stac"])
+def test_export__tells_where_it_comes_from(result: Path, tmp_path: Path, to: str) -> None:
+    target = tmp_path / ("out.gpkg" if to == "gpkg" else "out")
+    export([result], to, target)
+    told = told_in(to, target)
+    assert told["SESSION"] == "Nordfeld, östlich"
+    assert told["SOFTWARE"].startswith("furrowmap ")
+    assert told["RESULT_OF"] == "furrowmap 0.1.0"
+    assert told["INPUT_1"] == "recording.pcap sha256:00ff"
+    assert (told["TIME_START"], told["MEASURED_EPOCH"]) == ("2026-06-11T01:23:40.937Z", "2026.441")
+    assert told["MAP"] == "EPSG:6677"
+
+
+def test_export__of_fewer_layers_leaves_none_of_the_earlier_ones(result: Path, tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    export([result], "csv", target)
+    (target / "notes.txt").write_text("mine")
+    export([result], "csv", target, layers=["passes"], overwrite=True)
+    assert {path.name for path in target.iterdir()} == {"passes.csv", "provenance.json", "notes.txt"}
 
 
 def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) -> None:
