@@ -28,6 +28,7 @@ VERBS: Final = (
     "export",
     "base",
     "calibrate",
+    "crs",
     "simulate",
     "qgis",
     "worker",

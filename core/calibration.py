@@ -66,7 +66,7 @@ def calibrate(session_file: Path, progress: Progress = silent) -> Calibration:
     """
     session = load_session(session_file)
     inputs = Inputs.of(session_file, session)
-    frame = map_frame(session.crs)
+    frame = map_frame(session.crs, session_file)
     located = locate(open_positions(inputs, session), session, frame)
     stated = session.recording.lidar_minus_gnss_s
     offset, sigma, matched = stated, float("nan"), None

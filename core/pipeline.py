@@ -29,6 +29,7 @@ from furrowmap.core.readers.reader import (
     open_recording,
 )
 from furrowmap.core.states_elsewhere import states_from_elsewhere
+from furrowmap.core.trajectory.coordinates import AS_IT_WAS, Brought, brought_poses, brought_track
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import Positions, fixes_from_labels
@@ -80,6 +81,7 @@ class Located:
         antenna: the positions themselves; None for a trajectory from a file.
         matching: what the report tells about scan matching; None where the scans were not matched.
         mounting: of the sensor as matching found it; None for the session's.
+        brought: how the recorded coordinates came to the map.
     """
 
     trajectory: Trajectory
@@ -89,6 +91,7 @@ class Located:
     antenna: Positions | None = None
     matching: dict[str, Any] | None = None
     mounting: Mounting | None = None
+    brought: Brought = AS_IT_WAS
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     """
     watch = _StopWatch()
     session = load_session(session_file)
-    frame = map_frame(session.crs)
+    frame = map_frame(session.crs, session_file)
     inputs = Inputs.of(session_file, session)
     positions = open_positions(inputs, session)
     located = locate(positions, session, frame)
@@ -177,6 +180,7 @@ class Inputs:
     boundary: tuple[Path, ...] = ()
     states: tuple[Path, ...] = ()
     learned: tuple[Path, ...] = ()
+    crs: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, session_file: Path, session: Session) -> Inputs:
@@ -195,12 +199,13 @@ class Inputs:
             (resolve(session_file, boundary),) if boundary is not None else (),
             tuple(resolve(session_file, name) for name in (session.implement.states if session.implement else ())),
             (resolve(session_file, learned),) if learned is not None else (),
+            tuple(resolve(session_file, name) for name in (session.crs.parameters, session.crs.geoid_grid) if name),
         )
 
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, the scanner's first, in the order in which the session names them."""
-        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states + self.learned))
+        return tuple(dict.fromkeys(self.lidar + self.positions + self.boundary + self.states + self.learned + self.crs))
 
 
 def open_positions(inputs: Inputs, session: Session) -> Reader:
@@ -243,13 +248,16 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
-        return Located(trajectory_from_poses(positions.poses(), frame), "file", {}, ())
+        poses, brought = brought_poses(positions.poses(), frame)
+        return Located(trajectory_from_poses(poses, frame), "file", {}, brought.notices, brought=brought)
     assert isinstance(positions, GivesTrack)
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
-    found = trajectory_from_gnss(positions.track(), frame, lever, fixes)
+    track, brought = brought_track(positions.track(), frame)
+    found = trajectory_from_gnss(track, frame, lever, fixes)
     used = {"used": found.used, "unused": found.unused}
-    return Located(found.trajectory, "gnss", used, found.notices, found.positions)
+    notices = (*brought.notices, *found.notices)
+    return Located(found.trajectory, "gnss", used, notices, found.positions, brought=brought)
 
 
 def matched_to_ground(

@@ -13,6 +13,7 @@ from furrowmap.core.field_work import FieldWork, field_boundary, with_ground
 from furrowmap.core.pipeline import Inputs, Located, Run, locate, open_positions
 from furrowmap.core.readers.reader import GivesTrack, Reader
 from furrowmap.core.states_elsewhere import states_from_elsewhere
+from furrowmap.core.trajectory.coordinates import brought_track
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.positions import quality_words
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
@@ -40,7 +41,7 @@ def run_without_lidar(session_file: Path, progress: Progress = silent) -> Run:
     """
     begin = perf_counter()
     session = load_session(session_file)
-    frame = map_frame(session.crs)
+    frame = map_frame(session.crs, session_file)
     inputs = Inputs.of(session_file, session)
     progress("reading positions", 0.0)
     positions = open_positions(inputs, session)
@@ -66,9 +67,11 @@ def _located(positions: Reader, session: Session, frame: MapFrame) -> Located:
     if not _seldom(track):
         return locate(positions, session, frame)
     lever_m = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+    track, brought = brought_track(track, frame)
     course = trajectory_from_course(track, frame, lever_m)
     used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
-    return Located(course.trajectory, "gnss", used, (_FORWARD, *course.notices))
+    notices = (_FORWARD, *brought.notices, *course.notices)
+    return Located(course.trajectory, "gnss", used, notices, brought=brought)
 
 
 def _seldom(track: GnssTrack) -> bool:

@@ -76,7 +76,7 @@ def write_rasters(
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
     bands = {DSM: surface_bands()} | ({BEFORE: surface_bands(), CHANGE: CHANGE_BANDS} if passages else {})
-    crs = with_heights(found.frame.crs, found.session.crs.heights)
+    crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, seen = SoilSums(), 0
     with ExitStack() as stack:
         write = {
@@ -122,8 +122,21 @@ def _origin(name: str, found: Run, inputs: Sequence[FileRecord]) -> Origin:
         found.session.name,
         [(record.name, record.sha256) for record in inputs],
         (found.tally.first_s, found.tally.last_s),
-        {"statistic": MEDIAN.name, "heights": found.session.crs.heights},
+        {"statistic": MEDIAN.name, **_coordinates(found)},
     )
+
+
+def _coordinates(found: Run) -> dict[str, str]:
+    """What the cells' coordinates and heights are, as far as the CRS does not say it."""
+    frame = found.frame
+    told = {"heights": frame.heights.name}
+    if frame.heights.vertical is not None:
+        told["geoid"] = frame.heights.source
+    if frame.parameters is not None:
+        told["epoch_parameters"] = frame.parameters.name
+    if frame.stated is not None:
+        told["coordinate_epoch"] = f"{frame.stated.epoch:.10g}"
+    return told
 
 
 def _moved(moved: Moved) -> dict[str, float | None]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -30,19 +31,23 @@ GEOMETRY: Final = "geom"
 _NOTHING: Final = FieldWork()
 
 
-def write_field(path: Path, poses: ScanPoses, crs: CRS, work: FieldWork = _NOTHING) -> None:
+def write_field(path: Path, poses: ScanPoses, crs: CRS | str, work: FieldWork = _NOTHING, words: str = "") -> None:
     """Write `field.gpkg` with its layers and their styles.
 
     Args:
         path: of the file; an old one is replaced when the new one is whole.
         poses: the rows of the layer `trajectory`.
-        crs: of all coordinates.
+        crs: of all coordinates; as WKT 2 it may tell their epoch.
         work: what the implement did.
+        words: on the coordinates, added to each layer's description.
 
     Raises:
         OSError: if the file cannot be written there.
     """
-    layers = field_layers(poses, work)
+    layers = [
+        replace(layer, description=f"{layer.description}. {words}" if words else layer.description)
+        for layer in field_layers(poses, work)
+    ]
     with atomic_output(path) as unfinished:
         for layer in layers:
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM)
@@ -51,7 +56,7 @@ def write_field(path: Path, poses: ScanPoses, crs: CRS, work: FieldWork = _NOTHI
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
-def write_layer(path: Path, layer: Layer, crs: CRS | None, *, indexed: bool, append: bool = False) -> None:
+def write_layer(path: Path, layer: Layer, crs: CRS | str | None, *, indexed: bool, append: bool = False) -> None:
     """Write a layer into a GeoPackage, or its features into one that is there.
 
     Args:
@@ -76,7 +81,7 @@ def write_layer(path: Path, layer: Layer, crs: CRS | None, *, indexed: bool, app
         layer=layer.name,
         driver="GPKG",
         geometry_type=layer.kind or None,
-        crs=crs.to_wkt() if crs is not None and layer.kind else None,
+        crs=(crs.to_wkt() if isinstance(crs, CRS) else crs) if layer.kind else None,
         append=append,
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
         layer_options={} if append else _options(layer, indexed=indexed),

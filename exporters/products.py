@@ -97,7 +97,7 @@ def write_products(
         found, summary = made.found, made.cloud
         progress("writing layers", 0.0)
         laid_out = perf_counter()
-        write_field(staging / FIELD, found.tally.poses, found.frame.crs, found.work)
+        write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words)
         if found.work.states is not None:
             write_states(staging / STATES, found.work.states)
         if found.work.seen is not None:
@@ -179,9 +179,10 @@ class _Cloud:
         """Open the file, now that its CRS and local origin are known."""
         self._writer = CopcWriter(
             self._path,
-            crs_wkt=las_wkt(frame.crs),
+            crs_wkt=las_wkt(frame.whole_crs),
             origin_m=origin_m,
             scale_m=SCALE_M,
+            description=frame.words,
             extra=(("scan", "uint32", "scan (revolution) number"),),
         ).__enter__()
 

@@ -71,6 +71,7 @@ class Report:
         session: the session as it was understood.
         inputs: the files that were read.
         figures: what came out, in SI units that the names state.
+        coordinates: what they are, and every step that changed them on their way to the map.
         accuracy: how far the figures may be off.
         observability: what the recording could not tell.
         clocks: what each clock said, and how they disagree.
@@ -83,6 +84,7 @@ class Report:
     session: Mapping[str, Any]
     inputs: Sequence[FileRecord]
     figures: Mapping[str, Any]
+    coordinates: Mapping[str, Any] = field(default_factory=dict)
     accuracy: Mapping[str, Any] = field(default_factory=dict)
     observability: Mapping[str, Any] = field(default_factory=dict)
     clocks: Mapping[str, Any] = field(default_factory=dict)

@@ -50,6 +50,7 @@ def report_of(
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
         figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
+        coordinates=found.located.brought.account(found.frame),
         accuracy=_accuracy(found),
         observability=_observability(found),
         clocks=_clocks(found),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from pyproj import CRS, Proj, Transformer
 from pyproj.exceptions import CRSError
 
+from furrowmap.core.trajectory.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
+from furrowmap.core.trajectory.parameter_file import EPOCH, ParameterFile, read_parameters
+from furrowmap.core.trajectory.stated_frame import StatedFrame, stated_frame
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.session import Crs
+from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, Crs, resolve
 
 FloatArray = NDArray[np.float64]
 
@@ -26,20 +30,54 @@ AREA_MARGIN_DEG = 0.5
 class MapFrame:
     """The session's projected CRS, with easting before northing whatever the authority's axis order is.
 
-    Coordinates are taken 'as recorded': longitudes and latitudes are those of the CRS's own geographic base, so that
-    the way to the map is the map projection alone and no datum is changed.
+    Longitudes and latitudes here are those of the CRS's own geographic base, so that the way to the map is the map
+    projection alone. What has to be done to recorded positions before is told by the other attributes and done by
+    :func:`furrowmap.core.trajectory.coordinates.brought`.
 
     Attributes:
         crs: the horizontal projected CRS.
+        parameters: lead recorded positions back to the map's epoch; None where they are taken as they are.
+        stated: the frame and epoch in which coordinates are said to be, on which `crs` then stands.
+        heights: what the map's heights are counted from.
+        named: the CRS that the session names where `crs` is its projection on a stated frame.
     """
 
     crs: CRS
+    parameters: ParameterFile | None = None
+    stated: StatedFrame | None = None
+    heights: HeightSystem = ABOVE_ELLIPSOID
+    named: CRS | None = None
 
     @cached_property
     def _transformer(self) -> Transformer:
         base = self.crs.geodetic_crs
         assert base is not None
         return Transformer.from_crs(base.to_2d(), self.crs, always_xy=True)
+
+    @cached_property
+    def whole_crs(self) -> CRS:
+        """With the heights, where they are above a geoid."""
+        return self.heights.with_heights(self.crs)
+
+    @property
+    def words(self) -> str:
+        """What the metadata of products say beside the CRS; empty where positions are taken as they are."""
+        said = []
+        if self.parameters is not None:
+            said.append(
+                f"Recorded longitudes and latitudes are brought to the map's epoch with {self.parameters.name}."
+            )
+        if self.heights.vertical is not None:
+            said.append(f"Heights are above {self.heights.name} ({self.heights.source}).")
+        if self.stated is not None:
+            said.append(f"Coordinates are those of {self.stated.name}.")
+        return " ".join(said)
+
+    @property
+    def wkt(self) -> str:
+        """WKT 2 of the whole, with the coordinates' epoch where the session states one (ISO 19162, 15.3)."""
+        text = self.whole_crs.to_wkt()
+        return f"COORDINATEMETADATA[{text},EPOCH[{self.stated.epoch:.10g}]]" if self.stated is not None else text
 
     @property
     def name(self) -> str:
@@ -69,10 +107,10 @@ class MapFrame:
         return np.asarray(factors.meridian_convergence, np.float64)
 
     def _refuse_outside(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
-        area = self.crs.area_of_use
+        area = (self.named or self.crs).area_of_use
         if area is None or not len(lon_deg):
             return
-        lon, lat = float(np.nanmedian(lon_deg)), float(np.nanmedian(lat_deg))
+        lon, lat = middle_deg(lon_deg, lat_deg)
         east = (lon - area.west) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
         inside_lon = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
@@ -93,7 +131,7 @@ class MapFrame:
     def _refuse_stretched(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
         if not len(lon_deg):
             return
-        scale = self.scale(float(np.nanmedian(lon_deg)), float(np.nanmedian(lat_deg)))
+        scale = self.scale(*middle_deg(lon_deg, lat_deg))
         if abs(scale - 1.0) > SCALE_OFF:
             raise RefusedError(
                 f"{self.name} stretches the ground at the recording's place by a factor of {scale:.4f}.",
@@ -103,13 +141,46 @@ class MapFrame:
             )
 
 
-def map_frame(crs: Crs) -> MapFrame:
+def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
+    """(longitude, latitude) in the middle of places (n,), which may lie on both sides of the 180th meridian."""
+    known = lon_deg[np.isfinite(lon_deg)]
+    first = float(known[0]) if len(known) else 0.0
+    east = float(np.median((known - first + 180.0) % 360.0)) - 180.0 if len(known) else float("nan")
+    return (first + east + 180.0) % 360.0 - 180.0, float(np.nanmedian(lat_deg))
+
+
+def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
     """The map frame that a session asks for.
 
+    Args:
+        crs: what the session says of it.
+        session_file: beside which the files lie that it names; None for one that names none.
+
     Raises:
-        InputError: if the CRS is unknown, not projected, or not in metres.
-        RefusedError: if heights or coordinates are asked for that this version cannot vouch for.
+        InputError: if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres,
+            or a file that belongs to them is missing or of another kind.
+        RefusedError: if they cannot be had without a guess.
     """
+    flat = _projected(crs)
+    parameters = _parameters(crs, flat, session_file)
+    stated = stated_frame(crs.coordinates)
+    if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
+        raise InputError(
+            f"The session's key `crs.coordinates` is {crs.coordinates!r}.",
+            "What the recorded coordinates are is not known, so nothing was done.",
+            f'Write "{AS_RECORDED}", "{CURRENT_EPOCH}" with a parameter file, or a frame and epoch: "itrf2020@2026.4".',
+            code="crs-coordinates",
+        )
+    base = (stated.frame if stated is not None else flat.geodetic_crs) or flat
+    grid = resolve(session_file, crs.geoid_grid) if crs.geoid_grid is not None and session_file is not None else None
+    heights = height_system(crs.heights, base, grid)
+    if stated is not None:
+        return MapFrame(stated.map_crs(flat), None, stated, heights, flat)
+    return MapFrame(flat, parameters, None, heights)
+
+
+def _projected(crs: Crs) -> CRS:
+    """The horizontal CRS of the map."""
     try:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
@@ -129,15 +200,35 @@ def map_frame(crs: Crs) -> MapFrame:
             "Choose a projected CRS of the place; `furrowmap init` proposes one.",
             code="crs-not-projected",
         )
-    for key, value, known in (
-        ("heights", crs.heights, "ellipsoidal"),
-        ("coordinates", crs.coordinates, "as-recorded"),
-    ):
-        if value != known:
-            raise RefusedError(
-                f'The session\'s key `crs.{key}` is {value!r}; this version vouches for "{known}" only.',
-                "A change of datum, epoch or height system that is not checked can be off by decimetres.",
-                f'Write `{key} = "{known}"` and transform the products with a tool that has the grids.',
-                code=f"crs-{key}",
-            )
-    return MapFrame(flat)
+    return flat
+
+
+def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile | None:
+    """The file that leads from the current epoch to the map's; None where coordinates are taken as they are."""
+    if crs.coordinates != CURRENT_EPOCH:
+        return None
+    base = flat.geodetic_crs
+    if base is None or not base.name.startswith(("JGD2011", "JGD2024")):
+        raise RefusedError(
+            f"{crs.map} ({flat.name}) is a map whose epoch no parameter file known here leads to.",
+            "Parameters between epochs are read for Japan, to the epoch of JGD2011 and JGD2024.",
+            'Choose a CRS on JGD2011, or go on in the frame of the receiver: `coordinates = "itrf2020@2026.4"`.',
+            code="epoch-map",
+        )
+    if crs.parameters is None or session_file is None:
+        raise RefusedError(
+            f'The session\'s key `crs.coordinates` is "{CURRENT_EPOCH}", and no key `crs.parameters` names a file.',
+            "Since the map's epoch the ground has moved by decimetres, and how far only the file tells.",
+            "Download the file of the recording's fiscal year from the Geospatial Information Authority of Japan, and "
+            'write `parameters = "SemiDyna2026.par"` under [crs]; or state frame and epoch: "itrf2020@2026.4".',
+            code="parameters-missing",
+        )
+    found = read_parameters(resolve(session_file, crs.parameters))
+    if found.format != EPOCH:
+        raise InputError(
+            f"{found.name} holds parameters of the kind {found.format}, which lead from one datum to another.",
+            "They are not those of the ground's steady movement since the map's epoch.",
+            "Name the SemiDyna file of the fiscal year in which the recording was made.",
+            code="parameters-kind",
+        )
+    return found

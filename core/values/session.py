@@ -23,6 +23,12 @@ REPLACE: Final = "replace"
 CHECK: Final = "check"
 """What states from elsewhere are for: they take the place of those that the scans show, or are compared with them."""
 
+AS_RECORDED: Final = "as-recorded"
+CURRENT_EPOCH: Final = "current-epoch"
+"""What a session may say of its coordinates, besides a frame and epoch."""
+ELLIPSOIDAL: Final = "ellipsoidal"
+"""What heights are counted from where a session names no geoid."""
+
 MOST_LIFT_M: Final = 1.2
 """No tool is lifted higher."""
 FARTHEST_M: Final = 15.0
@@ -51,8 +57,10 @@ _EXAMPLES: Final = {
     "recording.date": '"2026-06-11"',
     "recording.task": '"TSK1"',
     "crs.map": '"EPSG:6677"',
-    "crs.heights": '"ellipsoidal"',
-    "crs.coordinates": '"as-recorded"',
+    "crs.heights": '"EGM2008"',
+    "crs.coordinates": '"current-epoch"',
+    "crs.parameters": '"SemiDyna2026.par"',
+    "crs.geoid_grid": '"us_nga_egm08_25.tif"',
     "antenna.xyz_m": "[1.85, 0.0, 1.62]",
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
@@ -105,12 +113,16 @@ class Crs(_Part, frozen=True):
     Attributes:
         map: a projected CRS in metres, in any form that pyproj reads.
         heights: "ellipsoidal", or a geoid model by name.
-        coordinates: "as-recorded", "current-epoch", or a frame and epoch.
+        coordinates: "as-recorded", "current-epoch", or a frame and epoch such as "itrf2020@2026.4".
+        parameters: official parameter file that leads from the current epoch to the map's.
+        geoid_grid: file of the geoid's grid, for models that PROJ has no grid of.
     """
 
     map: str
-    heights: str = "ellipsoidal"
-    coordinates: str = "as-recorded"
+    heights: str = ELLIPSOIDAL
+    coordinates: str = AS_RECORDED
+    parameters: str | None = None
+    geoid_grid: str | None = None
 
 
 class Antenna(_Part, frozen=True):
@@ -372,6 +384,10 @@ def _faults(session: Session) -> Iterator[str]:
         yield "recording.lidar names no file, and implement.states no other that says when the tool worked"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory] either"
+    if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
+        yield f'crs.parameters are for crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
+    if session.crs.geoid_grid is not None and session.crs.heights == ELLIPSOIDAL:
+        yield f'crs.geoid_grid is for heights above a geoid, and crs.heights is "{ELLIPSOIDAL}"'
     yield from _repetitions(session)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'

@@ -37,6 +37,7 @@ def las_header(
     extra: Sequence[tuple[str, str, str]],
     *,
     colour: bool,
+    description: str = "",
 ) -> laspy.LasHeader:
     """A header of point format 6, or 7 with colour, that says all but what the points will be.
 
@@ -57,6 +58,8 @@ def las_header(
         LasZipVlr(laz.record_data()),
         WktCoordinateSystemVlr(crs_wkt),
     ]
+    if description:  # LAS 1.4 R15, "Text Area Description"
+        header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", description.encode()))
     header.are_points_compressed = True
     header.number_of_evlrs = 1
     return header

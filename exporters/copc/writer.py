@@ -60,6 +60,7 @@ class CopcWriter:
         scale_m: resolution of the coordinates.
         extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
         colour: whether points have colour (point format 7 instead of 6).
+        description: of the cloud in words, in a record of its own.
         memory_points: points held in memory.
         node_points: points of an octree node that has children.
         seed: of the draw of levels; the same batches and seed give the same nodes.
@@ -74,6 +75,7 @@ class CopcWriter:
         scale_m: float = 0.001,
         extra: Sequence[tuple[str, str, str]] = (),
         colour: bool = False,
+        description: str = "",
         memory_points: int = MEMORY_POINTS,
         node_points: int = NODE_POINTS,
         seed: int = 0,
@@ -81,7 +83,7 @@ class CopcWriter:
         if node_points < LEAST_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
         self._path, self._scale_m, self._node_points = path, scale_m, node_points
-        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour)
+        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour, description=description)
         self._layout = self._header.point_format.dtype()
         limits = Limits(memory_points, node_points, path.parent)
         self._octree = Octree(self._layout, limits, np.random.default_rng(seed))

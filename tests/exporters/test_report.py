@@ -23,6 +23,7 @@ KEYS = [
     "session",
     "inputs",
     "figures",
+    "coordinates",
     "accuracy",
     "observability",
     "clocks",

@@ -1,0 +1,176 @@
+"""What heights are counted from: the ellipsoid, or a geoid model by name."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from pyproj.crs import CompoundCRS
+from pyproj.exceptions import CRSError, ProjError
+from pyproj.transformer import TransformerGroup
+
+from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.values.session import ELLIPSOIDAL
+
+FloatArray = NDArray[np.float64]
+
+JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
+"""Japan's geoid models, and the survey results with whose heights above the ellipsoid each belongs."""
+VERTICAL: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
+"""Geoid models of the world, and the vertical CRS of each."""
+_JGD2024: Final = (
+    'VERTCRS["JGD2024 (vertical) height",VDATUM["Japanese Geodetic Datum 2024 (vertical)"],CS[vertical,1],'
+    'AXIS["gravity-related height (H)",up],LENGTHUNIT["metre",1]]'
+)
+"""PROJ's database of EPSG 11 does not have it yet."""
+
+GeoidHeight = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class HeightSystem:
+    """What a map's heights are counted from.
+
+    Attributes:
+        name: "ellipsoidal", or what the session calls the geoid.
+        vertical: CRS of the heights; None for those above the ellipsoid.
+        source: the model and where it comes from, in words.
+        geoid_m: height of the geoid above the ellipsoid (n,) at longitudes and latitudes (n,); nan where it has none.
+    """
+
+    name: str
+    vertical: CRS | None
+    source: str
+    geoid_m: GeoidHeight
+
+    def with_heights(self, flat: CRS) -> CRS:
+        """A horizontal CRS and these heights as one; as it is for heights above the ellipsoid."""
+        if self.vertical is None:
+            return flat
+        whole = CompoundCRS(f"{flat.name} + {self.vertical.name}", [flat, self.vertical])
+        known = whole.to_epsg(min_confidence=100)
+        return CRS.from_epsg(known) if known is not None else whole
+
+
+ABOVE_ELLIPSOID: Final = HeightSystem(ELLIPSOIDAL, None, "the ellipsoid", lambda lon, _: np.zeros(len(lon)))
+
+
+def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSystem:
+    """The heights that a session asks for.
+
+    Args:
+        name: "ellipsoidal", one of Japan's models, one of `VERTICAL`, or any vertical CRS that PROJ reads.
+        base: the geographic CRS of the positions.
+        grid: a geoid's grid that PROJ reads (GeoTIFF, GTX), for models that are neither Japan's nor in PROJ's folder.
+
+    Raises:
+        InputError: if there is no such model, or the grid is none.
+        RefusedError: if PROJ lacks the grid, or knows no way to such heights.
+    """
+    if name == ELLIPSOIDAL:
+        return ABOVE_ELLIPSOID
+    if name.upper() in JAPAN:
+        return _japan(name.upper())
+    vertical = _vertical(name)
+    geoid_m, source = _from_grid(grid) if grid is not None else _from_proj(name, vertical, base)
+    return HeightSystem(name, vertical, source, geoid_m)
+
+
+def _japan(name: str) -> HeightSystem:
+    """GSI's models, which lie in japan-geoid.
+
+    JPGEO2024 counts from the mean sea level of Tokyo Bay everywhere; JGD2024's heights on some islands do not, and
+    Hrefconv2024 is the difference, which is zero elsewhere.
+    """
+    import japan_geoid
+
+    if name == "GSIGEO2011":
+        model, vertical = japan_geoid.load_embedded_gsigeo2011(), CRS.from_epsg(6695)
+        source = "GSIGEO2011 of the Geospatial Information Authority of Japan"
+    else:
+        model, vertical = japan_geoid.load_embedded_jpgeo2024_hrefconv2024(), CRS.from_wkt(_JGD2024)
+        source = "JPGEO2024 with Hrefconv2024 of the Geospatial Information Authority of Japan"
+    return HeightSystem(name, vertical, source, lambda lon, lat: np.asarray(model.get_heights(lon, lat), np.float64))
+
+
+def _vertical(name: str) -> CRS:
+    try:
+        crs = CRS.from_user_input(VERTICAL.get(name.upper(), name))
+    except CRSError:
+        crs = None
+    if crs is None or not crs.is_vertical or crs.is_compound:
+        raise InputError(
+            f"The session's key `crs.heights` is {name!r}, which is no geoid model known here and no vertical CRS.",
+            "What heights would be counted from is not known.",
+            f'Write "{ELLIPSOIDAL}", {", ".join(JAPAN)}, {", ".join(VERTICAL)}, or a vertical CRS such as "EPSG:5703".',
+            code="heights-unknown",
+        )
+    return crs
+
+
+def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
+    """A grid of geoid heights, which PROJ reads and interpolates bilinearly."""
+    place = grid.resolve().as_posix()
+    if any(sign in place for sign in ',"'):
+        raise InputError(
+            f"{grid}: PROJ takes no grid whose path holds a comma or a quotation mark.",
+            "The heights cannot be computed.",
+            "Rename the file or the folder.",
+            code="geoid-unreadable",
+        )
+    try:
+        shift = Transformer.from_pipeline(
+            "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+            f'+step +proj=vgridshift +grids="{place}" +multiplier=1 +step +proj=unitconvert +xy_in=rad +xy_out=deg'
+        )
+    except ProjError as error:
+        raise InputError(
+            f"{grid} is no geoid grid that PROJ can read ({error}).",
+            "The heights cannot be computed.",
+            "Give a vertical grid as PROJ's data packages have them (GeoTIFF, or GTX).",
+            code="geoid-unreadable",
+        ) from None
+    return _taken(shift, 1.0), f"the grid {grid.name}"
+
+
+def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
+    """What PROJ knows of the way from heights above the ellipsoid; never a step that it only guesses."""
+    whole = CompoundCRS(f"{base.name} + {vertical.name}", [base.to_2d(), vertical])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of missing grids, of which more is said below
+        group = TransformerGroup(base.to_3d(), whole, always_xy=True, allow_ballpark=False)
+    if group.transformers:
+        best = group.transformers[0]
+        return _taken(best, -1.0), best.description
+    needed = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids]
+    if needed:
+        raise RefusedError(
+            f"Heights of {name} need the grid {needed[0]}, which PROJ does not have.",
+            "Without it PROJ would leave heights above the ellipsoid as they are, tens of metres off.",
+            f'Put {needed[0]} beside the session and write `geoid_grid = "{needed[0]}"` under [crs], or put it into '
+            "PROJ's data folder (`projsync` fetches free ones).",
+            code="geoid-grid-missing",
+        )
+    raise RefusedError(
+        f"PROJ knows no way from heights above the ellipsoid of {base.name} to {vertical.name}.",
+        "A guess could be off by tens of metres.",
+        "Name the geoid's grid under [crs] as `geoid_grid`, or choose other heights.",
+        code="geoid-unknown",
+    )
+
+
+def _taken(change: Transformer, sign: float) -> GeoidHeight:
+    """Heights of the geoid as what a change makes of points on the ellipsoid."""
+
+    def geoid_m(lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
+        moved: Any = change.transform(lon_deg, lat_deg, np.zeros(len(lon_deg)))
+        height = sign * np.asarray(moved[2], np.float64)
+        return np.where(np.isfinite(height), height, np.nan)
+
+    return geoid_m
