@@ -10,6 +10,7 @@ points. A twist of everything together costs nothing in them, so that GNSS alone
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -119,18 +120,20 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
     order = np.lexsort((interval, place[:, 2], place[:, 1], place[:, 0]))
     place = place[order]
     starts = np.flatnonzero(np.any(np.diff(place, axis=0, prepend=place[:1] - 1) != 0, axis=1))
-    _reduce(
-        starts,
-        place,
-        interval[order],
-        np.concatenate([p.early for p in patches])[order],
-        np.concatenate([p.late for p in patches])[order],
-        np.concatenate([p.right for p in patches])[order],
-        patch_m,
-        centre_m,
-        equations.band,
-        equations.right,
+    early, late, right = (
+        np.concatenate([getattr(p, name) for p in patches])[order] for name in ("early", "late", "right")
     )
+
+    def reduce(first: int, last: int) -> None:
+        _reduce(
+            starts, place, interval[order], early, late, right, patch_m, centre_m, first, last, equations.band,
+            equations.right,
+        )  # fmt: skip
+
+    middle = int(np.median(interval)) + 1  # each thread has its own columns, so they share no number they write
+    with ThreadPoolExecutor(2) as pool:
+        for half in [pool.submit(reduce, 0, middle), pool.submit(reduce, middle, len(centre_m))]:
+            half.result()
 
 
 def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: FloatArray) -> FloatArray:
@@ -223,10 +226,15 @@ def _square(upper):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band, coarse_right):  # type: ignore[no-untyped-def]
+def _reduce(  # type: ignore[no-untyped-def]
+    starts, place, interval, early, late, right, patch_m, centre_m, first, last, band, coarse_right
+):
+    """Take each patch out of the columns of the coarse knots from `first` to before `last`."""
     for group in range(len(starts)):
         begin = starts[group]
         end = starts[group + 1] if group + 1 < len(starts) else len(place)
+        if interval[begin] >= last or interval[end - 1] + 1 < first:
+            continue
         knots = np.empty(2 * (end - begin), np.int64)
         sums = np.zeros((2 * (end - begin), 6, 6))
         whole = np.zeros((6, 6))
@@ -279,6 +287,8 @@ def _reduce(starts, place, interval, early, late, right, patch_m, centre_m, band
             row[r] = knots[r // 6] * SIZE + r % 6
         product = np.empty(used * 6)
         for c in range(used * 6):
+            if knots[c // 6] < first or knots[c // 6] >= last:
+                continue
             product[c:] = 0.0
             for e in range(6):
                 y = moved[e, c]
