@@ -41,13 +41,14 @@ INI
 cat >"$work/start.py" <<'PY'
 import os
 import sys
+import faulthandler
 import traceback
 
 from qgis.core import QgsApplication, QgsProject
 from qgis.PyQt.QtCore import QTimer
 from qgis.utils import iface
 
-_failed = []
+faulthandler.enable()
 
 
 def shot(path):
@@ -102,7 +103,7 @@ status=0
 DESKTOP_WORK=$work DESKTOP_COMMAND=${command%?} PYTHONUNBUFFERED=1 QT_QPA_PLATFORM=xcb HOME=$work/home \
   QGIS_PLUGINPATH=$(realpath "$plugins") \
   qgis --profiles-path "$work" --nologo --noversioncheck --code "$work/start.py" \
-  2> >(grep -vE 'propagateSizeHints|^$' >&2) || status=$?
+  2> >(grep --line-buffered -vE 'propagateSizeHints|^$' >&2) || status=$?
 kill $(jobs -p) 2>/dev/null || true
 [ ! -e "$work/failed" ] || status=1
 exit "$status"

@@ -94,7 +94,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def begin_session(self, recordings):
         """Let the worker look at recordings and propose a session."""
-        program = self._program()
+        program = self._program() if self._task is None else None
         if program is None:
             return
         session = session_for(recordings)
@@ -133,7 +133,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def run_session(self, session):
         """Start the run's algorithm in the background."""
-        if self._program() is None:
+        if self._task is not None or self._program() is None:
             return
         self._session, self._folder = Path(session), folder_for(session)
         self.start.remember(session)

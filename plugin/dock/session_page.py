@@ -243,8 +243,8 @@ class SessionPage(QScrollArea):
         layout.setContentsMargins(0, 0, 0, 0)
         for name, text, slot in (
             ("furrowmapBack", self.tr("Back"), self.left.emit),
-            ("furrowmapSave", self.tr("Save"), lambda: self._finish(self.saved)),
-            ("furrowmapRun", self.tr("Save and run"), lambda: self._finish(self.run_wanted)),
+            ("furrowmapSave", self.tr("Save"), self._save_only),
+            ("furrowmapRun", self.tr("Save and run"), self._save_and_run),
         ):
             button = QPushButton(text, objectName=name)
             button.clicked.connect(slot)
@@ -252,18 +252,31 @@ class SessionPage(QScrollArea):
         button.setDefault(True)
         return row
 
-    def _finish(self, signal):
-        fault = self.fault() if signal is self.run_wanted else ""
-        if not fault:
-            try:
-                self.save()
-            except OSError as error:
-                fault = self.tr("{path} cannot be written: {reason}.").format(path=self._path, reason=error.strerror)
+    def _save_only(self):
+        if self._is_saved():
+            self.saved.emit(self._path)
+
+    def _save_and_run(self):
+        fault = self.fault()
         if fault:
-            self.findings.setText(f"<b>{fault}</b>")
-            self.ensureWidgetVisible(self.findings)
-        else:
-            signal.emit(self._path)
+            self._tell_fault(fault)
+        elif self._is_saved():
+            self.run_wanted.emit(self._path)
+
+    def _is_saved(self):
+        """Whether saving succeeded; if not, the user has been told why."""
+        try:
+            self.save()
+        except OSError as error:
+            self._tell_fault(
+                self.tr("{path} cannot be written: {reason}.").format(path=self._path, reason=error.strerror)
+            )
+            return False
+        return True
+
+    def _tell_fault(self, fault):
+        self.findings.setText(f"<b>{_escaped(fault)}</b>")
+        self.ensureWidgetVisible(self.findings)
 
     def _tell(self, findings):
         """What `init` found out and what is missing."""

@@ -1,0 +1,301 @@
+"""Runs inside the desktop QGIS (scripts/qgis_desktop.sh): does with the plugin's widgets what a user does.
+
+Arguments: folder with a drive's recordings, folder of an earlier run, the worker's command, folder for files to look at.
+Each step is a part of one long story; what was seen is printed at its end as one line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import qgis.utils
+from qgis.core import Qgis, QgsApplication, QgsFeedback, QgsLocatorContext, QgsProject, QgsSettings
+from qgis.gui import QgsDockWidget
+from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
+from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
+from qgis.PyQt.QtTest import QTest
+from qgis.PyQt.QtWidgets import QApplication, QPushButton, QWidget
+
+RECORDINGS, EARLIER, WORKER, OUT = arguments  # noqa: F821 - given by qgis_desktop.sh
+WINDOW = iface.mainWindow()  # noqa: F821
+LONGEST_S = 400.0
+MOUNTING = {
+    "furrowmapAntenna": (1.847, -0.052, 1.624),
+    "furrowmapLidar": (-0.632, 0.041, 2.416),
+    "furrowmapLidarTurn": (0.8, 40.6, 179.3),
+    "furrowmapTool": (-1.62, 0.0),
+}
+SEEN: dict[str, Any] = {}
+LOGGED: list[str] = []
+BUSY = {"cpu_s": 0.0, "last_s": time.thread_time()}
+
+QgsApplication.messageLog().messageReceived.connect(
+    lambda text, tab, level: LOGGED.append(f"{tab}: {text}") if level == Qgis.MessageLevel.Critical else None
+)
+
+
+def plugin() -> Any:
+    return qgis.utils.plugins["furrowmap"]
+
+
+def widget(name: str) -> Any:
+    found = plugin().dock.findChild(QWidget, name)
+    assert found is not None, name
+    return found
+
+
+def click(name: str) -> None:
+    QTest.mouseClick(widget(name), Qt.MouseButton.LeftButton)
+
+
+def drop(target: QWidget, paths: list[Path]) -> None:
+    mime = QMimeData()
+    mime.setUrls([QUrl.fromLocalFile(str(path)) for path in paths])
+    held = (Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier)
+    QApplication.sendEvent(target, QDragEnterEvent(QPoint(30, 30), Qt.DropAction.CopyAction, mime, *held))
+    QApplication.sendEvent(target, QDropEvent(QPointF(30, 30), Qt.DropAction.CopyAction, mime, *held))
+
+
+def page(name: str) -> Callable[[], bool]:
+    return lambda: plugin().dock.pages.currentWidget() is getattr(plugin().dock, name)
+
+
+def drawn() -> bool:
+    return not iface.mapCanvas().isDrawing()  # noqa: F821
+
+
+def workers() -> list[int]:
+    """Processes of the worker, whoever started them."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (folder / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"worker" in words and any(b"furrowmap" in word for word in words):
+            found.append(int(folder.name))
+    return found
+
+
+def traces() -> dict[str, Any]:
+    """What of the plugin is in QGIS."""
+    QgsApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
+    owned = [child for parent in (WINDOW, iface.mapCanvas()) for child in parent.findChildren(QWidget)]  # noqa: F821
+    return {
+        "widgets": sorted(w.objectName() for w in owned if w.objectName().startswith("furrowmap")),
+        "docks": [d.windowTitle() for d in WINDOW.findChildren(QgsDockWidget) if d.windowTitle() == "furrowmap"],
+        "menus": [a.text() for a in iface.pluginMenu().actions() if "furrowmap" in a.text()],  # noqa: F821
+        "provider": QgsApplication.processingRegistry().providerById("furrowmap") is not None,
+        "locator": [f.name() for f in WINDOW.findChildren(_locator()) for f in f.filters() if "furrow" in f.name()],
+        "tasks": QgsApplication.taskManager().countActiveTasks(),
+    }
+
+
+def _locator() -> type:
+    from qgis.core import QgsLocator
+
+    return QgsLocator
+
+
+def groups() -> dict[str, list[str]]:
+    root = QgsProject.instance().layerTreeRoot()
+    return {group.name(): [node.name() for node in group.findLayers()] for group in root.findGroups()}
+
+
+def reloads() -> Iterator[Any]:
+    SEEN["loaded"], SEEN["unloaded"] = [], []
+    for _ in range(20):
+        assert qgis.utils.unloadPlugin("furrowmap")
+        SEEN["unloaded"].append(traces())
+        assert qgis.utils.loadPlugin("furrowmap")
+        assert qgis.utils.startPlugin("furrowmap")
+        SEEN["loaded"].append(traces())
+        yield
+
+
+def without_worker() -> Iterator[Any]:
+    """QGIS alone: results of others open, computing offers the set-up."""
+    QgsSettings().setValue("furrowmap/interpreter", "/nowhere/furrowmap")
+    plugin().dock.show_start()
+    yield
+    SEEN["setup_offered"] = widget("furrowmapSetup").isVisible()
+    shot(f"{OUT}/start.png")  # noqa: F821
+    drop(WINDOW, [Path(EARLIER)])
+    yield page("result")
+    yield drawn
+    SEEN["without_worker"] = groups()
+    SEEN["crs"] = QgsProject.instance().crs().authid()
+    QgsProject.instance().clear()
+    click("furrowmapDo_back")
+    drop(plugin().dock, sorted(Path(RECORDINGS).iterdir()))
+    yield
+    SEEN["refused_without_worker"] = page("start")() and not QgsApplication.taskManager().countActiveTasks()
+    QgsSettings().setValue("furrowmap/interpreter", WORKER)
+    plugin().dock.show_start()
+    yield
+    SEEN["setup_offered_with_worker"] = widget("furrowmapSetup").isVisible()
+
+
+def new_session() -> Iterator[Any]:
+    """Recordings dropped: the form, with what the worker found out."""
+    files = sorted(Path(RECORDINGS).iterdir())
+    drop(plugin().dock, [path for path in files if path.suffix != ".geojson"])
+    SEEN["page_at_once"] = page("run")()
+    yield page("session")
+    SEEN["findings"] = widget("furrowmapFindings").text()
+    SEEN["proposed_crs"] = widget("furrowmapCrs").crs().authid()
+    widget("furrowmapName").setText("North field 圃場")
+    widget("furrowmapAntennaGroup").setChecked(True)
+    widget("furrowmapImplementGroup").setChecked(True)
+    click("furrowmapRun")  # the tool has no width yet
+    yield
+    SEEN["fault_told"] = widget("furrowmapFindings").text()
+    SEEN["still_in_form"] = page("session")()
+    for name, values in MOUNTING.items():
+        for k, value in enumerate(values):
+            widget(f"{name}{k}").setValue(value)
+    widget("furrowmapKind").setText("rotary tiller")
+    widget("furrowmapWidth").setValue(1.7)
+    widget("furrowmapDepth").setValue(0.12)
+    widget("furrowmapBoundary").setFilePath(f"{RECORDINGS}/boundary.geojson")
+    yield
+    shot(f"{OUT}/session.png")  # noqa: F821
+
+
+def cancelled_run() -> Iterator[Any]:
+    """A run that is cancelled in its midst acts at once and leaves nothing."""
+    before = sorted(path.name for path in Path(RECORDINGS).iterdir())
+    click("furrowmapRun")
+    stages = widget("furrowmapStages")
+    yield lambda: stages.count() >= 2
+    SEEN["workers_at_work"] = len(workers())
+    begun = time.monotonic()
+    click("furrowmapCancel")
+    yield page("session")
+    SEEN["cancel_s"] = time.monotonic() - begun
+    yield lambda: not QgsApplication.taskManager().countActiveTasks()
+    SEEN["workers_after_cancel"] = workers()
+    SEEN["left_by_cancel"] = [p.name for p in sorted(Path(RECORDINGS).iterdir()) if p.name not in before]
+
+
+def whole_run() -> Iterator[Any]:
+    """From the form to the map."""
+    click("furrowmapRun")
+    stages = widget("furrowmapStages")
+    yield lambda: stages.count() >= 2 and widget("furrowmapProgress").maximum() == 100
+    shot(f"{OUT}/run.png")  # noqa: F821
+    yield page("result")
+    SEEN["stages"] = [stages.item(k).text() for k in range(stages.count())]
+    yield drawn
+    SEEN["workers_after_run"] = workers()
+    SEEN["groups"] = groups()
+    SEEN["figures"] = widget("furrowmapFigures").toPlainText()
+    SEEN["invalid"] = [layer.name() for layer in QgsProject.instance().mapLayers().values() if not layer.isValid()]
+    span = QgsProject.instance().timeSettings().temporalRange()
+    SEEN["span"] = [span.begin().toString(Qt.DateFormat.ISODate), span.end().toString(Qt.DateFormat.ISODate)]
+    SEEN["terrain"] = QgsProject.instance().elevationProperties().terrainProvider().type()
+    SEEN["busy_s"] = BUSY["cpu_s"]
+    shot(f"{OUT}/result.png")  # noqa: F821
+
+
+def on_the_map() -> Iterator[Any]:
+    """Locator, pages to print, replay, base map, the same results again."""
+    from furrowmap.basemap import base_maps, show_base_map
+    from furrowmap.layout.session_layout import export_atlas, export_pdf, session_layout
+    from furrowmap.results import groups_of, read_report
+
+    found: list[Any] = []
+    locator = plugin().locator.clone()
+    locator.resultFetched.connect(found.append)
+    context = QgsLocatorContext()
+    locator.prepare("2", context)
+    locator.fetchResults("2", context, QgsFeedback())
+    SEEN["located"] = [result.displayString for result in found]
+    extent = iface.mapCanvas().extent()  # noqa: F821
+    plugin().locator.triggerResult(found[0])
+    SEEN["zoomed"] = iface.mapCanvas().extent() != extent  # noqa: F821
+    yield drawn
+    project = QgsProject.instance()
+    folder = plugin().dock._folder
+    layout = session_layout(project, groups_of(project)[0], read_report(folder))
+    export_pdf(layout, f"{OUT}/page.pdf")
+    export_atlas(layout, f"{OUT}/atlas.pdf")
+    yield
+    click("furrowmapDo_replay")
+    controller = iface.mapCanvas().temporalController()  # noqa: F821
+    yield lambda: controller.currentFrameNumber() >= 2
+    controller.pause()
+    SEEN["replayed"] = controller.totalFrameCount()
+    controller.setNavigationMode(controller.NavigationMode.NavigationOff)
+    empty = QgsProject()
+    SEEN["base_maps"] = {
+        base.key: [show_base_map(base.key, project=empty).isValid(), len(empty.mapLayers())] for base in base_maps()
+    }
+    tiles = QUrl.fromLocalFile(OUT).toString() + "/{z}/{x}/{y}.png"
+    box = widget("furrowmapBaseMap")
+    box.setCurrentIndex(box.count() - 1)
+    widget("furrowmapOwnBaseMap").setText(tiles)
+    box.activated.emit(box.count() - 1)
+    yield drawn
+    SEEN["lowest"] = project.layerTreeRoot().children()[-1].name()
+    box.setCurrentIndex(0)
+    box.activated.emit(0)
+    yield
+    SEEN["without_base_map"] = project.layerTreeRoot().children()[-1].name()
+    before = groups()
+    click("furrowmapDo_map")
+    yield lambda: plugin().dock._steps is None
+    SEEN["again_the_same"] = groups() == before
+    SEEN["project_round_trip"] = _round_trip(project)
+
+
+def _round_trip(project: Any) -> bool:
+    before = groups()
+    path = f"{OUT}/session.qgz"
+    assert project.write(path)
+    project.clear()
+    assert project.read(path)
+    return groups() == before and all(layer.isValid() for layer in project.mapLayers().values())
+
+
+def story() -> Iterator[Any]:
+    for part in (reloads, without_worker, new_session, cancelled_run, whole_run, on_the_map):
+        yield from part()
+    SEEN["dialogs"] = [w.windowTitle() for w in QApplication.topLevelWidgets() if w.isVisible() and w is not WINDOW]
+    SEEN["modal"] = QApplication.activeModalWidget() is not None
+    SEEN["logged"] = LOGGED
+    SEEN["buttons"] = len(plugin().dock.findChildren(QPushButton))
+
+
+STORY = story()
+WAIT: dict[str, Any] = {"for": None, "since": time.monotonic()}
+
+
+def tick() -> None:
+    """Go on with the story as soon as what it waits for has come."""
+    now = time.thread_time()
+    BUSY["cpu_s"], BUSY["last_s"] = max(BUSY["cpu_s"], now - BUSY["last_s"]), now
+    if WAIT["for"] is not None and not WAIT["for"]():
+        late = time.monotonic() - WAIT["since"] > LONGEST_S
+        bar = iface.messageBar().currentItem()  # noqa: F821
+        assert not late, (STORY.gi_frame, STORY.gi_yieldfrom, bar.text() if bar else "")
+        return
+    try:
+        WAIT["for"] = next(STORY)
+        WAIT["since"] = time.monotonic()
+    except StopIteration:
+        TIMER.stop()
+        print(json.dumps(SEEN), flush=True)
+        leave()  # noqa: F821
+    BUSY["last_s"] = time.thread_time()  # the story's own work (pictures, reloads) is not the plugin's
+
+
+os.makedirs(OUT, exist_ok=True)
+TIMER = QTimer()
+TIMER.timeout.connect(tick)
+TIMER.start(5)
