@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +24,6 @@ from furrowmap.exporters.cog import (
     with_heights,
 )
 from furrowmap.exporters.provenance import Origin
-from furrowmap.exporters.report import FileRecord
 
 DSM: Final = "dsm.tif"
 BEFORE: Final = "dsm_before.tif"
@@ -64,9 +63,16 @@ class RasterFigures:
 
 
 def write_rasters(
-    folder: Path, land: FieldPoints, found: Run, inputs: Sequence[FileRecord], progress: Progress
+    folder: Path, land: FieldPoints, found: Run, origin: Origin, progress: Progress
 ) -> RasterFigures | None:
     """Write the rasters of a run into a folder; None, and no file, where no point lies on the land.
+
+    Args:
+        folder: to write to.
+        land: the points.
+        found: by the run.
+        origin: of its products.
+        progress: is told of the stage "making surfaces".
 
     Raises:
         OSError: if they cannot be written.
@@ -80,7 +86,7 @@ def write_rasters(
     sums, seen = SoilSums(), 0
     with ExitStack() as stack:
         write = {
-            name: stack.enter_context(cog_output(folder / name, grid, crs, held, _origin(name, found, inputs)))
+            name: stack.enter_context(cog_output(folder / name, grid, crs, held, _of(origin, name)))
             for name, held in bands.items()
         }
         for tile in _told(land, land.tiles(passages, MEDIAN), progress):
@@ -116,27 +122,8 @@ def _told(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> 
         progress("making surfaces", number / count)
 
 
-def _origin(name: str, found: Run, inputs: Sequence[FileRecord]) -> Origin:
-    return Origin(
-        _TITLES[name],
-        found.session.name,
-        [(record.name, record.sha256) for record in inputs],
-        (found.tally.first_s, found.tally.last_s),
-        {"statistic": MEDIAN.name, **_coordinates(found)},
-    )
-
-
-def _coordinates(found: Run) -> dict[str, str]:
-    """What the cells' coordinates and heights are, as far as the CRS does not say it."""
-    frame = found.frame
-    told = {"heights": frame.heights.name}
-    if frame.heights.vertical is not None:
-        told["geoid"] = frame.heights.source
-    if frame.parameters is not None:
-        told["epoch_parameters"] = frame.parameters.name
-    if frame.stated is not None:
-        told["coordinate_epoch"] = f"{frame.stated.epoch:.10g}"
-    return told
+def _of(origin: Origin, name: str) -> Origin:
+    return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": MEDIAN.name})
 
 
 def _moved(moved: Moved) -> dict[str, float | None]:

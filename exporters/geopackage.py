@@ -20,6 +20,7 @@ from furrowmap.core.field_work import FieldWork
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.field_layers import Layer, field_layers
+from furrowmap.exporters.provenance import Origin
 
 _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
@@ -31,7 +32,14 @@ GEOMETRY: Final = "geom"
 _NOTHING: Final = FieldWork()
 
 
-def write_field(path: Path, poses: ScanPoses, crs: CRS | str, work: FieldWork = _NOTHING, words: str = "") -> None:
+def write_field(
+    path: Path,
+    poses: ScanPoses,
+    crs: CRS | str,
+    work: FieldWork = _NOTHING,
+    words: str = "",
+    origin: Origin | None = None,
+) -> None:
     """Write `field.gpkg` with its layers and their styles.
 
     Args:
@@ -40,6 +48,7 @@ def write_field(path: Path, poses: ScanPoses, crs: CRS | str, work: FieldWork = 
         crs: of all coordinates; as WKT 2 it may tell their epoch.
         work: what the implement did.
         words: on the coordinates, added to each layer's description.
+        origin: where it comes from, told in the file's metadata.
 
     Raises:
         OSError: if the file cannot be written there.
@@ -50,13 +59,22 @@ def write_field(path: Path, poses: ScanPoses, crs: CRS | str, work: FieldWork = 
     ]
     with atomic_output(path) as unfinished:
         for layer in layers:
-            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM)
+            told = None if unfinished.exists() else origin
+            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=told)
         write_styles(unfinished, [layer.name for layer in layers])
         _pack(unfinished)
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
-def write_layer(path: Path, layer: Layer, crs: CRS | str | None, *, indexed: bool, append: bool = False) -> None:
+def write_layer(
+    path: Path,
+    layer: Layer,
+    crs: CRS | str | None,
+    *,
+    indexed: bool,
+    append: bool = False,
+    origin: Origin | None = None,
+) -> None:
     """Write a layer into a GeoPackage, or its features into one that is there.
 
     Args:
@@ -65,6 +83,7 @@ def write_layer(path: Path, layer: Layer, crs: CRS | str | None, *, indexed: boo
         crs: of its coordinates.
         indexed: whether a new layer gets a spatial index.
         append: add to the layer of that name, which has these columns.
+        origin: told in the metadata of the file.
 
     Raises:
         OSError: if the file cannot be written there.
@@ -85,6 +104,7 @@ def write_layer(path: Path, layer: Layer, crs: CRS | str | None, *, indexed: boo
         append=append,
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
         layer_options={} if append else _options(layer, indexed=indexed),
+        dataset_metadata=origin.told if origin is not None else None,
     )
 
 

@@ -38,7 +38,7 @@ from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
 from furrowmap.exporters.report_page import write_page
-from furrowmap.exporters.run_report import report_of
+from furrowmap.exporters.run_report import report_of, run_origin
 from furrowmap.exporters.staging import recover, staged_folder
 from furrowmap.exporters.states_table import write_states
 
@@ -95,9 +95,10 @@ def write_products(
     with staged_folder(folder) as staging:
         made = _made(session_file, staging, inputs, progress)
         found, summary = made.found, made.cloud
+        told = run_origin(found, made.inputs)
         progress("writing layers", 0.0)
         laid_out = perf_counter()
-        write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words)
+        write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words, told)
         if found.work.states is not None:
             write_states(staging / STATES, found.work.states)
         if found.work.seen is not None:
@@ -132,13 +133,13 @@ def _made(session_file: Path, staging: Path, inputs: list[FileRecord] | None, pr
         return _Made(found, inputs or file_records(found.inputs, root, progress))
     with _Cloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
         found = run(session_file, _Both(cloud, land), progress)
-        begin = perf_counter()
-        summary = cloud.finish(progress, found.work)
-        written = perf_counter()
         inputs = inputs or file_records(found.inputs, root, progress)
-        hashed = perf_counter()
-        rasters = write_rasters(staging, land, found, inputs, progress)
-        seconds = {"cloud": written - begin, "surfaces": perf_counter() - hashed}
+        origin = run_origin(found, inputs)
+        begin = perf_counter()
+        summary = cloud.finish(progress, found.work, f"{found.frame.words}\n{origin.text}".strip())
+        written = perf_counter()
+        rasters = write_rasters(staging, land, found, origin, progress)
+        seconds = {"cloud": written - begin, "surfaces": perf_counter() - written}
         return _Made(found, inputs, summary, rasters, seconds)
 
 
@@ -182,7 +183,6 @@ class _Cloud:
             crs_wkt=las_wkt(frame.whole_crs),
             origin_m=origin_m,
             scale_m=SCALE_M,
-            description=frame.words,
             extra=(("scan", "uint32", "scan (revolution) number"),),
         ).__enter__()
 
@@ -203,7 +203,7 @@ class _Cloud:
             )
         )
 
-    def finish(self, progress: Progress, work: FieldWork) -> CopcSummary:
+    def finish(self, progress: Progress, work: FieldWork, description: str) -> CopcSummary:
         """Sort, compress and write the points, each with its class and the pass in which it was measured."""
         assert self._writer is not None
         ground = self._watch.ground()
@@ -216,7 +216,7 @@ class _Cloud:
             if passes:
                 records["point_source_id"] = np.minimum(pass_numbers(passes, records["gps_time"]), MOST_PASSES)
 
-        return self._writer.close(progress, mark)
+        return self._writer.close(progress, mark, description)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

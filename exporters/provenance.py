@@ -46,6 +46,11 @@ class Origin:
             f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)
         }
 
+    @property
+    def text(self) -> str:
+        """The same, a line each."""
+        return "\n".join(f"{name}: {text}" for name, text in self.told.items())
+
     def tell_beside(self, folder: Path) -> None:
         """Write `provenance.json` beside the files in a folder, whose names it lists."""
         names = sorted({BESIDE, *(path.name for path in folder.iterdir())})

@@ -22,6 +22,7 @@ from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.exporters.copc.writer import CopcSummary
 from furrowmap.exporters.field_rasters import RasterFigures
+from furrowmap.exporters.provenance import Origin
 from furrowmap.exporters.report import FileRecord, Report
 
 
@@ -57,6 +58,25 @@ def report_of(
         warnings=found.notices,
         timings=timings_s,
         products=products,
+    )
+
+
+def run_origin(found: Run, inputs: Sequence[FileRecord]) -> Origin:
+    """Where the products of a run come from, as it is told inside them."""
+    frame, session = found.frame, found.session
+    parameters = {"coordinates": session.crs.coordinates, "heights": frame.heights.name}
+    if frame.heights.vertical is not None:
+        parameters["geoid"] = frame.heights.source
+    if frame.parameters is not None:
+        parameters["epoch_parameters"] = frame.parameters.name
+    if frame.stated is not None:
+        parameters["coordinate_epoch"] = f"{frame.stated.epoch:.10g}"
+    return Origin(
+        session.name,
+        session.name,
+        [(record.name, record.sha256) for record in inputs],
+        (found.tally.first_s, found.tally.last_s),
+        parameters,
     )
 
 

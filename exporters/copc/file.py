@@ -25,6 +25,7 @@ from furrowmap.exporters.copc.points import Extent, Records
 
 BATCH_POINTS: Final = 2_000_000
 """Points that wait until they are compressed together, on all cores."""
+MOST_RECORD_BYTES: Final = 65_535
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
@@ -37,7 +38,6 @@ def las_header(
     extra: Sequence[tuple[str, str, str]],
     *,
     colour: bool,
-    description: str = "",
 ) -> laspy.LasHeader:
     """A header of point format 6, or 7 with colour, that says all but what the points will be.
 
@@ -58,11 +58,15 @@ def las_header(
         LasZipVlr(laz.record_data()),
         WktCoordinateSystemVlr(crs_wkt),
     ]
-    if description:  # LAS 1.4 R15, "Text Area Description"
-        header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", description.encode()))
     header.are_points_compressed = True
     header.number_of_evlrs = 1
     return header
+
+
+def describe(header: laspy.LasHeader, text: str) -> None:
+    """Put words on the cloud into a header: a "Text Area Description" (LAS 1.4 R15), as much as a record holds."""
+    held = text.encode("utf-8", "backslashreplace")[:MOST_RECORD_BYTES].decode("utf-8", "ignore")
+    header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", held.encode()))
 
 
 class DiskFile(io.FileIO):

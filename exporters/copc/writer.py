@@ -16,7 +16,7 @@ import numpy as np
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.copc.cube import Cube
-from furrowmap.exporters.copc.file import CopcFile, las_header
+from furrowmap.exporters.copc.file import CopcFile, describe, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
 from furrowmap.exporters.copc.points import Extent, PointBatch, Records, pack
 
@@ -60,7 +60,6 @@ class CopcWriter:
         scale_m: resolution of the coordinates.
         extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
         colour: whether points have colour (point format 7 instead of 6).
-        description: of the cloud in words, in a record of its own.
         memory_points: points held in memory.
         node_points: points of an octree node that has children.
         seed: of the draw of levels; the same batches and seed give the same nodes.
@@ -75,7 +74,6 @@ class CopcWriter:
         scale_m: float = 0.001,
         extra: Sequence[tuple[str, str, str]] = (),
         colour: bool = False,
-        description: str = "",
         memory_points: int = MEMORY_POINTS,
         node_points: int = NODE_POINTS,
         seed: int = 0,
@@ -83,7 +81,7 @@ class CopcWriter:
         if node_points < LEAST_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
         self._path, self._scale_m, self._node_points = path, scale_m, node_points
-        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour, description=description)
+        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour)
         self._layout = self._header.point_format.dtype()
         limits = Limits(memory_points, node_points, path.parent)
         self._octree = Octree(self._layout, limits, np.random.default_rng(seed))
@@ -113,18 +111,23 @@ class CopcWriter:
             self._extent = self._extent.joined(extent)
             done += len(room)
 
-    def close(self, progress: Progress = silent, complete: Callable[[Records], None] | None = None) -> CopcSummary:
+    def close(
+        self, progress: Progress = silent, complete: Callable[[Records], None] | None = None, description: str = ""
+    ) -> CopcSummary:
         """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
 
         Args:
             progress: is told of the stage "writing cloud".
             complete: is given the records, in the layout of laspy's point format and in no particular order, some at a
                 time and by two threads at once, to fill in place what was not known when the points came.
+            description: of the cloud in words, in a record of its own.
 
         Raises:
             OSError: if the file cannot be written, or is not read back as it was written.
         """
         if self._summary is None:
+            if description:
+                describe(self._header, description)
             with self._stack:
                 self._summary = self._write(progress, complete)
         return self._summary

@@ -108,6 +108,8 @@ def test_run__writes_the_products_beside_the_session(session: Path, capsys: pyte
     assert status == 0
     assert sorted(path.name for path in folder.iterdir()) == [
         "cloud.copc.laz",
+        "dsm.qml",
+        "dsm.tif",
         "field.gpkg",
         "item.json",
         "report.html",

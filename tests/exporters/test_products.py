@@ -11,7 +11,9 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import pyogrio
 import pytest
+import rasterio
 from pyproj import CRS
 
 from furrowmap.core.values.errors import RefusedError
@@ -78,6 +80,27 @@ def test_write_products__hashes_the_inputs_once_and_says_so(session: Path, tmp_p
     told: list[tuple[str, float]] = []
     write_products(session, tmp_path / "result", progress=lambda stage, share: told.append((stage, share)))
     assert [share for stage, share in told if stage == "hashing inputs"].count(1.0) == 1
+
+
+def test_products__tell_inside_where_they_come_from(session: Path, tmp_path: Path) -> None:
+    result = tmp_path / "result"
+    session.write_text(SESSION.replace("[recording]", 'name = "Acker ä"\n[recording]', 1))
+    report = write_products(session, result)
+    with laspy.open(result / "cloud.copc.laz") as cloud:
+        (words,) = [vlr.record_data for vlr in cloud.header.vlrs if vlr.record_id == 3 and vlr.user_id == "LASF_Spec"]
+    with rasterio.open(result / "dsm.tif") as dsm:
+        raster = dsm.tags()
+    in_cloud = dict(line.split(": ", 1) for line in words.decode().splitlines())
+    in_layers = pyogrio.read_info(result / "field.gpkg", layer="trajectory")["dataset_metadata"]
+    for told in (in_cloud, in_layers, raster):
+        assert told["SESSION"] == "Acker ä"
+        assert told["COORDINATES"] == "as-recorded"
+        assert (told["TIME_START"], told["TIME_END"]) == (report["figures"]["start"], report["figures"]["end"])
+        assert told["MEASURED_EPOCH"] == "2016.056"
+        assert [told[f"INPUT_{number}"] for number in (1, 2)] == [
+            f"{file['name']} sha256:{file['sha256']}" for file in report["inputs"]
+        ]
+    assert in_cloud["SOFTWARE"] == in_layers["SOFTWARE"] == raster["TIFFTAG_SOFTWARE"]
 
 
 def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path) -> None:
