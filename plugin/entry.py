@@ -11,8 +11,6 @@ from qgis.PyQt.QtWidgets import QAction
 from .processing.provider import FurrowmapProvider
 from .translation import install_translator
 
-MENU = "furrowmap"
-
 
 class FurrowmapPlugin:
     """Everything registered in :meth:`initGui` is gone after :meth:`unload`."""
@@ -48,7 +46,7 @@ class FurrowmapPlugin:
         self.action.setObjectName("furrowmapShow")
         self.action.setCheckable(True)
         self.dock.setToggleVisibilityAction(self.action)
-        self.iface.addPluginToMenu(MENU, self.action)
+        self.iface.pluginMenu().addAction(self.action)  # a submenu of its own would outlive it
         self.iface.addToolBarIcon(self.action)
         self.drops = ResultsDropHandler(self.dock.open_folder)
         self.iface.registerCustomDropHandler(self.drops)
@@ -67,7 +65,7 @@ class FurrowmapPlugin:
             self.iface.deregisterLocatorFilter(self.locator)
             self.iface.unregisterCustomDropHandler(self.drops)
             self.iface.removeToolBarIcon(self.action)
-            self.iface.removePluginMenu(MENU, self.action)
+            self.iface.pluginMenu().removeAction(self.action)
             self.dock.end()
             self.iface.removeDockWidget(self.dock)
             self.dock.deleteLater()

@@ -36,7 +36,7 @@ class SessionLines:
     """
 
     def __init__(self, text):
-        self._lines = text.splitlines()
+        self._lines = text.rstrip("\n").split("\n")  # splitlines() knows ends of lines that TOML does not
         self._index()
 
     def get(self, table, key):

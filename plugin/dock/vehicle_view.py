@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The vehicle to scale, from the side and from above, with its scanner, antenna and tool where the form says."""
 
-import math
 from dataclasses import dataclass
 
 from qgis.PyQt.QtCore import QCoreApplication, QPointF, QRectF, QSize, Qt
 from qgis.PyQt.QtGui import QColor, QPainter, QPen, QPolygonF
 from qgis.PyQt.QtWidgets import QWidget
+
+from .scan_plane import scan_direction, spin_axis
 
 REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
 TRACK_M, TYRE_M = 1.25, 0.30
@@ -34,25 +35,6 @@ class Placement:
     tool_xy_m: tuple = None
     tool_width_m: float = 0.0
     tool_depth_m: float = 0.0
-
-
-def spin_axis(rpy_deg):
-    """The scanner's spin axis in the vehicle frame: the third column of Rz(yaw) Ry(pitch) Rx(roll)."""
-    roll, pitch, yaw = (math.radians(angle) for angle in rpy_deg)
-    along, across = math.cos(roll) * math.sin(pitch), math.sin(roll)
-    return (
-        math.cos(yaw) * along + math.sin(yaw) * across,
-        math.sin(yaw) * along - math.cos(yaw) * across,
-        math.cos(roll) * math.cos(pitch),
-    )
-
-
-def scan_direction(axis, normal):
-    """Where the middle of the scanner's plane cuts a plane of the drawing: a unit vector; None where they coincide."""
-    (a, b, c), (p, q, r) = axis, normal
-    cut = (b * r - c * q, c * p - a * r, a * q - b * p)
-    length = math.sqrt(sum(value * value for value in cut))
-    return None if length < 1e-6 else tuple(value / length for value in cut)
 
 
 class VehicleView(QWidget):

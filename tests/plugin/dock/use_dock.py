@@ -1,13 +1,12 @@
 """Runs inside the desktop QGIS (scripts/qgis_desktop.sh): does with the plugin's widgets what a user does.
 
-Arguments: folder with a drive's recordings, folder of an earlier run, the worker's command, folder for files to look at.
+Arguments: folder with a drive's recordings, folder of an earlier run, the worker's command, folder for what it writes.
 Each step is a part of one long story; what was seen is printed at its end as one line of JSON.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 
 import qgis.utils
 from qgis.core import Qgis, QgsApplication, QgsFeedback, QgsLocatorContext, QgsProject, QgsSettings
-from qgis.gui import QgsDockWidget
+from qgis.gui import QgsLocatorWidget
 from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtTest import QTest
@@ -88,18 +87,16 @@ def traces() -> dict[str, Any]:
     owned = [child for parent in (WINDOW, iface.mapCanvas()) for child in parent.findChildren(QWidget)]  # noqa: F821
     return {
         "widgets": sorted(w.objectName() for w in owned if w.objectName().startswith("furrowmap")),
-        "docks": [d.windowTitle() for d in WINDOW.findChildren(QgsDockWidget) if d.windowTitle() == "furrowmap"],
         "menus": [a.text() for a in iface.pluginMenu().actions() if "furrowmap" in a.text()],  # noqa: F821
         "provider": QgsApplication.processingRegistry().providerById("furrowmap") is not None,
-        "locator": [f.name() for f in WINDOW.findChildren(_locator()) for f in f.filters() if "furrow" in f.name()],
+        "locator": [
+            f.name()
+            for box in WINDOW.findChildren(QgsLocatorWidget)
+            for f in box.locator().filters()
+            if "furrow" in f.name()
+        ],
         "tasks": QgsApplication.taskManager().countActiveTasks(),
     }
-
-
-def _locator() -> type:
-    from qgis.core import QgsLocator
-
-    return QgsLocator
 
 
 def groups() -> dict[str, list[str]]:
@@ -196,6 +193,9 @@ def whole_run() -> Iterator[Any]:
     SEEN["groups"] = groups()
     SEEN["figures"] = widget("furrowmapFigures").toPlainText()
     SEEN["invalid"] = [layer.name() for layer in QgsProject.instance().mapLayers().values() if not layer.isValid()]
+    layers = list(QgsProject.instance().mapLayers().values())
+    SEEN["styles"] = {layer.name(): layer.renderer().type() for layer in layers}
+    SEEN["map_tips"] = [layer.name() for layer in layers if getattr(layer, "mapTipTemplate", str)()]
     span = QgsProject.instance().timeSettings().temporalRange()
     SEEN["span"] = [span.begin().toString(Qt.DateFormat.ISODate), span.end().toString(Qt.DateFormat.ISODate)]
     SEEN["terrain"] = QgsProject.instance().elevationProperties().terrainProvider().type()
@@ -295,7 +295,7 @@ def tick() -> None:
     BUSY["last_s"] = time.thread_time()  # the story's own work (pictures, reloads) is not the plugin's
 
 
-os.makedirs(OUT, exist_ok=True)
+Path(OUT).mkdir(parents=True, exist_ok=True)
 TIMER = QTimer()
 TIMER.timeout.connect(tick)
 TIMER.start(5)

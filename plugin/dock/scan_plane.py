@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Which way a mounted scanner looks, for the drawing of the vehicle."""
+
+import math
+
+
+def spin_axis(rpy_deg):
+    """The scanner's spin axis in the vehicle frame: the third column of Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = (math.radians(angle) for angle in rpy_deg)
+    along, across = math.cos(roll) * math.sin(pitch), math.sin(roll)
+    return (
+        math.cos(yaw) * along + math.sin(yaw) * across,
+        math.sin(yaw) * along - math.cos(yaw) * across,
+        math.cos(roll) * math.cos(pitch),
+    )
+
+
+def scan_direction(axis, normal):
+    """Where the middle of the scanner's plane cuts a plane of the drawing: a unit vector; None where they coincide."""
+    (a, b, c), (p, q, r) = axis, normal
+    cut = (b * r - c * q, c * p - a * r, a * q - b * p)
+    length = math.sqrt(sum(value * value for value in cut))
+    return None if length < 1e-6 else tuple(value / length for value in cut)

@@ -1,0 +1,217 @@
+"""The plugin in the real desktop, used by its widgets: from recordings that are dropped on it to the map and the page."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from pyproj import CRS
+
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.exporters.geopackage import write_field
+
+if TYPE_CHECKING:
+    from conftest import QgisRoot
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+HERE = Path(__file__).parent
+LAYERS = {"trajectory", "passes", "coverage", "overlaps", "events", "zones", "tool_path", "dsm", "change", "cloud"}
+
+
+@pytest.fixture(scope="module")
+def worker(qgis: QgisRoot) -> str:
+    """The worker's command as it is named in the tests' QGIS; where it cannot be made, as for `qgis`."""
+    made = subprocess.run([CHECKOUT / "scripts" / "qgis_worker.sh"], capture_output=True, text=True, check=False)
+    if made.returncode != 0:
+        reason = f"no worker to test with: {made.stderr.strip().splitlines()[-1:]}"
+        pytest.fail(reason) if os.environ.get("CI") == "true" else pytest.skip(reason)
+    return made.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plugins")
+    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", folder / "zip"], check=True)
+    with zipfile.ZipFile(folder / "zip") as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def recordings(shared_data: Path, folder: Path, *names: str) -> Path:
+    folder.mkdir()
+    for name in names:
+        shutil.copyfile(shared_data / "tractor_loop" / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What somebody else's run left: here only the trajectory."""
+    folder = tmp_path_factory.mktemp("results") / "north field 圃場"
+    folder.mkdir()
+    two = np.arange(2)
+    write_field(
+        folder / "field.gpkg",
+        ScanPoses(
+            scan=two,
+            t_s=1.78e9 + two,
+            xyz_m=np.array([[4000.0, 5000.0, 10.0], [4001.0, 5000.0, 10.0]]),
+            quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+            speed_mps=np.ones(2),
+            motion=np.ones(2, np.int8),
+            fix=np.full(2, 4, np.int8),
+            sigma=np.full((2, 6), np.nan),
+            heading_from=np.array(["gnss", "gnss"]),
+            points=np.array([10, 10]),
+        ),
+        CRS.from_user_input("EPSG:6677"),
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drive(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("drive") / "loop, 圃場 1"
+    return recordings(shared_data, folder, "recording.pcap.gz", "gnss.nmea", "boundary.geojson")
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def seen(qgis: QgisRoot, worker: str, plugins: Path, drive: Path, results: Path, out: Path) -> dict[str, Any]:
+    """What the story told in use_dock.py has seen: QGIS is started once for all that follows."""
+    answer = qgis.run(
+        "scripts/qgis_desktop.sh", plugins, HERE / "use_dock.py", drive, results, worker, out, timeout_s=580
+    )
+    found: dict[str, Any] = json.loads(next(line for line in answer.splitlines() if line.startswith("{")))
+    return found
+
+
+def test_reloads__twenty_leave_nothing_and_add_nothing(seen: dict[str, Any]) -> None:
+    nothing = {"widgets": [], "menus": [], "provider": False, "locator": [], "tasks": 0}
+    assert seen["unloaded"] == [nothing] * 20
+    assert seen["loaded"] == [seen["loaded"][0]] * 20
+    assert seen["loaded"][0]["provider"]
+    assert seen["loaded"][0]["menus"] == ["furrowmap"]
+    assert seen["loaded"][0]["widgets"].count("furrowmapDock") == 1
+
+
+def test_without_worker__results_open_and_the_set_up_is_offered(seen: dict[str, Any], results: Path) -> None:
+    assert seen["setup_offered"]
+    assert not seen["setup_offered_with_worker"]
+    assert seen["without_worker"] == {results.name: ["trajectory"]}
+    assert seen["crs"] == "EPSG:6677"
+    assert seen["refused_without_worker"]
+
+
+def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, Any]) -> None:
+    assert seen["page_at_once"]
+    assert seen["proposed_crs"] == "EPSG:6677"
+    assert "Velodyne packets" in seen["findings"]
+    assert "overlap by 59.8 s" in seen["findings"]
+    assert "GNSS antenna" in seen["findings"]
+
+
+def test_form__tells_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> None:
+    assert seen["still_in_form"]
+    assert "how wide the tool is" in seen["fault_told"]
+
+
+def test_cancel__acts_at_once_and_leaves_nothing(seen: dict[str, Any]) -> None:
+    assert seen["workers_at_work"] == 1
+    assert seen["cancel_s"] <= 0.5
+    assert seen["workers_after_cancel"] == []
+    assert seen["left_by_cancel"] == []
+
+
+def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> None:
+    assert list(seen["groups"]) == ["North field 圃場"]
+    assert set(seen["groups"]["North field 圃場"]) >= LAYERS
+    assert seen["invalid"] == []
+    assert seen["styles"]["change"] == "singlebandpseudocolor"
+    assert seen["styles"]["cloud"] == "classified"
+    assert seen["styles"]["trajectory"] == "categorizedSymbol"
+    assert set(seen["map_tips"]) >= {"trajectory", "passes", "coverage", "events"}
+    assert seen["terrain"] == "raster"
+    assert seen["workers_after_run"] == []
+
+
+def test_run__tells_its_stages_and_figures(seen: dict[str, Any], drive: Path) -> None:
+    assert [text[2:] for text in seen["stages"]][:4] == [
+        "reading scans",
+        "matching scans",
+        "placing points",
+        "writing cloud",
+    ]
+    report = json.loads((drive / "session_result" / "report.json").read_text(encoding="utf-8"))
+    assert report["session"]["name"] == "North field 圃場"
+    assert report["session"]["lidar"]["rpy_deg"] == [0.8, 40.6, 179.3]
+    assert report["session"]["field"]["boundary"] == "boundary.geojson"
+    assert f"{report['figures']['worked_area_m2']:.1f} ±" in seen["figures"]
+    start, end = seen["span"]
+    assert report["figures"]["start"].startswith(start.removesuffix("Z"))
+    assert report["figures"]["end"].startswith(end.removesuffix("Z"))
+
+
+def test_window__is_never_busy_for_long(seen: dict[str, Any]) -> None:
+    assert seen["busy_s"] <= 0.2  # of processor time in its thread, from the first drop to the map
+
+
+def test_dialogs__none_is_left_open_and_nothing_failed_in_the_log(seen: dict[str, Any]) -> None:
+    assert seen["dialogs"] == []
+    assert not seen["modal"]
+    assert seen["logged"] == []
+
+
+def test_locator__finds_a_pass_by_its_number(seen: dict[str, Any]) -> None:
+    assert seen["located"] == ["Pass 2"]
+    assert seen["zoomed"]
+
+
+def test_pages__overview_and_a_page_for_each_pass(qgis: QgisRoot, seen: dict[str, Any], out: Path) -> None:
+    assert seen["zoomed"]
+    (words, overview), (pass_words, atlas) = (
+        (qgis.run("pdftotext", out / name, "-"), qgis.run("pdfinfo", out / name)) for name in ("page.pdf", "atlas.pdf")
+    )
+    assert "Pages:           1" in overview
+    assert "Pages:           3" in atlas
+    assert "Worked" in words
+    assert "tool lowered" in words
+    assert "pass 3" in pass_words
+
+
+def test_map__replays_and_has_the_base_map_below_everything(seen: dict[str, Any]) -> None:
+    assert seen["replayed"] >= 59
+    assert all(valid and count == 1 for valid, count in seen["base_maps"].values())
+    assert seen["lowest"] == "Own base map"
+    assert seen["without_base_map"] == "North field 圃場"
+
+
+def test_results__opened_again_replace_themselves_and_survive_in_a_project(seen: dict[str, Any]) -> None:
+    assert seen["again_the_same"]
+    assert seen["project_round_trip"]
+
+
+def test_killed_qgis__leaves_no_worker(
+    qgis: QgisRoot, worker: str, plugins: Path, shared_data: Path, tmp_path: Path
+) -> None:
+    drive = recordings(
+        shared_data, tmp_path / "killed", "recording.pcap.gz", "gnss.nmea", "boundary.geojson", "session.toml"
+    )
+    told = qgis.run("python3", HERE / "kill_qgis.py", plugins, drive / "session.toml", worker, timeout_s=300)
+    answer = json.loads(told.splitlines()[-1])
+    assert answer["status"] == 128 + 9
+    assert answer["workers"] == []
+    assert answer["seconds"] < 10.0
+    assert answer["left"] == []

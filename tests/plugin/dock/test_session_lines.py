@@ -1,0 +1,101 @@
+"""The form's reading and changing of a session file, against Python's own TOML reader."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import tomli_w
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furrowmap.core.examination import Examined
+from furrowmap.core.session_proposal import propose_session
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
+NUMBER = st.integers(-(10**9), 10**9) | st.floats(allow_nan=False, allow_infinity=False)
+VALUE = TEXT | NUMBER | st.booleans() | st.lists(TEXT, max_size=3) | st.lists(NUMBER, max_size=3)
+KEY = st.from_regex(r"[A-Za-z0-9_-]{1,6}", fullmatch=True)
+TABLES = st.dictionaries(KEY, st.dictionaries(KEY, VALUE, max_size=4), max_size=3)
+
+
+@given(tables=TABLES, table=KEY, key=KEY, value=VALUE)
+def test_set__changes_one_value_and_no_other(
+    session_lines: ModuleType, tables: dict[str, dict[str, Any]], table: str, key: str, value: Any
+) -> None:
+    empty = session_lines.SessionLines("")
+    for name, entries in tables.items():
+        for entry, content in entries.items():
+            empty.set(name, entry, content)
+    written = {name: entries for name, entries in tables.items() if entries}
+    assert tomllib.loads(empty.text) == written
+
+    lines = session_lines.SessionLines(empty.text)
+    lines.set(table, key, value)
+    expected = {name: dict(entries) for name, entries in written.items()}
+    expected.setdefault(table, {})[key] = value
+    assert tomllib.loads(lines.text) == expected
+    assert session_lines.SessionLines(lines.text).get(table, key) == value
+
+
+@given(tables=TABLES)
+def test_get__gives_what_tomllib_gives_or_refuses(session_lines: ModuleType, tables: dict[str, dict[str, Any]]) -> None:
+    text = tomli_w.dumps(tables)
+    try:
+        lines = session_lines.SessionLines(text)
+    except session_lines.NotSimpleError:
+        assert any(isinstance(v, list) and v for t in tables.values() for v in t.values()) or "\x7f" in repr(tables)
+        return
+    for name, entries in tomllib.loads(text).items():
+        for key, value in entries.items():
+            assert lines.get(name, key) == value
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "a.b = 1",
+        "a = [1,",
+        "a = 1_000",
+        'a = """x',
+        "a = {b = 1}",
+        "[a.b]",
+        "[[a]]",
+        "a = 2026-06-11",
+        '"a" = 1',
+        "a = nan",
+        "a = null",
+        "a = 1 2",
+        "a = 01",
+    ],
+)
+def test_lines__what_is_more_than_simple_is_not_touched(session_lines: ModuleType, line: str) -> None:
+    with pytest.raises(session_lines.NotSimpleError) as raised:
+        session_lines.SessionLines(f"x = 1\n{line}\n")
+    assert raised.value.number == 2
+
+
+def test_set__keeps_comments_and_other_lines(session_lines: ModuleType) -> None:
+    text = "# above\nname = 'old'   # of the field\n\n[crs]\n# why\nmap = \"EPSG:6677\"\n"
+    lines = session_lines.SessionLines(text)
+    lines.set("", "name", "new")
+    assert lines.text == text.replace("'old'", '"new"')
+
+
+def test_drop__takes_the_table_and_leaves_the_rest(session_lines: ModuleType) -> None:
+    lines = session_lines.SessionLines('a = 1\n[one]\nb = 2\n# kept\nc = "d"\n[two]\nb = 3\n')
+    lines.drop("one")
+    assert tomllib.loads(lines.text) == {"a": 1, "two": {"b": 3}}
+    assert "# kept" in lines.text
+
+
+def test_lines__read_what_init_proposes(session_lines: ModuleType, shared_data: Path) -> None:
+    recordings = [shared_data / "tractor_loop" / "gnss.nmea"]
+    text = propose_session([Examined.of(path) for path in recordings], recordings[0].parent).text
+    lines = session_lines.SessionLines(text)
+    assert lines.get("crs", "map") == tomllib.loads(text)["crs"]["map"]
+    lines.set("antenna", "xyz_m", [1.0, 2.0, 3.0])
+    assert tomllib.loads(lines.text)["antenna"] == {"xyz_m": [1.0, 2.0, 3.0]}
