@@ -29,6 +29,8 @@ VERBS: Final = (
     "base",
     "calibrate",
     "crs",
+    "gnss",
+    "check",
     "simulate",
     "qgis",
     "worker",

@@ -66,7 +66,7 @@ def map_box(poses: ScanPoses, work: FieldWork) -> Box:
 
 def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | None) -> str:
     """The ground worked over the relief; the vehicle's way where no tool's path is known."""
-    sheet = _Sheet.of(box_m)
+    sheet = Sheet.of(box_m)
     parts = [sheet.image(relief)] if relief is not None else []
     if work.boundary is not None:
         parts.append(sheet.area(work.boundary, "boundary"))
@@ -92,7 +92,7 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | Non
 
 def quality_map(poses: ScanPoses) -> str:
     """The vehicle's way, coloured by the quality of the positions."""
-    sheet = _Sheet.of(map_box(poses, FieldWork()))
+    sheet = Sheet.of(map_box(poses, FieldWork()))
     parts = [sheet.line(part, "fix", f'stroke="{fix_colour(fix)}"') for fix, part in _runs(poses, poses.fix)]
     return sheet.svg(parts, "The vehicle's way, coloured by the quality of the positions")
 
@@ -101,11 +101,11 @@ def tool_graph(work: FieldWork) -> str:
     """The tool's height over time, with its states and passes."""
     history = work.history
     assert history is not None
-    time = _TimeAxis(float(history.t_s[0]), float(history.t_s[-1]))
+    time = TimeAxis(float(history.t_s[0]), float(history.t_s[-1]))
     known = history.tool_height_m[np.isfinite(history.tool_height_m)]
     low = min(-0.05, float(known.min(initial=0.0)))
     high = max(history.lifted_m, float(known.max(initial=0.0))) + 0.05
-    heights = _Axis(low, high, 190.0, 22.0)
+    heights = Axis(low, high, 190.0, 22.0)
     states = history.states
     parts = []
     for k in range(len(states)):
@@ -119,14 +119,14 @@ def tool_graph(work: FieldWork) -> str:
     parts += heights.grid(time, lambda v: f"{100 * v:.0f} cm")
     y = heights.at(history.threshold_m)
     parts.append(f'<line class="threshold" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
-    parts += _curve(time.at(history.t_s), heights.at(history.tool_height_m))
+    parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
     parts += time.labels(190.0)
-    return _svg(WIDTH, 212.0, parts, "Height of the tool above its working position over time")
+    return drawing(WIDTH, 212.0, parts, "Height of the tool above its working position over time")
 
 
 def quality_graph(poses: ScanPoses) -> str:
     """The quality of the positions and the stated accuracy over time."""
-    time = _TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
+    time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
     sigma_m = np.hypot(poses.sigma[:, 0], poses.sigma[:, 1])
     edges = np.flatnonzero(np.diff(poses.fix, prepend=np.int8(-99), append=np.int8(-99)))
     parts = []
@@ -135,54 +135,61 @@ def quality_graph(poses: ScanPoses) -> str:
         colour = fix_colour(int(poses.fix[first]))
         parts.append(f'<rect x="{left:.1f}" y="0" width="{right - left:.1f}" height="12" fill="{colour}"/>')
     if not np.isfinite(sigma_m).any():
-        return _svg(WIDTH, 36.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
-    axis = _Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
+        return drawing(WIDTH, 36.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
+    axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
     parts += axis.grid(time, lambda v: f"{100 * v:g} cm")
-    parts += _curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
+    parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
-    return _svg(WIDTH, 152.0, parts, "Quality and accuracy of the positions over time")
+    return drawing(WIDTH, 152.0, parts, "Quality and accuracy of the positions over time")
 
 
 @dataclass(frozen=True)
-class _Sheet:
+class Sheet:
     """A map's paper: from metres to units."""
 
     box_m: Box
     scale: float
 
     @classmethod
-    def of(cls, box_m: Box) -> _Sheet:
+    def of(cls, box_m: Box) -> Sheet:
+        """The largest that shows a box."""
         west, south, east, north = box_m
         return cls(box_m, min(WIDTH / (east - west), TALLEST / (north - south)))
 
     @property
     def size(self) -> tuple[float, float]:
+        """Width and height in units."""
         west, south, east, north = self.box_m
         return (east - west) * self.scale, (north - south) * self.scale
 
     def image(self, relief: Relief) -> str:
+        """A picture at its place."""
         (x, y), (right, bottom) = self._at(np.array([relief.box_m[::3], relief.box_m[2:0:-1]])).tolist()
         place = f'x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{bottom - y:.1f}"'
         return f'<image {place} preserveAspectRatio="none" href="{data_uri(relief.picture)}"/>'
 
     def area(self, shape: BaseGeometry, kind: str, more: str = "") -> str:
+        """A polygon."""
         simple = shapely.simplify(shape, FINE / self.scale)
         rings = shapely.get_rings(shapely.get_parts(simple if not simple.is_empty else shape))
         way = "".join(self._path(shapely.get_coordinates(ring)) + "Z" for ring in rings)
         return f'<path class="{kind}" {more} fill-rule="evenodd" d="{way}"/>'
 
     def line(self, en_m: FloatArray, kind: str, more: str = "") -> str:
+        """A line through places (n, 2)."""
         if len(en_m) > 1:
             en_m = shapely.get_coordinates(shapely.simplify(shapely.LineString(en_m[:, :2]), FINE / self.scale))
         return f'<path class="{kind}" {more} d="{self._path(en_m)}"/>'
 
     def text(self, place: shapely.Point, text: str) -> str:
+        """A word at a place."""
         x, y = self._at(shapely.get_coordinates(place))[0]
         return f'<text class="number" x="{x:.1f}" y="{y + 4:.1f}">{escape(text)}</text>'
 
     def svg(self, parts: Sequence[str], title: str) -> str:
+        """The whole map, with a scale bar and an arrow to north."""
         width, height = self.size
-        return _svg(width, height, [*parts, *self._scale_bar(), *self._north()], title)
+        return drawing(width, height, [*parts, *self._scale_bar(), *self._north()], title)
 
     def _at(self, en_m: FloatArray) -> FloatArray:
         west, _, _, north = self.box_m
@@ -206,7 +213,7 @@ class _Sheet:
 
 
 @dataclass(frozen=True)
-class _Axis:
+class Axis:
     """Values from `low` to `high` between two heights of a drawing."""
 
     low: float
@@ -215,11 +222,13 @@ class _Axis:
     top: float
 
     def at(self, value: FloatArray | float) -> FloatArray:
+        """Where values are drawn."""
         share = (np.asarray(value, np.float64) - self.low) / (self.high - self.low)
         place: FloatArray = self.bottom + share * (self.top - self.bottom)
         return place
 
-    def grid(self, time: _TimeAxis, told: Callable[[float], str]) -> list[str]:
+    def grid(self, time: TimeAxis, told: Callable[[float], str]) -> list[str]:
+        """Lines at round values, with their words."""
         step = _nice((self.high - self.low) / 3.0)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
         return [
@@ -230,7 +239,7 @@ class _Axis:
 
 
 @dataclass(frozen=True)
-class _TimeAxis:
+class TimeAxis:
     """Times from left to right."""
 
     begin_s: float
@@ -238,11 +247,13 @@ class _TimeAxis:
     left: float = 74.0
 
     def at(self, t_s: FloatArray | float) -> FloatArray:
+        """Where times are drawn."""
         share = (np.asarray(t_s, np.float64) - self.begin_s) / max(self.end_s - self.begin_s, 1e-9)
         place: FloatArray = self.left + np.clip(share, 0.0, 1.0) * (WIDTH - self.left)
         return place
 
     def labels(self, y: float) -> list[str]:
+        """Round times below a graph that ends at `y`."""
         length_s = self.end_s - self.begin_s
         step = next((step for step in _TIME_STEPS_S if step >= length_s / 5.0), 86_400)
         return [
@@ -264,7 +275,7 @@ def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatAr
     return [(int(values[a]), poses.xyz_m[a:b, :2]) for a, b in zip(firsts.tolist(), reach, strict=True)]
 
 
-def _curve(x: FloatArray, y: FloatArray) -> list[str]:
+def curve(x: FloatArray, y: FloatArray) -> list[str]:
     """A curve with a break wherever it is not known; of many points in one unit, the least and the greatest."""
     known = np.flatnonzero(np.isfinite(y))
     parts = []
@@ -290,6 +301,7 @@ def _duration(t_s: int) -> str:
     return f"{t_s // 3600}:{t_s // 60 % 60:02d}:{t_s % 60:02d}" if t_s >= 3600 else f"{t_s // 60}:{t_s % 60:02d}"
 
 
-def _svg(width: float, height: float, parts: Sequence[str], title: str) -> str:
+def drawing(width: float, height: float, parts: Sequence[str], title: str) -> str:
+    """The whole drawing, with what it shows in words."""
     head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
     return head + "".join(parts) + "</svg>"

@@ -29,6 +29,7 @@ MATCHING = [*TRAJECTORY, "furrowmap.core.matching"]
 IMPLEMENT = [*CLOUD, "furrowmap.core.implement"]
 WORK = [*IMPLEMENT, "furrowmap.core.work"]
 SURFACES = [*CLOUD, "furrowmap.core.surfaces"]
+EVALUATION = [*VALUES, "furrowmap.core.evaluation"]
 MAY_IMPORT = {
     "furrowmap.core.values": VALUES,
     "furrowmap.core.readers": READERS,
@@ -38,6 +39,7 @@ MAY_IMPORT = {
     "furrowmap.core.implement": IMPLEMENT,
     "furrowmap.core.work": WORK,
     "furrowmap.core.surfaces": SURFACES,
+    "furrowmap.core.evaluation": EVALUATION,
     # The oracle of the tests shares no code with what it judges.
     "furrowmap.core.simulator": [
         "furrowmap.core.simulator",
@@ -49,6 +51,7 @@ MAY_IMPORT = {
         *MATCHING,
         *WORK,
         *SURFACES,
+        *EVALUATION,
         *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py")),
     ],
     "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],

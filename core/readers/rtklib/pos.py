@@ -31,9 +31,9 @@ MOST_AHEAD: Final = 0.5
 class RtklibPos:
     """The positions of a solution file, in either of its two time styles.
 
-    Times are GPS time unless the header says UTC or JST. A standard deviation of 0, and 0 satellites, are taken for not
-    stated. Heights above the geoid are not taken for ellipsoidal ones. A solution that was filtered backward and
-    written so is turned round.
+    Times are GPS time unless the header says UTC or JST. A standard deviation of 0, 0 satellites, and an age that is 0
+    throughout are taken for not stated. Heights above the geoid are not taken for ellipsoidal ones. A solution that was
+    filtered backward and written so is turned round.
 
     Args:
         paths: the files of one recording, in the order of time.
@@ -219,7 +219,7 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
         "speed_mps": speed,
         "course_deg": np.where(speed > 0.0, np.degrees(np.arctan2(ve, vn)) % 360.0, np.nan),
         "satellites": satellites.astype(np.int16),
-        "age_s": values[:, 11],
+        "age_s": values[:, 11] if np.any(values[:, 11] > 0.0) else np.full(len(values), np.nan),
     }
 
 

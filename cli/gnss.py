@@ -1,0 +1,185 @@
+"""`furrowmap gnss`: what a GNSS log is worth."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.words import table
+from furrowmap.core.values.errors import UsageError, printable
+
+if TYPE_CHECKING:
+    from furrowmap.core.evaluation.evaluation import Evaluation
+    from furrowmap.core.evaluation.statistics import Row, Table
+
+
+class _Deeds(click.Group):
+    """What can be done with logs."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name.
+
+        Raises:
+            UsageError: if there is none.
+        """
+        found = super().get_command(ctx, cmd_name)
+        if found is not None or ctx.resilient_parsing:
+            return found
+        near = get_close_matches(cmd_name, self.commands, 1, 0.5)
+        raise UsageError(
+            f"furrowmap gnss: there is no command {cmd_name!r}.",
+            "Nothing was done.",
+            f"Did you mean `furrowmap gnss {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
+            code="no-such-verb",
+        )
+
+
+@click.group(
+    cls=_Deeds,
+    short_help="Judge a GNSS log by another.",
+    subcommand_metavar="COMMAND ...",
+    no_args_is_help=False,
+    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx -o accuracy",
+)
+def gnss() -> None:
+    """How accurate and how steady the positions in a GNSS log are."""
+
+
+@gnss.command(
+    short_help="Compare a log with a reference.",
+    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx --antenna-offset 0.30,0,0 -o accuracy\n"
+    "  furrowmap gnss evaluate static.pos 35.339325776,139.522173128,65.712",
+)
+@click.argument("test", type=FILE)
+@click.argument("reference")
+@click.option("-o", "--output", type=FILE, metavar="DIR", help="Write evaluation.json, .html and epochs.csv there.")
+@click.option(
+    "--antenna-offset",
+    "offset",
+    metavar="FORWARD,LEFT,UP",
+    default="0,0,0",
+    show_default=True,
+    help="Metres from the reference's antenna to that of TEST, on one vehicle.",
+)
+@click.option(
+    "--reference-fix",
+    type=click.Choice(["any", "fixed"]),
+    default="any",
+    show_default=True,
+    help="Leave out epochs at which the reference is not fixed.",
+)
+@click.option(
+    "--max-gap",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="SECONDS",
+    help="Interpolate the reference across no longer steps [default: 1.5 of its intervals].",
+)
+@click.option("--date", metavar="YYYY-MM-DD", help="UTC date of the first position, for logs without dates.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier evaluation in DIR.")
+@common_options
+def evaluate(
+    console: Console,
+    test: Path,
+    reference: str,
+    *,
+    output: Path | None,
+    offset: str,
+    reference_fix: str,
+    max_gap: float | None,
+    date: str | None,
+    overwrite: bool,
+) -> None:
+    """Compare the positions in TEST with those in REFERENCE at the same instants.
+
+    REFERENCE is another log of the same drive, a trajectory, or LAT,LON,HEIGHT of an antenna at rest. The figures are
+    those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, of all epochs and by kind of
+    fix.
+    """
+    from furrowmap.core.gnss_evaluation import evaluate_logs
+    from furrowmap.exporters.evaluation_figures import figures
+    from furrowmap.exporters.evaluation_page import write_evaluation
+
+    with console.work(passing=True) as progress:
+        found = evaluate_logs(
+            test,
+            reference,
+            date=date,
+            antenna_offset_m=_offset(offset),
+            max_gap_s=max_gap,
+            fixed_reference_only=reference_fix == "fixed",
+            progress=progress,
+        )
+        if output is not None:
+            write_evaluation(output, found, overwrite=overwrite)
+    for notice in found.notices:
+        console.warn(notice)
+    console.answer(figures(found) | {"output": output}, _words(found))
+
+
+def _offset(text: str) -> tuple[float, float, float]:
+    try:
+        forward, left, up = (float(part) for part in text.split(","))
+    except ValueError:
+        pass
+    else:
+        if all(isfinite(part) and abs(part) < 100.0 for part in (forward, left, up)):
+            return forward, left, up
+    raise UsageError(
+        f"--antenna-offset {text!r} is not FORWARD,LEFT,UP.",
+        "Nothing was done.",
+        "Three numbers in metres with commas between, such as 0.30,-0.12,0.",
+        code="usage",
+    )
+
+
+def _words(found: Evaluation) -> str:
+    log, matched = found.continuity, found.matched
+    rows = [
+        ("test", printable(found.test) + (f" ({found.service})" if found.service else "")),
+        (
+            "reference",
+            printable(found.reference) + (f" ({found.reference_service})" if found.reference_service else ""),
+        ),
+        ("compared", f"{len(matched):,} of {log.epochs:,} positions"),
+        ("kinds of fix", ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())),
+        ("first fix", ", ".join(f"{kind} after {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())),
+        ("gaps", f"{log.gaps}, the longest {log.longest_gap_s:.1f} s"),
+        ("outliers", f"{int(found.outlier.sum())} ({found.outlier.mean():.1%})"),
+    ]
+    if log.age is not None:
+        rows.append(("age of corrections", f"median {log.age.median_s:.1f} s, at most {log.age.greatest_s:.1f} s"))
+    if found.within_sigmas is not None:
+        shares = ", ".join(f"{share:.1%}" for share in found.within_sigmas.values())
+        rows.append(("within 1, 2, 3 stated sigmas", shares))
+    if found.time_ahead_s is not None:
+        rows.append(("test ahead in time", f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}"))
+    parts = [table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())]
+    parts.append(
+        "Test minus reference in metres: X east, Y north, Z up; averages of X, Y, Z with sign; standard deviation of\n"
+        "the population, so that RMSE² = average² + standard deviation²; along and across (left) the direction of travel."
+    )
+    return "\n\n".join(parts)
+
+
+def _table(kind: str, rows: Table) -> str:
+    def line(title: str, values: list[float]) -> str:
+        return f"  {title:<20}" + "".join(f"{value:>10.4f}" if isfinite(value) else f"{'–':>10}" for value in values)
+
+    shown: dict[str, Row] = {name: row for name, row in rows.items() if row.n or name not in ("along", "across")}
+    return "\n".join(
+        [
+            f"{kind} ({rows['2D'].n:,} epochs)",
+            f"  {'':<20}" + "".join(f"{name:>10}" for name in shown),
+            line("average", [row.average_m for row in shown.values()]),
+            line("standard deviation", [row.standard_deviation_m for row in shown.values()]),
+            line("RMSE", [row.rmse_m for row in shown.values()]),
+            line("95 % below", [row.percentiles_m[3] for row in shown.values()]),
+            line("greatest", [row.greatest_m for row in shown.values()]),
+        ]
+    )

@@ -1,0 +1,100 @@
+"""How steadily a receiver stated positions, and of which kinds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+GAP_INTERVALS: Final = 1.5
+MOST_GAPS_LISTED: Final = 50
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A pause between two positions.
+
+    Attributes:
+        begin_s: UTC of the last position before it.
+        length_s: until the next.
+    """
+
+    begin_s: float
+    length_s: float
+
+
+@dataclass(frozen=True)
+class Age:
+    """Age of the corrections, of the epochs that state one.
+
+    Attributes:
+        epochs: how many those are.
+        median_s, p95_s, greatest_s: of their ages.
+    """
+
+    epochs: int
+    median_s: float
+    p95_s: float
+    greatest_s: float
+
+
+@dataclass(frozen=True)
+class Continuity:
+    """A receiver's log as it stands, whatever it is compared with.
+
+    Attributes:
+        epochs: number of positions.
+        first_s, last_s: UTC of the first and last.
+        interval_s: median of the steps between them.
+        availability: positions over the number that steps of that length would have made.
+        share_by_fix: of the epochs.
+        first_by_fix_s: seconds from the first position to the first one of each kind: time to first fix. The log does
+            not say when the receiver was switched on.
+        gaps: number of steps longer than 1.5 intervals.
+        longest_gap_s, all_gaps_s: their lengths.
+        gap_list: the longest ones, in the order of time.
+        age: of the corrections; None where none is stated.
+    """
+
+    epochs: int
+    first_s: float
+    last_s: float
+    interval_s: float
+    availability: float
+    share_by_fix: dict[str, float]
+    first_by_fix_s: dict[str, float]
+    gaps: int
+    longest_gap_s: float
+    all_gaps_s: float
+    gap_list: tuple[Gap, ...]
+    age: Age | None
+
+    @classmethod
+    def of(cls, track: GnssTrack) -> Continuity:
+        """Of a track with at least one position."""
+        steps = np.diff(track.t_s)
+        interval = float(np.median(steps)) if len(steps) else 0.0
+        wide = np.flatnonzero(steps > GAP_INTERVALS * interval)
+        span = float(track.t_s[-1] - track.t_s[0])
+        kinds = [Fix(int(code)) for code in np.unique(track.fix)]
+        listed = np.sort(wide[np.argsort(-steps[wide], kind="stable")[:MOST_GAPS_LISTED]])
+        age = track.age_s[np.isfinite(track.age_s) & (track.fix != Fix.SINGLE)]
+        return cls(
+            epochs=len(track),
+            first_s=float(track.t_s[0]),
+            last_s=float(track.t_s[-1]),
+            interval_s=interval,
+            availability=min(1.0, len(track) / (round(span / interval) + 1)) if interval > 0.0 else 1.0,
+            share_by_fix={kind.label: float(np.mean(track.fix == kind)) for kind in kinds},
+            first_by_fix_s={
+                kind.label: float(track.t_s[int(np.argmax(track.fix == kind))] - track.t_s[0]) for kind in kinds
+            },
+            gaps=len(wide),
+            longest_gap_s=float(steps[wide].max()) if len(wide) else 0.0,
+            all_gaps_s=float(steps[wide].sum()),
+            gap_list=tuple(Gap(float(track.t_s[k]), float(steps[k])) for k in listed.tolist()),
+            age=Age(len(age), *(float(v) for v in (*np.quantile(age, (0.5, 0.95)), age.max()))) if len(age) else None,
+        )

@@ -1,0 +1,323 @@
+"""A receiver's positions beside those of a reference at the same instants.
+
+The reference is interpolated to the times of the test: by a cubic through the epochs before and behind (Hermite's, with
+three-point slopes), where there are four in a row without a gap; else by a straight line. Nothing is taken across gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.earth import earth_centred_m, east_north_up
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+FloatArray = NDArray[np.float64]
+
+EQUAL_S: Final = 1e-6
+"""Times that are no further apart are one."""
+BEYOND_S: Final = 1e-3
+"""So far before its first and behind its last epoch a reference is continued: stamps are rounded to milliseconds."""
+GAP_INTERVALS: Final = 1.5
+MOVING_MPS: Final = 0.5
+"""Below this speed a vehicle's direction of travel is not known from positions."""
+BASELINE_S: Final = 0.5
+"""The direction of travel is that between the places so long before and behind."""
+
+
+@dataclass(frozen=True)
+class Matched:
+    """The epochs of a test that a reference covers.
+
+    Attributes:
+        t_s: (n,) UTC.
+        error_m: (n, 3) test minus reference: east, north, up at the reference's place; up is nan where either height is
+            unknown.
+        along_m: (n,) the horizontal error in the direction of travel; nan below :data:`MOVING_MPS`.
+        across_m: (n,) to the left of it.
+        speed_mps: (n,) of the reference.
+        test_m: (n, 3) places of the test east, north, up of the reference's first matched place.
+        reference_m: (n, 3) those of the reference, moved to the test's antenna.
+        epoch: (n,) index of the epoch in the test's track.
+        reference_fix: (n,) int8, the poorer one of the reference's epochs around.
+        interpolated: (n,) whether the reference has no epoch at that time.
+        outside: epochs of the test before the reference begins or behind its end.
+        in_gaps: epochs of the test in gaps of the reference.
+        without_heading: epochs left out because the antennas' offset could not be turned.
+        max_gap_s: longer steps of the reference are gaps.
+        interpolation_m: (2,) median and 95 % of how far the reference's epochs lie from what their neighbours, at twice
+            the interval, would make of them: interpolation errs by less. Nan without moving neighbours.
+    """
+
+    t_s: FloatArray
+    error_m: FloatArray
+    along_m: FloatArray
+    across_m: FloatArray
+    speed_mps: FloatArray
+    test_m: FloatArray
+    reference_m: FloatArray
+    epoch: NDArray[np.intp]
+    reference_fix: NDArray[np.int8]
+    interpolated: NDArray[np.bool_]
+    outside: int
+    in_gaps: int
+    without_heading: int
+    max_gap_s: float
+    interpolation_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+def at_rest(lon_deg: float, lat_deg: float, height_m: float, like: GnssTrack, name: str) -> GnssTrack:
+    """A reference that stands at a known place, with the epochs of a test."""
+    n = len(like)
+    return GnssTrack.build(
+        like.t_s,
+        source=name,
+        service="",
+        lon_deg=np.full(n, lon_deg),
+        lat_deg=np.full(n, lat_deg),
+        height_m=np.full(n, height_m),
+        fix=np.full(n, Fix.MANUAL, np.int8),
+    )
+
+
+def match(
+    test: GnssTrack,
+    reference: GnssTrack,
+    *,
+    antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    max_gap_s: float | None = None,
+) -> Matched:
+    """Set a test beside a reference.
+
+    Args:
+        test: the positions to be judged.
+        reference: what they are judged by.
+        antenna_offset_m: the test's antenna seen from the reference's: forward, left, up. Forward is the heading that
+            the reference states, else that the test states, else the direction of travel, which is kept while standing.
+        max_gap_s: longer steps of the reference are gaps; 1.5 of its median intervals if None.
+
+    Raises:
+        InputError: if no epoch of the test lies between epochs of the reference.
+    """
+    if max_gap_s is None:
+        max_gap_s = GAP_INTERVALS * float(np.median(np.diff(reference.t_s))) if len(reference) > 1 else 1.0
+    test_xyz, reference_xyz = _cartesian(test, reference)
+    curve = _Curve(reference.t_s, reference_xyz, max_gap_s)
+    covered, inside = curve.covers(test.t_s)
+    outside, in_gaps = int(np.sum(~inside)), int(np.sum(inside & ~covered))
+    if not covered.any():
+        raise _apart(test, reference, in_gaps)
+    t_s = test.t_s[covered]
+    place = curve.at(t_s)
+    turn = east_north_up(*_directions(reference, t_s))
+    velocity = np.einsum("nij,nj->ni", turn, curve.velocity(t_s))
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ahead = np.where((speed >= MOVING_MPS)[:, None], velocity[:, :2] / speed[:, None], np.nan)
+    offset = _offset(antenna_offset_m, ahead, test, reference, t_s)
+    epoch = np.flatnonzero(covered)
+    place = place + np.einsum("nji,nj->ni", turn, np.nan_to_num(offset))
+    error = np.einsum("nij,nj->ni", turn, test_xyz[covered] - place)
+    heights = np.isfinite(test.height_m[covered]) & curve.known(t_s, np.isfinite(reference.height_m))
+    error[~heights, 2] = np.nan
+    kept = np.isfinite(offset).all(axis=1)
+    local = east_north_up(*_directions(reference, t_s[:1]))[0]
+    return Matched(
+        t_s=t_s[kept],
+        error_m=error[kept],
+        along_m=np.sum(error[kept, :2] * ahead[kept], axis=1),
+        across_m=error[kept, 1] * ahead[kept, 0] - error[kept, 0] * ahead[kept, 1],
+        speed_mps=speed[kept],
+        test_m=((test_xyz[covered] - place[0]) @ local.T)[kept],
+        reference_m=((place - place[0]) @ local.T)[kept],
+        epoch=epoch[kept],
+        reference_fix=curve.poorer(t_s, reference.fix)[kept],
+        interpolated=curve.between(t_s)[kept],
+        outside=outside,
+        in_gaps=in_gaps,
+        without_heading=int(np.sum(~kept)),
+        max_gap_s=max_gap_s,
+        interpolation_m=curve.interpolation_error(),
+    )
+
+
+def _cartesian(test: GnssTrack, reference: GnssTrack) -> tuple[FloatArray, FloatArray]:
+    """Both tracks' earth-centred coordinates, from the reference's middle; unknown heights are those of the others."""
+    known = np.concatenate([reference.height_m, test.height_m])
+    height = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 0.0
+    test_xyz, reference_xyz = (
+        earth_centred_m(track.lon_deg, track.lat_deg, np.where(np.isfinite(track.height_m), track.height_m, height))
+        for track in (test, reference)
+    )
+    centre = np.median(reference_xyz, axis=0)
+    return test_xyz - centre, reference_xyz - centre
+
+
+def _directions(reference: GnssTrack, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Longitude and latitude (n,) good enough to say where east, north and up are."""
+    lon = np.interp(t_s, reference.t_s, np.unwrap(reference.lon_deg, period=360.0))
+    return lon, np.interp(t_s, reference.t_s, reference.lat_deg)
+
+
+def _offset(
+    offset_m: tuple[float, float, float], ahead: FloatArray, test: GnssTrack, reference: GnssTrack, t_s: FloatArray
+) -> FloatArray:
+    """East, north, up (n, 3) of the test's antenna from the reference's; nan where the heading is not known."""
+    forward, left, up = offset_m
+    if forward == 0.0 and left == 0.0:
+        return np.tile([0.0, 0.0, up], (len(t_s), 1))
+    stated = next((track for track in (reference, test) if np.isfinite(track.heading_deg).any()), None)
+    if stated is not None:
+        known = np.isfinite(stated.heading_deg)
+        heading = np.radians(np.unwrap(stated.heading_deg[known], period=360.0))
+        angle = np.interp(t_s, stated.t_s[known], heading)
+        ahead = np.column_stack([np.sin(angle), np.cos(angle)])
+        nearest = _nearest(stated.t_s[known], t_s)
+        ahead[np.abs(nearest - t_s) > 2.0] = np.nan
+    else:
+        ahead = _held(ahead)
+    east = forward * ahead[:, 0] - left * ahead[:, 1]
+    north = forward * ahead[:, 1] + left * ahead[:, 0]
+    return np.column_stack([east, north, np.full(len(t_s), up)])
+
+
+def _nearest(known_s: FloatArray, t_s: FloatArray) -> FloatArray:
+    at = np.clip(np.searchsorted(known_s, t_s), 1, max(len(known_s) - 1, 1))
+    before, behind = known_s[at - 1], known_s[np.minimum(at, len(known_s) - 1)]
+    return np.where(t_s - before < behind - t_s, before, behind)
+
+
+def _held(ahead: FloatArray) -> FloatArray:
+    """Directions (n, 2) with unknown ones filled by the last known before, the first ones by the first known."""
+    known = np.isfinite(ahead[:, 0])
+    if not known.any():
+        return ahead
+    last = np.maximum.accumulate(np.where(known, np.arange(len(ahead)), -1))
+    held: FloatArray = ahead[np.where(last >= 0, last, int(np.argmax(known)))]
+    return held
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A reference's way.
+
+    Attributes:
+        t_s: (n,) of its epochs.
+        xyz_m: (n, 3).
+        max_gap_s: longer steps are gaps.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    max_gap_s: float
+
+    def _step(self, t_s: FloatArray) -> NDArray[np.intp]:
+        """The epoch before each time (but for the last, which has none behind)."""
+        at = np.searchsorted(self.t_s, t_s + EQUAL_S, side="right") - 1
+        return np.clip(at, 0, max(len(self.t_s) - 2, 0))
+
+    def between(self, t_s: FloatArray) -> NDArray[np.bool_]:
+        """Whether there is no epoch at each time."""
+        return np.asarray(np.abs(_nearest(self.t_s, t_s) - t_s) > EQUAL_S)
+
+    def covers(self, t_s: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which times have epochs around them without a gap; and which lie between the first and the last at all."""
+        near = np.abs(_nearest(self.t_s, t_s) - t_s) <= BEYOND_S
+        inside = near | ((t_s >= self.t_s[0]) & (t_s <= self.t_s[-1]))
+        if len(self.t_s) < 2:
+            return near, near
+        k = self._step(t_s)
+        return inside & (near | (self.t_s[k + 1] - self.t_s[k] <= self.max_gap_s)), inside
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Places (m, 3) at times; straight between two epochs, cubic between four."""
+        if len(self.t_s) < 2:
+            return np.repeat(self.xyz_m, len(t_s), axis=0)
+        k = self._step(t_s)
+        t, p = self.t_s, self.xyz_m
+        step = t[k + 1] - t[k]
+        share = ((t_s - t[k]) / step)[:, None]
+        whole = step <= self.max_gap_s
+        # Beside a gap only the epoch itself counts, and a stamp that is a rounding away from it.
+        nearest = np.where((np.abs(t_s - t[k]) <= np.abs(t[k + 1] - t_s))[:, None], p[k], p[k + 1])
+        straight = np.where(whole[:, None], p[k] + share * (p[k + 1] - p[k]), nearest)
+        before, behind = np.maximum(k - 1, 0), np.minimum(k + 2, len(t) - 1)
+        four = whole & (k >= 1) & (k + 2 < len(t)) & (share[:, 0] >= 0.0) & (share[:, 0] <= 1.0)
+        four &= (t[k] - t[before] <= self.max_gap_s) & (t[behind] - t[k + 1] <= self.max_gap_s)
+        if not four.any():
+            return straight
+        k, share, h = k[four], share[four], step[four][:, None]
+        slope = (p[k + 1] - p[k]) / h
+        h_before, h_behind = (t[k] - t[k - 1])[:, None], (t[k + 2] - t[k + 1])[:, None]
+        first = (h_before * slope + h * (p[k] - p[k - 1]) / h_before) / (h + h_before)
+        second = (h_behind * slope + h * (p[k + 2] - p[k + 1]) / h_behind) / (h + h_behind)
+        u = share
+        straight[four] = (
+            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * p[k]
+            + u * (1.0 - u) ** 2 * h * first
+            + u**2 * (3.0 - 2.0 * u) * p[k + 1]
+            + u**2 * (u - 1.0) * h * second
+        )
+        return straight
+
+    def velocity(self, t_s: FloatArray) -> FloatArray:
+        """Velocities (m, 3): the way between the nearest covered places half a second before and behind."""
+        early, late = t_s - BASELINE_S, t_s + BASELINE_S
+        early = np.where(self.covers(early)[0], early, t_s)
+        late = np.where(self.covers(late)[0], late, t_s)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            velocity: FloatArray = (self.at(late) - self.at(early)) / (late - early)[:, None]
+        return velocity
+
+    def known(self, t_s: FloatArray, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether a flag (n,) holds for the epochs around each time."""
+        k = self._step(t_s)
+        both: NDArray[np.bool_] = flags[k] & flags[np.minimum(k + 1, len(flags) - 1)]
+        return both
+
+    def poorer(self, t_s: FloatArray, fix: NDArray[np.int8]) -> NDArray[np.int8]:
+        """The fix of the epoch at each time, or the one that is not FIXED of those around it."""
+        k = self._step(t_s)
+        behind = np.minimum(k + 1, len(fix) - 1)
+        at_first = np.abs(t_s - self.t_s[k]) <= BEYOND_S
+        at_second = np.abs(self.t_s[behind] - t_s) <= BEYOND_S
+        around = np.where(fix[k] != Fix.FIXED, fix[k], fix[behind])
+        found: NDArray[np.int8] = np.where(at_first, fix[k], np.where(at_second, fix[behind], around)).astype(np.int8)
+        return found
+
+    def interpolation_error(self) -> FloatArray:
+        """Median and 95 % of the distances of epochs from what the cubic makes of every other one."""
+        if len(self.t_s) < 6:
+            return np.full(2, np.nan)
+        half = _Curve(self.t_s[::2], self.xyz_m[::2], 2.0 * self.max_gap_s)
+        t_s, place = self.t_s[1::2], self.xyz_m[1::2]
+        covered = half.covers(t_s)[0]
+        if not covered.any():
+            return np.full(2, np.nan)
+        away = np.linalg.norm(half.at(t_s[covered]) - place[covered], axis=1)
+        return np.asarray(np.quantile(away, [0.5, 0.95]), np.float64)
+
+
+def _apart(test: GnssTrack, reference: GnssTrack, in_gaps: int) -> InputError:
+    spans = [f"{iso_utc(float(track.t_s[0]))} to {iso_utc(float(track.t_s[-1]))}" for track in (test, reference)]
+    if in_gaps:
+        return InputError(
+            f"{reference.source}: all {in_gaps} epochs of {test.source} lie in its gaps.",
+            "Positions are compared at the same instants only, and nothing is interpolated across gaps.",
+            "Allow longer steps with --max-gap SECONDS if the reference is as sparse as that.",
+            code="reference-gaps",
+        )
+    return InputError(
+        f"{test.source} ({spans[0]}) and {reference.source} ({spans[1]}) have no time in common.",
+        "Positions are compared at the same instants.",
+        "Give logs of the same drive; `furrowmap inspect` on both tells by how much their clocks differ.",
+        code="no-time-in-common",
+    )

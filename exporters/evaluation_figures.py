@@ -1,0 +1,144 @@
+"""What an evaluation of a GNSS log came to, as plain figures and as a table of its epochs."""
+
+from __future__ import annotations
+
+import csv
+import math
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.evaluation.evaluation import Evaluation
+from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Row, Table
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import Fix
+
+HEADER: Final = (
+    "time", "t_s", "x_m", "y_m", "z_m", "error_2d_m", "error_3d_m", "along_m", "across_m", "speed_mps", "fix",
+    "reference_fix", "interpolated", "sigma_e_m", "sigma_n_m", "sigma_h_m", "age_s", "outlier",
+)  # fmt: skip
+
+
+def figures(found: Evaluation) -> dict[str, Any]:
+    """All of it but the epochs, in the order in which it is read; metres with four decimals."""
+    matched, log = found.matched, found.continuity
+    return {
+        "furrowmap": version("furrowmap"),
+        "test": {"file": found.test, "service": found.service or None},
+        "reference": {
+            "file": found.reference,
+            "service": found.reference_service or None,
+            "share_by_fix": _rounded(found.reference_share_by_fix),
+        },
+        "definitions": DEFINITIONS,
+        "antenna_offset_m": found.antenna_offset_m,
+        "epochs": {
+            "in_test": log.epochs,
+            "compared": len(matched),
+            "interpolated": int(matched.interpolated.sum()),
+            "outside_reference": matched.outside,
+            "in_gaps_of_reference": matched.in_gaps,
+            "without_heading": matched.without_heading,
+            "reference_not_fixed": found.left_out_by_reference_fix,
+            "outliers": int(found.outlier.sum()),
+            "outlier_share": round(float(found.outlier.mean()), 4),
+        },
+        "interpolation": {
+            "longest_step_s": round(matched.max_gap_s, 3),
+            "every_other_epoch_median_m": _metres(matched.interpolation_m[0]),
+            "every_other_epoch_p95_m": _metres(matched.interpolation_m[1]),
+        },
+        "tables": {kind: _table(rows) for kind, rows in found.tables.items()},
+        "stated_sigmas": _rounded(found.within_sigmas) if found.within_sigmas else None,
+        "test_ahead_s": (
+            {"estimate": round(found.time_ahead_s[0], 4), "standard_error": round(found.time_ahead_s[1], 4)}
+            if found.time_ahead_s
+            else None
+        ),
+        "continuity": {
+            "first": iso_utc(log.first_s),
+            "last": iso_utc(log.last_s),
+            "interval_s": round(log.interval_s, 3),
+            "availability": round(log.availability, 4),
+            "share_by_fix": _rounded(log.share_by_fix),
+            "first_by_fix_s": _rounded(log.first_by_fix_s, 2),
+            "gaps": log.gaps,
+            "longest_gap_s": round(log.longest_gap_s, 3),
+            "all_gaps_s": round(log.all_gaps_s, 3),
+            "gap_list": [{"begin": iso_utc(gap.begin_s), "length_s": round(gap.length_s, 3)} for gap in log.gap_list],
+            "age_of_corrections": (
+                {
+                    "epochs": log.age.epochs,
+                    "median_s": round(log.age.median_s, 2),
+                    "p95_s": round(log.age.p95_s, 2),
+                    "greatest_s": round(log.age.greatest_s, 2),
+                }
+                if log.age
+                else None
+            ),
+        },
+        "warnings": found.notices,
+    }
+
+
+def write_epochs(path: Path, found: Evaluation) -> None:
+    """Write a row for each epoch that was compared; what is unknown stays empty.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    matched = found.matched
+    error = matched.error_m
+    columns = [
+        error[:, 0], error[:, 1], error[:, 2], np.hypot(error[:, 0], error[:, 1]), np.sqrt(np.sum(error**2, axis=1)),
+        matched.along_m, matched.across_m, matched.speed_mps,
+    ]  # fmt: skip
+    numbers = [[_cell(value) for value in column.tolist()] for column in columns]
+    sigmas = [[_cell(value) for value in found.sigma_m[:, axis].tolist()] for axis in range(3)]
+    labels = {int(fix): fix.label for fix in Fix}
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(HEADER)
+        for k, t_s in enumerate(matched.t_s.tolist()):
+            table.writerow(
+                [
+                    iso_utc(t_s),
+                    repr(t_s),
+                    *(column[k] for column in numbers),
+                    labels[int(found.fix[k])],
+                    labels[int(matched.reference_fix[k])],
+                    int(matched.interpolated[k]),
+                    *(column[k] for column in sigmas),
+                    _cell(float(found.age_s[k])),
+                    int(found.outlier[k]),
+                ]
+            )
+
+
+def _cell(value: float) -> str:
+    return f"{value:.4f}" if math.isfinite(value) else ""
+
+
+def _table(rows: Table) -> dict[str, Any]:
+    return {quantity: _row(row) for quantity, row in rows.items()}
+
+
+def _row(row: Row) -> dict[str, Any]:
+    return {
+        "n": row.n,
+        "average_m": _metres(row.average_m),
+        "standard_deviation_m": _metres(row.standard_deviation_m),
+        "rmse_m": _metres(row.rmse_m),
+        **{f"p{100 * q:.0f}_m": _metres(value) for q, value in zip(QUANTILES, row.percentiles_m, strict=True)},
+        "greatest_m": _metres(row.greatest_m),
+    }
+
+
+def _metres(value: float) -> float:
+    return round(float(value), 4)
+
+
+def _rounded(values: dict[str, float], digits: int = 4) -> dict[str, float]:
+    return {name: round(value, digits) for name, value in values.items()}
