@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -11,6 +11,8 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.words import figures, table
 from furrowmap.core.values.errors import Notice, UsageError, printable
+
+CLASSES: Final = frozenset(range(256))
 
 
 @click.command(
@@ -20,7 +22,10 @@ from furrowmap.core.values.errors import Notice, UsageError, printable
 @click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
 @click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Folder for the surfaces.")
 @click.option(
-    "--cell", type=float, metavar="METRES", help="Side of a cell [default: the least round one with four points in it]."
+    "--cell",
+    type=click.FloatRange(0, min_open=True),
+    metavar="METRES",
+    help="Side of a cell [default: the least round one with four points in it].",
 )
 @click.option(
     "--statistic",
@@ -31,7 +36,12 @@ from furrowmap.core.values.errors import Notice, UsageError, printable
 )
 @click.option("--bbox", metavar="W,S,E,N", help="Only points in this box, in the CRS of the surfaces.")
 @click.option("--bbox-crs", metavar="CRS", help="The CRS of the box, if it is another one.")
-@click.option("--class", "classes", metavar="N,N", help="Only points of these classes [default: all but noise].")
+@click.option(
+    "--class",
+    "classes",
+    metavar="N,N",
+    help="Only points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
+)
 @click.option(
     "--ground-method",
     type=click.Choice(["auto", "class", "smrf", "csf", "none"]),
@@ -54,6 +64,12 @@ from furrowmap.core.values.errors import Notice, UsageError, printable
     metavar="METRES",
     help="Fill gaps up to so far from seen heights, nothing outside.",
 )
+@click.option(
+    "--tillage",
+    type=float,
+    metavar="DEGREES",
+    help="Direction of tillage, clockwise from grid north: random roughness is then told without its marks.",
+)
 @click.option("--crs", metavar="CRS", help="The CRS of clouds that state none.")
 @click.option("--dst-crs", metavar="CRS", help="The CRS of the surfaces, in metres [default: that of the clouds].")
 @click.option("--overwrite", is_flag=True, help="Replace earlier surfaces in that folder.")
@@ -71,6 +87,7 @@ def surface(
     outliers: Any,
     every: int,
     fill: float,
+    tillage: float | None,
     crs: str | None,
     dst_crs: str | None,
     *,
@@ -83,7 +100,11 @@ def surface(
     standard error.
     """
     box = _numbers(bbox, "--bbox", 4)
+    if box is not None and not (box[0] < box[2] and box[1] < box[3]):
+        raise _no_list("--bbox", bbox, "west, south, east, north, each side less than the one across from it")
     kept = _numbers(classes, "--class")
+    if kept is not None and not CLASSES.issuperset(kept):
+        raise _no_list("--class", classes, "classes, whole numbers from 0 to 255,")
     from pyproj import CRS
 
     from furrowmap.core.crs_change import crs_of
@@ -103,6 +124,7 @@ def surface(
         outliers=outliers,
         every=every,
         fill_m=fill,
+        tillage_heading_deg=tillage,
         crs=named(crs),
         dst_crs=named(dst_crs),
     )
@@ -126,14 +148,17 @@ def _numbers(text: str | None, option: str, count: int | None = None) -> list[fl
     except ValueError:
         numbers = []
     if not numbers or (count is not None and len(numbers) != count):
-        many = f"{count} numbers" if count is not None else "numbers"
-        raise UsageError(
-            f"{option} {text!r}: that is not {many} with commas between them.",
-            "Nothing was done.",
-            "Such as --bbox 500000,5000000,500100,5000100, or --class 2,9.",
-            code="usage",
-        )
+        raise _no_list(option, text, f"{count} numbers" if count is not None else "numbers")
     return numbers
+
+
+def _no_list(option: str, text: str | None, wanted: str) -> UsageError:
+    return UsageError(
+        f"{option} {text!r}: that is not {wanted} with commas between them.",
+        "Nothing was done.",
+        "Such as --bbox 500000,5000000,500100,5000100, or --class 2,9.",
+        code="usage",
+    )
 
 
 def _words(account: dict[str, Any], folder: Path) -> str:

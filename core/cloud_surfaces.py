@@ -28,7 +28,6 @@ from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outlie
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
-from furrowmap.core.surfaces.thinning import every_nth
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.progress import Progress, silent
 
@@ -134,7 +133,7 @@ def spool_clouds(
         ground: takes those of the ground.
         box: west, south, east, north of the points wanted; None for all.
         classes: that are wanted; None for all but noise and machines.
-        every: every so many-th of them is taken.
+        every: every so many-th of them is taken, beginning with the first.
         progress: is told of the stage "reading clouds".
 
     Raises:
@@ -142,11 +141,12 @@ def spool_clouds(
         OSError: if the scratch files cannot be written.
     """
     surveys: list[Survey] = []
-    count = ground_count = 0
+    seen = count = ground_count = 0
     total = max(clouds.points, 1)
     first_s, last_s = math.inf, -math.inf
     for batch in clouds.batches(box, classes, surveys.append, lambda done: progress("reading clouds", done / total)):
-        kept = every_nth(len(batch.xyz_m), every)
+        kept = (seen + np.arange(len(batch.xyz_m))) % every == 0
+        seen += len(kept)
         of_ground = kept & batch.ground
         points.add(batch.xyz_m, kept=kept)
         ground.add(batch.xyz_m, kept=of_ground)

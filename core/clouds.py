@@ -18,7 +18,7 @@ from furrowmap.core.crs_choice import choose_crs
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.point_classes import PointClass
 
 FloatArray = NDArray[np.float64]
@@ -125,10 +125,12 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
         dst_crs: of the points given out, projected and in metres; None for the files' own.
 
     Raises:
+        UsageError: if a file is named twice.
         InputError: if a file cannot be read, if their CRS are unknown or differ, or if that of the result is not
             projected in metres.
         RefusedError: if PROJ cannot vouch for the way into `dst_crs`.
     """
+    _refuse_twice(paths)
     files = tuple(open_cloud(path) for path in paths)
     source = _common_crs(files, crs)
     flat, height = _parts(source)
@@ -152,6 +154,20 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     if height is not None and unit_m == 1.0:
         whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
     return Clouds(files, whole, change, unit_m, tuple(notices))
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """Raises UsageError where the points of a file would count twice."""
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
+            raise UsageError(
+                f"{path} is the same file as {first}.",
+                "Its points would count twice, and surfaces look surer than they are.",
+                "Name each cloud once.",
+                code="cloud-twice",
+            )
 
 
 def _within(points: CloudPoints, box: Box | None) -> CloudPoints:

@@ -96,13 +96,17 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
         folder: where the file will stand.
 
     Raises:
-        InputError: if a recording lies outside `folder`, or has a name that no TOML file can hold.
+        InputError: if a recording lies outside `folder`, or has a name that no TOML file can hold; or if none of them
+            is of a kind that a session is made of.
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
     lidar = [r for r in ordered if r.gives_scans]
     gnss = [r for r in ordered if r.gives_track]
     poses = [r for r in ordered if r.gives_poses]
     states = [r for r in ordered if r.gives_states]
+    used = [*lidar, *gnss, *poses, *states]
+    if not used:
+        raise _nothing_recorded(ordered[0])
     matches = list(time_matches(ordered))
     near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
     beginnings = [_beginning(r, near_s) for r in gnss + poses]
@@ -129,9 +133,26 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     missing = [
         *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", b.fault) for b in beginnings if b.fault),
+        *(
+            Notice("recording-unused", f"{r.path.name} ({r.inspection.title}): no part of a session is made of it.")
+            for r in ordered
+            if r not in used
+        ),
         *_missing(crs, scans=bool(lidar), states=bool(states), gnss=bool(gnss), poses=bool(poses)),
     ]
     return Proposal(text, tuple(found), tuple(missing))
+
+
+def _nothing_recorded(other: Examined) -> InputError:
+    finished = other.inspection.format == "las"
+    return InputError(
+        f"{other.path} is no recording: {other.inspection.title}.",
+        "A session is made of a laser scanner's recording with positions or a trajectory, or of a log of the work.",
+        f"Make surfaces of a finished cloud with `furrowmap surface {other.path.name} -o DIR`."
+        if finished
+        else "Name the scanner's recording and the GNSS log.",
+        code="no-recording",
+    )
 
 
 @dataclass(frozen=True)

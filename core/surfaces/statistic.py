@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, Self
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.errors import UsageError
 
 NMAD: Final = 1.4826
 """Times the median absolute deviation is the standard deviation of what is normally distributed."""
@@ -34,7 +34,7 @@ class Statistic:
         """The statistic of a name.
 
         Raises:
-            InputError: if there is none of that name.
+            UsageError: if there is none of that name.
         """
         word = name.strip().lower()
         if word in {"mean", "trimmed"}:
@@ -44,7 +44,7 @@ class Statistic:
         number = re.fullmatch(r"p(\d{1,3}(?:\.\d+)?)", word)
         if number and float(number[1]) <= 100.0:
             return cls(word, float(number[1]))
-        raise InputError(
+        raise UsageError(
             f"There is no statistic '{name}'.",
             "It says which height stands for the returns of a cell.",
             "Choose median, trimmed, mean, min, max, or a percentile such as p90.",

@@ -71,9 +71,12 @@ def test_surface__refuses_what_cannot_be_read_and_writes_nothing(
     [
         (["--bbox", "1,2,3"], 2, "4 numbers"),
         (["--class", "two"], 2, "numbers"),
-        (["--statistic", "mode"], 3, "statistic"),
+        (["--statistic", "mode"], 2, "statistic"),
         (["--crs", "EPSG:0"], 3, "no CRS"),
-        (["--cell", "0"], 3, "cell"),
+        (["--cell", "0"], 2, "cell"),
+        (["--class", "2.5"], 2, "0 to 255"),
+        (["--class", "256"], 2, "0 to 255"),
+        (["--bbox", "10,0,0,10"], 2, "west, south"),
     ],
 )
 def test_surface__wrong_arguments_are_told(
@@ -95,3 +98,10 @@ def test_inspect__tells_a_cloud_and_its_lies(las: Path, capsys: pytest.CaptureFi
     status, _, err = told(capsys, "inspect", las / "hostile" / "d_laz_cut_in_half.laz")
     assert status == 3
     assert "cut off" in err
+
+
+def test_surface__counts_no_cloud_twice(las: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cloud = las / "good" / "las12_pf3_autzen_trim.laz"
+    status, _, err = told(capsys, "surface", cloud, cloud.parent / "." / cloud.name, "-o", tmp_path / "out")
+    assert status == 2
+    assert "would count twice" in err

@@ -168,6 +168,21 @@ def test_roughness__of_a_smooth_field_is_that_of_its_cells(made: Path) -> None:
     assert rough[plain].max() < 0.002
 
 
+def test_roughness__along_the_tillage_is_without_its_marks(tmp_path: Path) -> None:
+    heading = np.radians(30.0)
+    e, n = (axis.ravel() for axis in np.mgrid[0:6:0.04, 0:6:0.04])
+    marks = 0.05 * np.sin(2.0 * np.pi * (e * np.cos(heading) - n * np.sin(heading)) / 0.8)
+    cloud = write(tmp_path / "a.las", np.column_stack([WEST + e, SOUTH + n, 100.0 + marks]), 2)
+    rough = {}
+    for tillage in (None, 30.0, 120.0):
+        settings = CloudSettings(0.05, ground="class", tillage_heading_deg=tillage)
+        write_cloud_surfaces([cloud], tmp_path / "out", settings, overwrite=True)
+        rough[tillage] = float(np.nanmedian(raster(tmp_path / "out" / "roughness.tif")[0]))
+    assert rough[None] == pytest.approx(0.05 / np.sqrt(2.0), rel=0.15)
+    assert rough[30.0] < 0.25 * rough[None]  # strips are as wide as a cell, in which the marks rise
+    assert rough[120.0] > 0.8 * rough[None]
+
+
 def test_windows__leave_no_seams(
     clouds: list[Path], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

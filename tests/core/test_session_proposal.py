@@ -168,6 +168,18 @@ def test_bag_without_scans__is_named_for_its_positions_alone(shared_data: Path) 
     assert (session.recording.lidar, session.recording.gnss) == ((UNKNOWN,), ("husky_imu_odom_fix.bag",))
 
 
+def test_finished_cloud__is_no_recording(shared_data: Path, capture: Path) -> None:
+    cloud = Examined.of(shared_data / "las" / "good" / "las12_pf3_autzen_trim.laz")
+    with pytest.raises(InputError) as refused:
+        propose_session([cloud], cloud.path.parent)
+    assert refused.value.code == "no-recording"
+    assert "furrowmap surface" in "\n".join(refused.value.lines)
+    shutil.copyfile(cloud.path, capture.with_name("cloud.laz"))
+    proposal, session = proposed(capture.parent, capture, capture.with_name("cloud.laz"))
+    assert session.recording.lidar == (capture.name,)
+    assert "recording-unused" in codes(proposal)
+
+
 def test_recording_outside__is_refused(capture: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     with pytest.raises(InputError, match="outside"):

@@ -16,7 +16,7 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import Moments, ordered_surface
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.surfaces.statistic import NMAD, TRIM, Statistic
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.errors import InputError, UsageError
 
 GRID = Grid(0.5, -3, 4, (7, 5))
 NAMES = ["median", "trimmed", "mean", "min", "max", "p0", "p37.5", "p90"]
@@ -105,7 +105,7 @@ def test_standard_errors__are_those_of_repeated_cells(name: str) -> None:
 
 def test_statistics__of_no_known_name_are_refused() -> None:
     for name in ("mode", "p101", "p-1", ""):
-        with pytest.raises(InputError) as refused:
+        with pytest.raises(UsageError) as refused:
             Statistic.parse(name)
         assert refused.value.code == "unknown-statistic"
 

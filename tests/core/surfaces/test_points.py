@@ -1,15 +1,13 @@
-"""Outliers and thinning against the plainest way to find them."""
+"""Outliers against the plainest way to find them."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outliers
-from furrowmap.core.surfaces.thinning import Which, every_nth, one_a_cell, one_a_voxel
 
 
 @settings(deadline=None)
@@ -39,25 +37,3 @@ def test_outliers__are_points_without_a_place() -> None:
         assert np.flatnonzero(find(xyz)).tolist() == [3]
         assert find(np.full((4, 3), np.nan)).all()
         assert find(np.zeros((0, 3))).shape == (0,)
-
-
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.1, 5.0), st.sampled_from(["first", "lowest", "highest"]))
-def test_thinning__keeps_one_of_every_cell(seed: int, size_m: float, which: Which) -> None:
-    xyz = np.random.default_rng(seed).normal(0.0, 3.0, (60, 3))
-    by_cell: dict[tuple[float, ...], list[int]] = {}
-    by_voxel: dict[tuple[float, ...], int] = {}
-    for k, place in enumerate(np.floor(xyz / size_m).tolist()):
-        by_cell.setdefault(tuple(place[:2]), []).append(k)
-        by_voxel.setdefault(tuple(place), k)
-    best = {"first": min, "lowest": lambda of: min(of, key=lambda k: xyz[k, 2])}
-    best["highest"] = lambda of: max(of, key=lambda k: xyz[k, 2])
-    assert set(np.flatnonzero(one_a_cell(xyz, size_m, which))) == {best[which](of) for of in by_cell.values()}
-    assert set(np.flatnonzero(one_a_voxel(xyz, size_m))) == set(by_voxel.values())
-
-
-def test_every_nth__begins_with_the_first() -> None:
-    assert np.flatnonzero(every_nth(10, 4)).tolist() == [0, 4, 8]
-    assert every_nth(0, 3).shape == (0,)
-    with pytest.raises(ValueError, match="every 0th"):
-        every_nth(4, 0)
