@@ -162,7 +162,7 @@ def _words(found: Evaluation) -> str:
     parts = [table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())]
     parts.append(
         "Test minus reference in metres: X east, Y north, Z up; averages of X, Y, Z with sign; standard deviation of\n"
-        "the population, so that RMSE² = average² + standard deviation²; along and across (left) the direction of travel."
+        "the population, so that RMSE² = average² + standard deviation²; along and across (left) the way of travel."
     )
     return "\n\n".join(parts)
 

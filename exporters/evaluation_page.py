@@ -118,7 +118,7 @@ def _table(rows: Table) -> str:
         ("Average", [rows[name].average_m for name in names]),
         ("Standard deviation", [rows[name].standard_deviation_m for name in names]),
         ("RMSE", [rows[name].rmse_m for name in names]),
-        *((f"{q:.0%} below", [rows[name].percentiles_m[k] for name in names]) for k, q in enumerate(QUANTILES)),
+        *((f"{100 * q:.0f} % below", [rows[name].percentiles_m[k] for name in names]) for k, q in enumerate(QUANTILES)),
         ("Greatest", [rows[name].greatest_m for name in names]),
     ]
     body = "".join(
