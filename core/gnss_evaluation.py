@@ -48,9 +48,15 @@ def evaluate_logs(
     """
     progress(f"Reading {test.name}", 0.0)
     options = ReadOptions(date=date)
-    judged, notices = _track([test], options)
-    place = PLACE.fullmatch(reference)
-    if place and not Path(reference).exists():
+    place = None if Path(reference).exists() else PLACE.fullmatch(reference)
+    try:
+        judged, notices = _track([test], options)
+    except InputError as error:
+        if error.code != "no-date" or place:
+            raise
+        dated, _ = _track([Path(reference)], options)
+        judged, notices = _track([test], ReadOptions(near_s=float(dated.t_s[0])))
+    if place:
         lat, lon, height = (float(number) for number in place.groups())
         if abs(lat) > 90.0 or abs(lon) > 360.0:
             raise InputError(

@@ -103,6 +103,7 @@ def _figures(found: Evaluation) -> list[str]:
     told = [
         (f"RMSE 2D, {word}", _metres(best["2D"].rmse_m)),
         (f"RMSE Z, {word}", _metres(best["Z"].rmse_m)),
+        (f"median 2D, {word}", _metres(best["2D"].percentiles_m[0])),
         ("95 % 2D, all epochs", _metres(found.tables["all"]["2D"].percentiles_m[QUANTILES.index(0.95)])),
         ("fixed", f"{found.continuity.share_by_fix.get(Fix.FIXED.label, 0.0):.1%}"),
         ("outliers", f"{found.outlier.mean():.1%}"),
@@ -240,8 +241,12 @@ def _continuity(found: Evaluation) -> str:
         ),
         ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
     ]
-    body = "".join(f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in rows)
+    body = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in rows)
     return f'<div class="scroll"><table>{body}</table></div>'
+
+
+def _cell(text: str) -> str:
+    return f'<td style="white-space: normal; text-align: left">{escape(text)}</td>'
 
 
 def _definitions() -> str:

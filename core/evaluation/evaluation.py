@@ -33,7 +33,8 @@ class Evaluation:
         sigma_m: (n, 3) standard deviations that the test stated: east, north, up.
         age_s: (n,) of the corrections.
         within_sigmas: see :func:`furrowmap.core.evaluation.statistics.within_sigmas`.
-        time_ahead_s: see :func:`furrowmap.core.evaluation.statistics.time_ahead_s`.
+        time_ahead_s: see :func:`furrowmap.core.evaluation.statistics.time_ahead_s`; by the fixed epochs where there are
+            any, without outliers.
         continuity: of the test's log.
         reference_share_by_fix: share of the compared epochs by the reference's fix.
         left_out_by_reference_fix: epochs left out because the reference was not of the fix asked for.
@@ -97,6 +98,9 @@ def evaluate(
     for kind in np.unique(fix).tolist():
         mine = fix == kind
         tables[Fix(kind).label] = table(error[mine], found.along_m[mine], found.across_m[mine])
+    outlier = outliers(error, fix)
+    # The errors of poor fixes are no noise: they drift, and would pass for an offset of the clock.
+    steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
     sigma = np.column_stack([test.sigma_e_m, test.sigma_n_m, test.sigma_h_m])[found.epoch]
     return Evaluation(
         test=test.source,
@@ -107,11 +111,11 @@ def evaluate(
         matched=found,
         fix=fix,
         tables=tables,
-        outlier=outliers(error, fix),
+        outlier=outlier,
         sigma_m=sigma,
         age_s=test.age_s[found.epoch],
         within_sigmas=within_sigmas(error, sigma),
-        time_ahead_s=time_ahead_s(found.along_m, found.speed_mps),
+        time_ahead_s=time_ahead_s(found.along_m[steady], found.speed_mps[steady]),
         continuity=Continuity.of(test),
         reference_share_by_fix={
             Fix(kind).label: float(np.mean(found.reference_fix == kind)) for kind in np.unique(found.reference_fix)
