@@ -7,7 +7,7 @@ PARTS := core exporters cli
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck format bench bench-sessions docs clean
+.PHONY: help demo test setup lint typecheck format bench bench-sessions docs plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -44,6 +44,9 @@ bench: $(INSTALLED)  ## speed, memory and error, beside others
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py
+
+plugin: $(INSTALLED)  ## the QGIS plugin as a zip, in dist
+	$(BIN)/python scripts/plugin_zip.py
 
 clean:  ## remove everything that can be made again
 	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

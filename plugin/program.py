@@ -52,6 +52,7 @@ def run_program(words, on_line, is_cancelled):
     process.start(words[0], list(words[1:]), QIODevice.OpenModeFlag.ReadOnly)
     if not process.waitForStarted(_START_MS):
         raise ProgramError(f"{words[0]}: {process.errorString()}")
+    process.closeWriteChannel()  # who asks gets no answer, instead of waiting for one
     told, last = [], ""
     try:
         running = True

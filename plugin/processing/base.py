@@ -173,7 +173,7 @@ class VerbAlgorithm(QgsProcessingAlgorithm):
         if isinstance(definition, QgsProcessingParameterMultipleLayers):
             return self.parameterAsFileList(parameters, name, context)
         if isinstance(definition, QgsProcessingParameterEnum):
-            return self.parameterAsEnumStrings(parameters, name, context)
+            return [choice for choice in self.parameterAsEnumStrings(parameters, name, context) if choice]
         if isinstance(definition, QgsProcessingParameterCrs):
             crs = self.parameterAsCrs(parameters, name, context)
             return [crs_words(crs)] if crs.isValid() else []

@@ -4,21 +4,25 @@
 from pathlib import Path
 
 from qgis.core import (
+    Qgis,
     QgsColorRampShader,
     QgsProcessingContext,
     QgsProcessingLayerPostProcessorInterface,
+    QgsProcessingUtils,
     QgsProviderRegistry,
-    QgsRasterBandStats,
     QgsRasterShader,
     QgsSingleBandPseudoColorRenderer,
     QgsStyle,
     QgsVectorLayer,
 )
+from qgis.PyQt import sip
 
 from ..styles import show_as_change, show_as_surface
 
+RASTERS = (".tif", ".vrt")
 HEIGHTS = ("dsm", "dsm_before", "dtm")
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
+SHARES, SAMPLED = (0.02, 0.98), 250_000
 
 
 def load_when_done(context, path, group):
@@ -31,26 +35,40 @@ def load_when_done(context, path, group):
     """
     if context.project() is None:
         return
+    hints = QgsProcessingUtils.LayerHint
+    hint = hints.Raster if Path(path).suffix.lower() in RASTERS else hints.Vector
     for source, name in sources(path):
-        details = QgsProcessingContext.LayerDetails(name, context.project(), name)
+        details = QgsProcessingContext.LayerDetails(name, context.project(), name, hint)
         details.forceName = True
         details.groupName = group
-        details.setPostProcessor(_STYLE)
+        details.setPostProcessor(_Style.kept())
         context.addLayerToLoadOnCompletion(source, details)
 
 
 def sources(path):
     """Source and name of each layer in a file."""
+    path = Path(path)
+    if path.suffix.lower() in RASTERS:
+        return [(str(path), path.stem)]
     found = QgsProviderRegistry.instance().querySublayers(str(path))
-    return [
-        (details.uri(), details.name() if len(found) > 1 else Path(path).stem)
-        for details in found
-        if details.name() != "layer_styles"
-    ]
+    layers = [details for details in found if details.wkbType() != Qgis.WkbType.NoGeometry]  # tables stay in the file
+    return [(details.uri(), details.name() if len(layers) > 1 else path.stem) for details in layers]
 
 
 class _Style(QgsProcessingLayerPostProcessorInterface):
-    """The look of a layer: a vector's own, stored beside it; a raster's by its name."""
+    """The look of a layer: a vector's own, stored beside it; a raster's by its name.
+
+    QGIS deletes each together with its context, but does not keep its Python half alive until then: the class does.
+    """
+
+    _kept = ()
+
+    @classmethod
+    def kept(cls):
+        """A new one, for one layer."""
+        style = cls()
+        cls._kept = (*(other for other in cls._kept if not sip.isdeleted(other)), style)
+        return style
 
     def postProcessLayer(self, layer, context, feedback):  # noqa: N802, ARG002 - the names are QGIS's
         """Set it, in the main thread."""
@@ -64,19 +82,14 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
             show_by_ramp(layer, RAMPS[layer.name()])
 
 
-_STYLE = _Style()
-"""QGIS does not keep it, so the module does."""
-
-
 def show_by_ramp(layer, name):
-    """A ramp of QGIS's own over the values, estimated from a part of a large raster."""
+    """A ramp of QGIS's own over all values but the outermost hundredths, estimated from a part of a large raster."""
     provider = layer.dataProvider()
-    wanted = QgsRasterBandStats.Stats.Min | QgsRasterBandStats.Stats.Max
-    values = provider.bandStatistics(1, wanted, layer.extent(), 250_000)
+    low, high = provider.cumulativeCut(1, *SHARES, layer.extent(), SAMPLED)
     ramp = QgsStyle.defaultStyle().colorRamp(name)
-    if ramp is None or not values.maximumValue > values.minimumValue:
+    if ramp is None or not high > low:
         return
-    colours = QgsColorRampShader(values.minimumValue, values.maximumValue, ramp)
+    colours = QgsColorRampShader(low, high, ramp)
     colours.setColorRampType(QgsColorRampShader.Type.Interpolated)
     colours.classifyColorRamp(5, 1, layer.extent(), provider)
     shader = QgsRasterShader()

@@ -11,8 +11,11 @@ from .base_list import BaseList
 from .base_mosaic import BaseMosaic
 from .base_remove import BaseRemove
 from .calibrate import Calibrate
+from .check import Check
+from .crs import Crs
 from .export import Export
 from .fields import Fields
+from .gnss_evaluate import GnssEvaluate
 from .init import Init
 from .inspect import Inspect
 from .run import Run
@@ -32,6 +35,9 @@ ALGORITHMS = (
     BaseList,
     BaseRemove,
     BaseMosaic,
+    Crs,
+    GnssEvaluate,
+    Check,
 )
 
 

@@ -1,0 +1,97 @@
+"""Brings plugin/i18n/furrowmap_ja.ts up to date with the plugin's sources: ``python scripts/plugin_strings.py``.
+
+New strings get an entry that waits for its translation, strings that are gone leave, translations stay. A string's
+context is the one that its file's ``tr`` or its `QT_TRANSLATE_NOOP` names, else its class, as Qt's own ``tr`` has it.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree as ET
+from xml.sax.saxutils import escape
+
+PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
+WORDS = PLUGIN / "i18n" / "furrowmap_ja.ts"
+Strings = dict[tuple[str, str], str]
+
+
+def source_strings() -> list[tuple[str, str]]:
+    """(context, string) of every string in the plugin that is to be translated, sorted.
+
+    Raises:
+        ValueError: if what is to be translated is no literal, or its context cannot be told.
+    """
+    inherited = _own_context(ast.parse((PLUGIN / "processing" / "base.py").read_text(encoding="utf-8")))
+    found = set()
+    for path in sorted(PLUGIN.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        own = _own_context(tree) or (inherited if path.parent.name == "processing" else None)
+        for call, class_name in _calls(tree):
+            context = own or class_name
+            name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+            literals = [_literal(argument) for argument in call.args]
+            if name == "tr":
+                if not context or len(literals) != 1 or literals[0] is None:
+                    raise ValueError(f"{path.name}:{call.lineno}: no literal string, or tr names no context")
+                found.add((context, literals[0]))
+            elif name in ("translate", "QT_TRANSLATE_NOOP") and len(literals) > 1 and literals[0] and literals[1]:
+                found.add((literals[0], literals[1]))
+    return sorted(found)
+
+
+def _calls(node: ast.AST, class_name: str = "") -> Iterator[tuple[ast.Call, str]]:
+    """Every call, and the class in which it stands: the context of Qt's own `tr`."""
+    for below in ast.iter_child_nodes(node):
+        if isinstance(below, ast.Call):
+            yield below, class_name
+        yield from _calls(below, below.name if isinstance(below, ast.ClassDef) else class_name)
+
+
+def _own_context(tree: ast.Module) -> str | None:
+    """The context in which the file's own `tr` looks strings up."""
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "tr"):
+        for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
+            if getattr(call.func, "attr", "") == "translate":
+                return _literal(call.args[0])
+    return None
+
+
+def _literal(node: ast.expr) -> str | None:
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def translations(path: Path = WORDS) -> Strings:
+    """(context, string) → translation, of those that are finished."""
+    if not path.is_file():
+        return {}
+    return {
+        (context.findtext("name", ""), message.findtext("source", "")): message.findtext("translation", "")
+        for context in ET.parse(path).getroot().iter("context")
+        for message in context.iter("message")
+        if message.find("translation[@type]") is None
+    }
+
+
+def page(strings: list[tuple[str, str]], known: Strings) -> str:
+    """The .ts file."""
+    lines = ['<?xml version="1.0" encoding="utf-8"?>', "<!DOCTYPE TS>", '<TS version="2.1" language="ja">']
+    for context in sorted({context for context, _ in strings}):
+        lines += ["<context>", f"  <name>{context}</name>"]
+        for source in (text for name, text in strings if name == context):
+            words = known.get((context, source))
+            told = f"<translation>{escape(words)}</translation>" if words else '<translation type="unfinished"/>'
+            lines += ["  <message>", f"    <source>{escape(source)}</source>", f"    {told}", "  </message>"]
+        lines += ["</context>"]
+    return "\n".join([*lines, "</TS>", ""])
+
+
+if __name__ == "__main__":
+    strings, known = source_strings(), translations()
+    WORDS.parent.mkdir(exist_ok=True)
+    WORDS.write_text(page(strings, known), encoding="utf-8")
+    waiting = [string for string in strings if string not in known]
+    print(f"{WORDS}: {len(strings)} strings, {len(waiting)} wait for their translation")
+    sys.exit(bool(waiting))
