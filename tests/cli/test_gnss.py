@@ -57,17 +57,12 @@ def test_what_cannot_be_done__is_three_lines(
     assert len([line for line in error.splitlines() if line.strip()]) == 3
 
 
-def test_undated_logs__take_the_day_from_the_option(shared_data: Path, capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("date", [["--date", "2025-09-09"], []])
+def test_undated_logs__take_the_day_from_the_option_or_from_the_other(
+    date: list[str], shared_data: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     folder = shared_data / "gnss/walk_f9p"
-    command = [
-        "gnss",
-        "evaluate",
-        str(folder / "walk.ubx"),
-        str(folder / "walk.nmea"),
-        "--date",
-        "2025-09-09",
-        "--json",
-    ]
+    command = ["gnss", "evaluate", str(folder / "walk.ubx"), str(folder / "walk.nmea"), "--json", *date]
     assert command_line(command) == 0
     told = json.loads(capfd.readouterr().out)
     assert told["epochs"]["compared"] > 3900
