@@ -72,6 +72,7 @@ class CloudSettings:
         outliers: how points that are alone are told.
         every: every so many-th point is taken.
         fill_m: gaps are filled in which no place is farther than this from a seen height; 0 for none.
+        tillage_heading_deg: direction of tillage, clockwise from grid north: random roughness is without its marks.
         crs: of files that state none.
         dst_crs: of the surfaces; None for the files' own.
     """
@@ -85,6 +86,7 @@ class CloudSettings:
     outliers: Outliers = "none"
     every: int = 1
     fill_m: float = 0.0
+    tillage_heading_deg: float | None = None
     crs: CRS | None = None
     dst_crs: CRS | None = None
 
@@ -177,6 +179,7 @@ class _Work:
             "outliers": settings.outliers,
             "every": settings.every,
             "fill_m": settings.fill_m,
+            "tillage_heading_deg": settings.tillage_heading_deg,
             "classes": sorted(settings.classes) if settings.classes is not None else None,
             "box": list(self.box) if self.box is not None else None,
         }
@@ -208,7 +211,7 @@ class _Work:
         """The surfaces that come from finished ones; figures and notices of them."""
         grid, cell_m = self.grid, self.grid.cell_m
         notices: list[Notice] = []
-        shade, steep = Band("hillshade", "", 0), Band("slope", "degree", 1024)
+        shade, steep = Band("hillshade", "1", 0), Band("slope", "degree", 1024)
         with (
             self._output(HILLSHADE, "hillshade of the ground", [shade]) as put_shade,
             self._output(SLOPE, "slope of the ground", [steep]) as put_slope,
@@ -277,7 +280,8 @@ class _Work:
         with cog_output(self.folder / ROUGHNESS, plots, self.clouds.crs, [Band("random roughness")], origin) as put:
             for inner, outer, height in self._windows(self.ground_name, margin, progress, "measuring roughness"):
                 count = np.isfinite(height).astype(np.uint32)
-                there, rough = random_roughness(Surface(outer, height, count, height, height))
+                surface = Surface(outer, height, count, height, height)
+                there, rough = random_roughness(surface, tillage_heading_deg=self.settings.tillage_heading_deg)
                 own = _plots_of(inner, plots, last=_last(inner, self.grid))
                 if own is not None:
                     rows, columns = _common(own, there)

@@ -49,7 +49,7 @@ class Band:
 
     Attributes:
         description: a word or two that a GIS shows.
-        unit: such as "m"; "1" for numbers, as an empty one is taken for that of the heights.
+        unit: such as "m"; "1" for numbers and shades, as an empty one is taken for that of the heights.
         steps_per_unit: values are rounded to whole ones of so many steps; 0 for none.
     """
 

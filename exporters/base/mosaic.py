@@ -31,6 +31,10 @@ from furrowmap.exporters.report import file_records
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
 _TILE: Final = 1024
+_EDGE: Final = 1e-3
+"""Cells of which a surface covers less than this share of one of its own have no part in it."""
+COARSER: Final = 1.5
+"""Cells that are so many times as large are made of the cells in them."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +71,9 @@ def mosaic(
 ) -> Mosaic:
     """Put surfaces together into one raster.
 
-    Cells that overlay exactly are taken as they are; a surface of another CRS or cell size is resampled (bilinear; no
-    cell is made up beyond its edge). A cell's bands come from one session together.
+    Cells that overlay exactly are taken as they are. A surface of another CRS or cell size is resampled: bilinear, in
+    cells whose middle lies in a seen one; coarser cells have the mean of the seen ones in them. A cell's bands come
+    from one session together.
 
     Args:
         paths: of the surfaces, in the order of their sessions, the latest last: it wins where they overlap.
@@ -180,7 +185,9 @@ def _grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
     if not same_map(surface.crs, crs):
         change = crs_change(horizontal(surface.crs), horizontal(crs), bounds)
         bounds = change.transformer.transform_bounds(*bounds)
-    return Grid.of_bounds(cell_m, bounds)
+    west, south, east, north = bounds
+    inset = _EDGE * surface.cell_m
+    return Grid.of_bounds(cell_m, (west + inset, south + inset, east - inset, north - inset))
 
 
 def _origin(surfaces: Sequence[SurfaceFile], *, mean: bool, progress: Progress) -> Origin:
@@ -206,7 +213,7 @@ def _compute(
     progress: Progress,
 ) -> None:
     count = 1 if mean else min(len(surface.bands) for surface in surfaces)
-    bands = (*surfaces[-1].bands[:count], *([Band("sessions", "", 0)] if mean else []))
+    bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if mean else []))
     with ExitStack() as stack:
         sources = [stack.enter_context(_opened(surface, crs, grid.cell_m, count)) for surface in surfaces]
         put = stack.enter_context(cog_output(output, grid, crs, bands, origin))
@@ -218,9 +225,10 @@ def _compute(
 
 @dataclass(frozen=True)
 class _Source:
-    """A surface in cells of the mosaic: its own, or resampled into them."""
+    """A surface in cells of the mosaic: its own, or resampled into them, and then as its nearest cells are or None."""
 
     raster: Any
+    nearest: Any
     grid: Grid
     bands: int
 
@@ -234,8 +242,16 @@ class _Source:
             return None
         row, column = self.grid.north - tile.north + top, tile.west - self.grid.west + left
         window = Window(column, row, right - left, bottom - top)
-        values = self.raster.read(list(range(1, self.bands + 1)), window=window, masked=True, out_dtype="float32")
-        return (slice(top, bottom), slice(left, right)), values.filled(np.nan)
+        values = _values(self.raster, self.bands, window)
+        if self.nearest is not None:
+            values[:, np.isnan(_values(self.nearest, 1, window)[0])] = np.nan
+        return (slice(top, bottom), slice(left, right)), values
+
+
+def _values(raster: Any, bands: int, window: Window) -> NDArray[np.float32]:
+    read = raster.read(list(range(1, bands + 1)), window=window, masked=True, out_dtype="float32")
+    values: NDArray[np.float32] = read.filled(np.nan)
+    return values
 
 
 @contextmanager
@@ -243,21 +259,25 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
     grid = _grid_in(surface, crs, cell_m)
     with rasterio.open(surface.path, driver="GTiff") as raster:
         if _fits(surface, crs, cell_m):
-            yield _Source(raster, grid, bands)
+            yield _Source(raster, None, grid, bands)
             return
+        coarser = cell_m > COARSER * surface.cell_m
         options = {
             "src_crs": horizontal(surface.crs).to_wkt(),
             "crs": horizontal(crs).to_wkt(),
             "transform": rasterio.Affine(*grid.transform),
             "width": grid.columns,
             "height": grid.rows,
-            "resampling": Resampling.bilinear,
             "src_nodata": np.nan if surface.nodata is None else surface.nodata,
             "nodata": np.nan,
             "dtype": "float32",
+            "UNIFIED_SRC_NODATA": "NO",  # else a cell beside a hole, or one of a single return, would be one more hole
         }
-        with WarpedVRT(raster, **options) as warped:
-            yield _Source(warped, grid, bands)
+        with (
+            WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
+            WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,
+        ):
+            yield _Source(warped, None if coarser else nearest, grid, bands)
 
 
 def _tiles(grid: Grid) -> Iterator[Grid]:

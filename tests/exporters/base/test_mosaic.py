@@ -171,6 +171,26 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
     assert not ((np.abs(east - 62) < 1.5) & inside).any()  # the hole is not filled
 
 
+def test_other_crs__keeps_the_ground_that_was_seen(write: Write, tmp_path: Path) -> None:
+    """Of a surface full of holes neither more nor less is left than there was."""
+    height_m = eighths((200, 200), 3, holes=0.4)
+    mosaic([write("a", height_m)], tmp_path / "farm.tif", crs=UTM)
+    found, number = read(tmp_path / "farm.tif")
+    assert np.isfinite(found).sum() == pytest.approx(np.isfinite(height_m).sum(), rel=0.01)
+    assert np.array_equal(np.isfinite(found), np.isfinite(number))
+    assert np.nanmin(found) >= np.nanmin(height_m)
+    assert np.nanmax(found) <= np.nanmax(height_m)
+
+
+def test_coarser_cells__have_the_mean_of_the_seen_ones(write: Write, tmp_path: Path) -> None:
+    height_m = eighths((40, 40), 5, holes=0.7)
+    mosaic([write("a", height_m)], tmp_path / "farm.tif", cell_m=4 * CELL_M)
+    with np.errstate(invalid="ignore"):
+        blocks = height_m.reshape(10, 4, 10, 4).transpose(0, 2, 1, 3).reshape(10, 10, 16).astype(np.float64)
+        expected = np.nansum(blocks, axis=2) / np.isfinite(blocks).sum(axis=2)
+    np.testing.assert_allclose(read(tmp_path / "farm.tif")[0], expected, atol=2e-4)
+
+
 def test_surfaces_of_two_crs__go_into_the_one_that_is_named(write: Write, tmp_path: Path) -> None:
     here = write("here", np.full((40, 40), 250.0, np.float32))
     mosaic([here], tmp_path / "there.tif", crs=UTM)
@@ -183,7 +203,7 @@ def test_surfaces_of_two_crs__go_into_the_one_that_is_named(write: Write, tmp_pa
 
 def test_coarser_cells__are_asked_for(write: Write, tmp_path: Path) -> None:
     made = mosaic([write("a", np.full((40, 40), 250.0, np.float32))], tmp_path / "farm.tif", cell_m=1.0)
-    assert (made.cell_m, made.rows, made.columns) == (1.0, 11, 11)  # ten, and what begins at the edge
+    assert (made.cell_m, made.rows, made.columns) == (1.0, 10, 10)
     assert np.nanmax(np.abs(read(tmp_path / "farm.tif")[0] - 250.0)) == 0.0
 
 
