@@ -1,0 +1,350 @@
+"""A cloud or a surface compared with surveyed points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from furrowmap.core.clouds import MACHINE, NOISE, Clouds, open_clouds
+from furrowmap.core.positional_accuracy import FEWEST, Accuracy, Component
+from furrowmap.core.readers.las.cloud import CloudFile
+from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.surveyed_points import SurveyedPoints, read_points
+from furrowmap.core.target_discs import find_disc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.progress import Progress, silent
+
+FloatArray = NDArray[np.float64]
+Targets = Literal["none", "intensity", "colour"]
+
+RADIUS_M: Final = 0.25
+"""Returns up to so far from a point make the plane that it is compared with."""
+FEWEST_RETURNS: Final = 6
+OUTLIER_SIGMAS: Final = 3.5
+"""Returns farther from the plane, in robust standard deviations, are not of it."""
+STEEPEST: Final = 0.5
+"""A steeper plane shows an edge, where a height depends on the place."""
+SEARCH_DIAMETERS: Final = 3.0
+"""A target is looked for up to so many of its diameters away."""
+
+
+@dataclass(frozen=True)
+class PointCheck:
+    """One surveyed point and what the product says there.
+
+    Attributes:
+        name: of the point.
+        surveyed_m: easting, northing, height.
+        found_m: of the product; nan where it shows none, easting and northing without a target.
+        returns: that made the height; 0 for a surface.
+        slope: of the plane; nan for a surface.
+        spread_m: RMS of the returns above their plane, swath by swath; nan where there are too few.
+        swaths: height of each swath's plane at the point, by `point_source_id`.
+        why_not: why its height was not compared; empty where it was.
+    """
+
+    name: str
+    surveyed_m: tuple[float, float, float]
+    found_m: tuple[float, float, float]
+    returns: int = 0
+    slope: float = float("nan")
+    spread_m: float = float("nan")
+    swaths: tuple[tuple[int, float], ...] = ()
+    why_not: str = ""
+
+    @property
+    def error_m(self) -> FloatArray:
+        """Product less survey (3,); nan where there is none."""
+        return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
+
+
+@dataclass(frozen=True)
+class Check:
+    """What surveyed points say of a product.
+
+    Attributes:
+        kind: "cloud" or "surface".
+        crs: of the product.
+        points: one for each surveyed point.
+        accuracy: from those that could be compared.
+        notices: what a user should know.
+    """
+
+    kind: str
+    crs: pyproj.CRS
+    points: tuple[PointCheck, ...]
+    accuracy: Accuracy
+    notices: tuple[Notice, ...]
+
+
+def check_product(
+    product: Path,
+    points_file: Path,
+    *,
+    points_crs: pyproj.CRS | None = None,
+    targets: Targets = "none",
+    diameter_m: float = 0.3,
+    sigma_m: float | None = None,
+    progress: Progress = silent,
+) -> Check:
+    """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
+
+    Args:
+        product: the file.
+        points_file: of the points; see :func:`furrowmap.core.surveyed_points.read_points`.
+        points_crs: of a points file that states none.
+        targets: by what of the returns discs are looked for, which show the horizontal error.
+        diameter_m: of the discs.
+        sigma_m: standard deviation of the survey along each axis, where the file states none.
+        progress: is told of the share of the cloud that was read.
+
+    Raises:
+        InputError: if a file cannot be read, or no point lies in the product.
+        RefusedError: if PROJ cannot vouch for the way between their CRS.
+    """
+    if not product.is_file():
+        raise InputError(
+            f"{product} {'is a folder' if product.is_dir() else 'is not there'}.",
+            "There is nothing to check.",
+            "Give a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF).",
+            code="no-such-file",
+        )
+    with product.open("rb") as file:
+        is_cloud = file.read(4) == SIGNATURE
+    if is_cloud:
+        clouds = open_clouds([product])
+        survey = read_points(points_file, clouds.crs, points_crs)
+        reach = max(RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
+        near = _near(clouds, survey, reach, progress)
+        checks = tuple(
+            _at_cloud(survey, k, batch, targets, diameter_m) for k, batch in enumerate(_by_point(near, survey, reach))
+        )
+        crs, notices = clouds.crs, [*clouds.notices, *survey.notices]
+    else:
+        crs, checks, survey = _at_surface(product, points_file, points_crs)
+        notices = list(survey.notices)
+    stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
+    accuracy = _accuracy(checks, stated)
+    if accuracy.vertical is None:
+        raise InputError(
+            f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
+            f"{checks[0].name} {checks[0].why_not}.",
+            "There is nothing to compare.",
+            "See in a GIS whether points and product lie together; name the points' CRS with --crs if it is another.",
+            code="check-nowhere",
+        )
+    notices += _notices(checks, accuracy, targets)
+    return Check("cloud" if is_cloud else "surface", crs, checks, accuracy, tuple(notices))
+
+
+def _at_surface(
+    path: Path, points_file: Path, points_crs: pyproj.CRS | None
+) -> tuple[pyproj.CRS, tuple[PointCheck, ...], SurveyedPoints]:
+    """The surface's CRS, its height at each point (bilinear between the middles of four cells), and the points."""
+    import rasterio
+    from rasterio.windows import Window
+
+    try:
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path) as raster:
+            if raster.crs is None:
+                raise _no_surface(path, "has no CRS")
+            crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
+            survey = read_points(points_file, crs, points_crs)
+            checks, to_cells = [], ~raster.transform
+            for name, xyz in zip(survey.name, survey.xyz_m, strict=True):
+                column, row = (a * xyz[0] + b * xyz[1] + c for a, b, c in (to_cells[:3], to_cells[3:6]))
+                left, top = int(np.floor(column - 0.5)), int(np.floor(row - 0.5))
+                four = raster.read(1, window=Window(left, top, 2, 2), boundless=True, masked=True)
+                cells = np.ma.filled(four.astype(np.float64), np.nan)
+                right, down = column - 0.5 - left, row - 0.5 - top
+                share = np.outer([1.0 - down, down], [1.0 - right, right])
+                height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
+                why = "" if np.isfinite(height) else "lies where the surface has no heights"
+                found = (np.nan, np.nan, height)
+                checks.append(PointCheck(name, _three(xyz), found, why_not=why))
+    except rasterio.errors.RasterioIOError as error:
+        raise _no_surface(path, f"is neither a cloud nor a raster that GDAL reads ({error})") from None
+    return crs, tuple(checks), survey
+
+
+def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Progress) -> list[CloudBatch]:
+    """The returns up to `reach_m` from any point, in metres and the clouds' CRS."""
+    (file,) = clouds.files
+    tree = cKDTree(survey.xyz_m[:, :2])
+    cells = np.unique(_cells(survey.xyz_m[:, :2], reach_m, around=True))
+    low, high = survey.xyz_m[:, :2].min(axis=0) - reach_m, survey.xyz_m[:, :2].max(axis=0) + reach_m
+    unwanted = [*NOISE, *(MACHINE if file.header.software.startswith("furrowmap") else ())]
+    out, done = [], 0
+    for batch in _batches(file, (float(low[0]), float(low[1]), float(high[0]), float(high[1]))):
+        done += len(batch)
+        progress("reading the cloud", min(1.0, done / max(file.points, 1)))
+        xy = batch.xyz_m[:, :2]
+        keep = np.isin(_cells(xy, reach_m), cells)
+        keep &= ~np.isin(batch.classification, unwanted) & ~batch.withheld
+        part = batch.where(keep)
+        if len(part):
+            distance, _ = tree.query(part.xyz_m[:, :2], distance_upper_bound=reach_m)
+            out.append(part.where(np.isfinite(distance)))
+    if clouds.unit_m != 1.0:
+        for part in out:
+            part.xyz_m[:, 2] *= clouds.unit_m
+    progress("reading the cloud", 1.0)
+    return out
+
+
+def _batches(file: CloudFile, box: tuple[float, float, float, float]) -> Iterator[CloudBatch]:
+    return file.batches(box=box)
+
+
+def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[np.int64]:
+    """Numbers of the square cells in which points (n, 2) lie, with those around them if `around`."""
+    column, row = np.floor(xy_m / side_m).astype(np.int64).T
+    if not around:
+        return np.asarray((column << 32) + row, np.int64)
+    shift = np.array([-1, 0, 1])
+    return np.concatenate([((column + i) << 32) + row + j for i in shift for j in shift])
+
+
+def _by_point(near: list[CloudBatch], survey: SurveyedPoints, reach_m: float) -> Iterator[dict[str, Any]]:
+    """For each point the returns around it, relative to it: place, brightness, swath."""
+    if near:
+        xyz = np.concatenate([part.xyz_m for part in near])
+        intensity = np.concatenate([part.intensity for part in near]).astype(np.float64)
+        swath = np.concatenate([part.point_source_id for part in near])
+        colours = [part.rgb for part in near]
+        coloured = [colour for colour in colours if colour is not None]
+        rgb = np.concatenate(coloured).astype(np.float64) if len(coloured) == len(near) else None
+        tree = cKDTree(xyz[:, :2])
+    for place in survey.xyz_m:
+        index = tree.query_ball_point(place[:2], reach_m) if near else []
+        yield {
+            "xyz": xyz[index] - place if near else np.empty((0, 3)),
+            "intensity": intensity[index] if near else np.empty(0),
+            "swath": swath[index] if near else np.empty(0, np.uint16),
+            "colour": rgb[index] if near and rgb is not None else None,
+        }
+
+
+def _at_cloud(survey: SurveyedPoints, k: int, near: dict[str, Any], targets: Targets, diameter_m: float) -> PointCheck:
+    """What the returns around a point say of it."""
+    place = _three(survey.xyz_m[k])
+    middle = None
+    if targets != "none":
+        brightness = near["intensity"] if targets == "intensity" else near["colour"]
+        if brightness is not None and len(brightness):
+            light = brightness if brightness.ndim == 1 else brightness @ np.array([0.299, 0.587, 0.114])
+            middle = find_disc(near["xyz"][:, :2], light, diameter_m, SEARCH_DIAMETERS * diameter_m)
+    east, north = (place[0] + middle[0], place[1] + middle[1]) if middle is not None else (np.nan, np.nan)
+    at = middle if middle is not None else np.zeros(2)
+    close = np.hypot(*(near["xyz"][:, :2] - at).T) <= RADIUS_M
+    xyz, swath = near["xyz"][close] - np.array([*at, 0.0]), near["swath"][close]
+    plane = _plane(xyz)
+    if plane is None:
+        why = f"has {len(xyz)} returns within {RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
+        return PointCheck(survey.name[k], place, (east, north, np.nan), len(xyz), why_not=why)
+    slope = float(np.hypot(plane[1], plane[2]))
+    if slope > STEEPEST:
+        found = (east, north, np.nan)
+        return PointCheck(survey.name[k], place, found, len(xyz), slope, why_not="lies on an edge or a steep slope")
+    heights, squares, freedom = [], 0.0, 0
+    for number in np.unique(swath).tolist():
+        own = _plane(xyz[swath == number])
+        if own is not None:
+            heights.append((int(number), place[2] + float(own[0])))
+            squares, freedom = squares + own[3], freedom + int(own[4])
+    spread = float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")
+    found = (east, north, place[2] + float(plane[0]))
+    return PointCheck(survey.name[k], place, found, len(xyz), slope, spread, tuple(heights))
+
+
+def _plane(xyz_m: FloatArray) -> tuple[float, float, float, float, int] | None:
+    """Height at 0, 0, slopes to the east and north, sum of squares above the plane and its degrees of freedom.
+
+    None with too few returns, or where they do not lie around the place. Returns far from the plane are left out once.
+    """
+    keep = np.ones(len(xyz_m), bool)
+    for _ in range(2):
+        if keep.sum() < FEWEST_RETURNS:
+            return None
+        x, y, z = xyz_m[keep].T
+        matrix = np.column_stack([np.ones(len(x)), x, y])
+        (height, east, north), _, rank, _ = np.linalg.lstsq(matrix, z, rcond=1e-6)
+        if rank < 3 or min(x.max(), -x.min(), y.max(), -y.min()) <= 0.0:
+            return None
+        above = xyz_m[:, 2] - height - east * xyz_m[:, 0] - north * xyz_m[:, 1]
+        scatter = 1.4826 * float(np.median(np.abs(above[keep])))
+        squares, freedom = float(np.sum(above[keep] ** 2)), int(keep.sum()) - 3
+        keep = np.abs(above) <= max(OUTLIER_SIGMAS * scatter, 1e-3)
+    return float(height), float(east), float(north), squares, freedom
+
+
+def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray) -> Accuracy:
+    error = np.array([check.error_m for check in checks])
+    parts: list[Component | None] = []
+    for axis in range(3):
+        known = np.isfinite(error[:, axis])
+        parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
+    spread = np.array([check.spread_m for check in checks])
+    differences = [a[1] - b[1] for check in checks for i, a in enumerate(check.swaths) for b in check.swaths[:i]]
+    known = np.isfinite(spread)
+    return Accuracy(
+        vertical=parts[2],
+        easting=parts[0],
+        northing=parts[1],
+        within_swath_m=float(np.sqrt(np.mean(spread[known] ** 2))) if known.any() else float("nan"),
+        between_swath_m=float(np.sqrt(np.mean(np.square(differences)))) if differences else float("nan"),
+        swath_pairs=len(differences),
+    )
+
+
+def _notices(checks: tuple[PointCheck, ...], accuracy: Accuracy, targets: Targets) -> list[Notice]:
+    assert accuracy.vertical is not None
+    notices = []
+    unused = [check for check in checks if check.why_not]
+    if unused:
+        told = "; ".join(f"{check.name} {check.why_not}" for check in unused[:3])
+        text = f"{len(unused)} of {len(checks)} points were not compared: {told}{'; …' if len(unused) > 3 else ''}."
+        notices.append(Notice("check-unused", text))
+    if accuracy.vertical.n < FEWEST:
+        text = (
+            f"{accuracy.vertical.n} points were compared; ASPRS (Edition 2, 2023) makes no statement of accuracy from "
+            f"fewer than {FEWEST}."
+        )
+        notices.append(Notice("check-few", text))
+    if not np.isfinite(accuracy.vertical.survey_m):
+        text = (
+            "The points' own accuracy is not stated (columns sigma_e_m, sigma_n_m, sigma_h_m, or --points-sigma), so "
+            "it is not in the figures as the standard asks for."
+        )
+        notices.append(Notice("check-survey-unknown", text))
+    for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
+        if part is not None and part.biased:
+            text = f"The mean error in {name} is {part.mean_m:+.3f} m, more than scatter explains: look for its cause."
+            notices.append(Notice("check-bias", text))
+    if targets != "none":
+        found = sum(bool(np.isfinite(check.found_m[0])) for check in checks)
+        if found < len(checks):
+            text = f"At {len(checks) - found} of {len(checks)} points no disc was found."
+            notices.append(Notice("check-targets", text))
+    return notices
+
+
+def _three(xyz: FloatArray) -> tuple[float, float, float]:
+    return float(xyz[0]), float(xyz[1]), float(xyz[2])
+
+
+def _no_surface(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path} {why}.",
+        "It is nothing that surveyed points could be compared with.",
+        "Give a cloud (LAS, LAZ, COPC) or a surface with a CRS (GeoTIFF).",
+        code="check-product",
+    )
