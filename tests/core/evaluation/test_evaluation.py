@@ -240,6 +240,34 @@ def test_reference_that_is_not_fixed__is_told_and_may_be_left_out() -> None:
     assert (len(found.matched), found.left_out_by_reference_fix) == (60, 40)
 
 
+def test_a_reference_of_one_epoch__is_compared_at_that_one() -> None:
+    t_s, way = straight(50)
+    found = evaluate(track(t_s, way + 0.1), track(t_s[20:21], way[20:21]))
+    assert len(found.matched) == 1
+    assert found.matched.error_m[0] == pytest.approx([0.1, 0.1, 0.1], abs=1e-5)
+    assert np.isnan(found.matched.along_m).all()
+    assert "few-epochs" in {notice.code for notice in found.notices}
+
+
+def test_across_the_antimeridian_and_in_the_south() -> None:
+    """The same errors at 179.99999° E and beyond, south of the equator, where longitudes jump by 360°."""
+    t = np.arange(0.0, 20.0, 0.1)
+    lon = (179.9999 + 1e-5 * t + 180.0) % 360.0 - 180.0
+    columns = {"height_m": np.full(len(t), 10.0), "fix": np.full(len(t), Fix.FIXED, np.int8)}
+    reference = GnssTrack.build(T0 + t, source="", service="", lon_deg=lon, lat_deg=np.full(len(t), -17.0), **columns)
+    east_deg, north_deg = 1e-6, 2e-6
+    other = (lon + east_deg + 180.0) % 360.0 - 180.0
+    test = GnssTrack.build(
+        T0 + t + 0.05, source="", service="", lon_deg=(other + 1e-5 * 0.05 + 180.0) % 360.0 - 180.0,
+        lat_deg=np.full(len(t), -17.0 + north_deg), **columns,
+    )  # fmt: skip
+    found = evaluate(test[: len(t) - 1], reference).tables["all"]
+    geod = Geod(ellps="WGS84")
+    assert found["X"].average_m == pytest.approx(geod.inv(0.0, -17.0, east_deg, -17.0)[2], rel=1e-3)
+    assert found["Y"].average_m == pytest.approx(geod.inv(0.0, -17.0, 0.0, -17.0 + north_deg)[2], rel=1e-3)
+    assert found["2D"].standard_deviation_m < 1e-5
+
+
 def test_continuity() -> None:
     t = np.delete(np.arange(0.0, 100.0), np.arange(50, 60))
     fix = np.where(t < 7, Fix.SINGLE, np.where(t < 20, Fix.FLOAT, Fix.FIXED)).astype(np.int8)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from furrowmap.core.readers.frames import Tally, read_records
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.ubx.frames import scan
 from furrowmap.core.readers.ubx.log import PVT, UbxLog
@@ -108,6 +109,22 @@ def test_two_logs_of_one_drive__agree_within_their_rounding(shared_data: Path) -
     # Altitude and geoid separation are each rounded to a decimetre.
     assert np.sqrt(np.mean(up_m**2)) == pytest.approx(0.1 * np.sqrt(2 / 12), abs=0.005)
     assert np.abs(up_m).max() < 0.1001
+
+
+def test_one_solution_written_in_three_ways__is_one(shared_data: Path) -> None:
+    """RTKLIB's .pos, and NAV-PVT and GGA made of it: equal to the digits that each has."""
+    folder = shared_data / "gnss/car_reference"
+    pos = RtklibPos([folder / "rover_rtk.pos"], ReadOptions()).track()
+    ubx, nmea = (
+        track_of(folder / "derived_rover_rtk.ubx"),
+        NmeaLog([folder / "derived_rover_rtk.nmea"], ReadOptions()).track(),
+    )
+    for other, digits_m in ((ubx, 0.011), (nmea, 0.011)):
+        np.testing.assert_array_equal(other.fix, pos.fix)
+        np.testing.assert_allclose(other.t_s, pos.t_s, atol=0.011)  # its times are of hundredths
+        np.testing.assert_allclose(other.lat_deg, pos.lat_deg, atol=1e-7)
+        np.testing.assert_allclose(other.lon_deg, pos.lon_deg, atol=1e-7)
+        np.testing.assert_allclose(other.height_m, pos.height_m, atol=digits_m)
 
 
 @pytest.mark.parametrize("options", [{"week": 2383}, {"near_s": 1757444000.0}, {"date": "2025-09-09"}])
