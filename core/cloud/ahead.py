@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -58,7 +59,7 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
             raise item.error
     finally:
         stopped.set()
-        thread.join()
+        _wait_for(thread)
 
 
 @contextmanager
@@ -94,6 +95,13 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
         raise
     finally:
         waiting.put(_End())
-        thread.join()
+        _wait_for(thread)
     if failed:
         raise failed[0]
+
+
+def _wait_for(thread: threading.Thread) -> None:
+    """Wait for its end, but not while the interpreter ends: what an interrupted caller left behind is closed then, and
+    the threads stand still for good."""
+    if not sys.is_finalizing():
+        thread.join()

@@ -133,7 +133,10 @@ class FurrowmapDock(QgsDockWidget):
 
     def run_session(self, session):
         """Start the run's algorithm in the background."""
-        if self._task is not None or self._program() is None:
+        if self._task is not None:
+            self.report(self.tr("The work before is being stopped; try again in a moment."), Qgis.MessageLevel.Info)
+            return
+        if self._program() is None:
             return
         self._session, self._folder = Path(session), folder_for(session)
         self.start.remember(session)
@@ -152,9 +155,15 @@ class FurrowmapDock(QgsDockWidget):
         self._begin(task)
 
     def cancel(self):
-        """Stop the work under way."""
-        if self._task is not None:
-            self._task.cancel()
+        """Stop the work under way; the dock is free at once, the worker a moment later, when it has cleaned up."""
+        if self._task is None:
+            return
+        self._task.cancel()
+        self.run.end()
+        if isinstance(self._task, VerbTask):
+            self.show_start()
+        else:
+            self._back_to_session()
 
     # results
 
@@ -226,8 +235,6 @@ class FurrowmapDock(QgsDockWidget):
         """A look at recordings was cancelled (a failure has said so itself)."""
         if self._task is not None and self._task.isCanceled():
             self._task = None
-            self.run.end()
-            self.show_start()
 
     def _keep_error(self, text):
         self._error = text
@@ -236,12 +243,12 @@ class FurrowmapDock(QgsDockWidget):
         cancelled = self._feedback.isCanceled()
         self._task = None
         self.run.end()
-        if cancelled or not successful:
+        if cancelled:
+            self.report(self.tr("Stopped; nothing half-written is left."), Qgis.MessageLevel.Info)
+            return
+        if not successful:
             self._back_to_session()
-            if cancelled:
-                self.report(self.tr("Stopped; nothing half-written is left."), Qgis.MessageLevel.Info)
-            else:
-                self.report(self._error or self.tr("The run failed; the log tells more."), Qgis.MessageLevel.Critical)
+            self.report(self._error or self.tr("The run failed; the log tells more."), Qgis.MessageLevel.Critical)
             return
         self.open_folder(results.get("FOLDER", self._folder))
 

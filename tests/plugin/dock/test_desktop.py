@@ -1,4 +1,4 @@
-"""The plugin in the real desktop, used by its widgets: from recordings that are dropped on it to the map and the page."""
+"""The plugin in the real desktop, used by its widgets: from recordings dropped on it to the map and the page."""
 
 from __future__ import annotations
 
@@ -136,8 +136,8 @@ def test_cancel__acts_at_once_and_leaves_nothing(seen: dict[str, Any]) -> None:
 
 
 def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> None:
-    assert list(seen["groups"]) == ["North field 圃場"]
-    assert set(seen["groups"]["North field 圃場"]) >= LAYERS
+    assert list(seen["groups"]) == ["North field"]
+    assert set(seen["groups"]["North field"]) >= LAYERS
     assert seen["invalid"] == []
     assert seen["styles"]["change"] == "singlebandpseudocolor"
     assert seen["styles"]["cloud"] == "classified"
@@ -155,7 +155,7 @@ def test_run__tells_its_stages_and_figures(seen: dict[str, Any], drive: Path) ->
         "writing cloud",
     ]
     report = json.loads((drive / "session_result" / "report.json").read_text(encoding="utf-8"))
-    assert report["session"]["name"] == "North field 圃場"
+    assert report["session"]["name"] == "North field"
     assert report["session"]["lidar"]["rpy_deg"] == [0.8, 40.6, 179.3]
     assert report["session"]["field"]["boundary"] == "boundary.geojson"
     assert f"{report['figures']['worked_area_m2']:.1f} ±" in seen["figures"]
@@ -195,7 +195,7 @@ def test_map__replays_and_has_the_base_map_below_everything(seen: dict[str, Any]
     assert seen["replayed"] >= 59
     assert all(valid and count == 1 for valid, count in seen["base_maps"].values())
     assert seen["lowest"] == "Own base map"
-    assert seen["without_base_map"] == "North field 圃場"
+    assert seen["without_base_map"] == "North field"
 
 
 def test_results__opened_again_replace_themselves_and_survive_in_a_project(seen: dict[str, Any]) -> None:

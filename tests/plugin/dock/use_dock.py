@@ -146,7 +146,7 @@ def new_session() -> Iterator[Any]:
     yield page("session")
     SEEN["findings"] = widget("furrowmapFindings").text()
     SEEN["proposed_crs"] = widget("furrowmapCrs").crs().authid()
-    widget("furrowmapName").setText("North field 圃場")
+    widget("furrowmapName").setText("North field")
     widget("furrowmapAntennaGroup").setChecked(True)
     widget("furrowmapImplementGroup").setChecked(True)
     click("furrowmapRun")  # the tool has no width yet
