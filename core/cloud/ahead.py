@@ -101,7 +101,9 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
 
 
 def _wait_for(thread: threading.Thread) -> None:
-    """Wait for its end, but not while the interpreter ends: what an interrupted caller left behind is closed then, and
-    the threads stand still for good."""
+    """Wait for its end, but not while the interpreter ends: threads stand still for good then.
+
+    That is when what an interrupted caller has left behind is closed.
+    """
     if not sys.is_finalizing():
         thread.join()

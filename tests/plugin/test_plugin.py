@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import configparser
-import json
 import re
 import subprocess
 import sys
@@ -14,13 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import geopandas as gpd
-import numpy as np
 import pytest
-from pyproj import CRS
 from shapely import Point
-
-from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.exporters.geopackage import write_field
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -99,47 +93,6 @@ def test_plugin__imports_only_qgis_and_the_standard_library(path: Path) -> None:
             top = module.split(".")[0]
             assert top in sys.stdlib_module_names or re.match(r"qgis(\.(core|gui|utils|PyQt\b.*))?$", module), module
     assert source.startswith("# SPDX-License-Identifier: GPL-2.0-or-later\n")
-
-
-def test_plugin__loads_twenty_times_and_opens_the_results_of_a_run(
-    qgis: QgisRoot, plugin_zip: Path, tmp_path: Path
-) -> None:
-    with zipfile.ZipFile(plugin_zip) as archive:
-        archive.extractall(tmp_path / "plugins")
-    results = tmp_path / "north field 圃場"
-    results.mkdir()
-    two = np.arange(2)
-    write_field(
-        results / "field.gpkg",
-        ScanPoses(
-            scan=two,
-            t_s=1.78e9 + two,
-            xyz_m=np.array([[4000.0, 5000.0, 10.0], [4001.0, 5000.0, 10.0]]),
-            quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
-            speed_mps=np.ones(2),
-            motion=np.ones(2, np.int8),
-            fix=np.full(2, 4, np.int8),
-            sigma=np.full((2, 6), np.nan),
-            heading_from=np.array(["gnss", "gnss"]),
-            position_from=np.full(2, "gnss"),
-            height_from=np.full(2, "ground"),
-            level_from=np.full(2, "assumed"),
-            points=np.array([10, 10]),
-        ),
-        CRS.from_user_input("EPSG:6677"),
-    )
-
-    script = CHECKOUT / "tests" / "plugin" / "load_plugin.py"
-    answer = json.loads(qgis.run("python3", script, tmp_path / "plugins", results).splitlines()[-1])
-
-    assert answer["started"] == [["Open furrowmap results…"]] * 20
-    assert answer["unloaded"] == [[]] * 20
-    assert answer["left"] == []
-    assert answer["layers"] == [
-        ["trajectory", "EPSG:6677", True, True]
-    ]  # the last: it plays in the temporal controller
-    assert (answer["group"], answer["in_group"]) == (results.name, ["trajectory"])
-    assert "field.gpkg" in answer["refusal"]
 
 
 def test_open_layers__tells_kind_crs_count_and_extent(qgis: QgisRoot, tmp_path: Path) -> None:
