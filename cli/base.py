@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from furrowmap.cli.console import Console
+from furrowmap.cli.deeds import Deeds
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.words import table
 from furrowmap.core.values.errors import UsageError, printable
@@ -23,29 +23,8 @@ if TYPE_CHECKING:
 _DB_SCHEMA: Final = "furrowmap"
 
 
-class _Deeds(click.Group):
-    """What can be done with a base."""
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name.
-
-        Raises:
-            UsageError: if there is none.
-        """
-        found = super().get_command(ctx, cmd_name)
-        if found is not None or ctx.resilient_parsing:
-            return found
-        near = get_close_matches(cmd_name, self.commands, 1, 0.5)
-        raise UsageError(
-            f"furrowmap base: there is no command {cmd_name!r}.",
-            "Nothing was done.",
-            f"Did you mean `furrowmap base {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
-            code="no-such-verb",
-        )
-
-
 @click.group(
-    cls=_Deeds,
+    cls=Deeds,
     short_help="Gather sessions into a farm's base map.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from furrowmap.cli.console import Console
+from furrowmap.cli.deeds import Deeds
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.words import table
 from furrowmap.core.values.errors import UsageError, printable
@@ -19,29 +19,8 @@ if TYPE_CHECKING:
     from furrowmap.core.evaluation.statistics import Row, Table
 
 
-class _Deeds(click.Group):
-    """What can be done with logs."""
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name.
-
-        Raises:
-            UsageError: if there is none.
-        """
-        found = super().get_command(ctx, cmd_name)
-        if found is not None or ctx.resilient_parsing:
-            return found
-        near = get_close_matches(cmd_name, self.commands, 1, 0.5)
-        raise UsageError(
-            f"furrowmap gnss: there is no command {cmd_name!r}.",
-            "Nothing was done.",
-            f"Did you mean `furrowmap gnss {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
-            code="no-such-verb",
-        )
-
-
 @click.group(
-    cls=_Deeds,
+    cls=Deeds,
     short_help="Judge a GNSS log by another.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
