@@ -11,12 +11,9 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import geopandas as gpd
 import pytest
-from pyproj import CRS
-
-from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.exporters.geopackage import write_field
+from shapely import Point
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -57,23 +54,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What somebody else's run left: here only the trajectory."""
     folder = tmp_path_factory.mktemp("results") / "north field 圃場"
     folder.mkdir()
-    two = np.arange(2)
-    write_field(
-        folder / "field.gpkg",
-        ScanPoses(
-            scan=two,
-            t_s=1.78e9 + two,
-            xyz_m=np.array([[4000.0, 5000.0, 10.0], [4001.0, 5000.0, 10.0]]),
-            quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
-            speed_mps=np.ones(2),
-            motion=np.ones(2, np.int8),
-            fix=np.full(2, 4, np.int8),
-            sigma=np.full((2, 6), np.nan),
-            heading_from=np.array(["gnss", "gnss"]),
-            points=np.array([10, 10]),
-        ),
-        CRS.from_user_input("EPSG:6677"),
-    )
+    places = [Point(4000.0, 5000.0, 10.0), Point(4001.0, 5000.0, 10.0)]
+    table = gpd.GeoDataFrame({"scan": [0, 1]}, geometry=places, crs="EPSG:6677")
+    table.to_file(folder / "field.gpkg", layer="trajectory")
     return folder
 
 
