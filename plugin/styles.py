@@ -10,7 +10,7 @@ from qgis.core import (
     QgsRasterShader,
     QgsSingleBandPseudoColorRenderer,
 )
-from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 from qgis.PyQt.QtGui import QColor, QPainter
 
 LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
@@ -26,8 +26,13 @@ CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own styl
     (CHANGE_M / 2, "#dfc27d"),
     (CHANGE_M, "#8c510a"),
 )
-CLASSES = ((2, "#9c7a4a", "ground"), (1, "#5c9c4a", "other"), (64, "#d08020", "vehicle"), (65, "#c03030", "implement"))
-NOISE = (7, "#b0b0b0", "noise")
+CLASSES = (
+    (2, "#9c7a4a", QT_TRANSLATE_NOOP("Classes", "ground")),
+    (1, "#5c9c4a", QT_TRANSLATE_NOOP("Classes", "other")),
+    (64, "#d08020", QT_TRANSLATE_NOOP("Classes", "vehicle")),
+    (65, "#c03030", QT_TRANSLATE_NOOP("Classes", "implement")),
+)
+NOISE = (7, "#b0b0b0", QT_TRANSLATE_NOOP("Classes", "noise"))
 
 
 def show_as_surface(layer, *, styled=False):

@@ -120,6 +120,10 @@
     <translation>基準にするファイルか既知点のどちらか一方を選んでください。</translation>
   </message>
   <message>
+    <source>Clockwise from grid north: random roughness is then told without the marks of the tool.</source>
+    <translation>座標北から時計回り。作業機の跡を除いたランダム粗さを求めます。</translation>
+  </message>
+  <message>
     <source>Cloud or surface</source>
     <translation>点群またはサーフェス</translation>
   </message>
@@ -158,6 +162,10 @@
   <message>
     <source>Diameter of the discs (m)</source>
     <translation>円板の直径（m）</translation>
+  </message>
+  <message>
+    <source>Direction of tillage (°)</source>
+    <translation>耕うんの方向（°）</translation>
   </message>
   <message>
     <source>Discs around the points</source>
@@ -780,6 +788,29 @@
   <message>
     <source>own tiles or file…</source>
     <translation>独自のタイルまたはファイル…</translation>
+  </message>
+</context>
+<context>
+  <name>Classes</name>
+  <message>
+    <source>ground</source>
+    <translation>地面</translation>
+  </message>
+  <message>
+    <source>implement</source>
+    <translation>作業機</translation>
+  </message>
+  <message>
+    <source>noise</source>
+    <translation>ノイズ</translation>
+  </message>
+  <message>
+    <source>other</source>
+    <translation>その他</translation>
+  </message>
+  <message>
+    <source>vehicle</source>
+    <translation>車両</translation>
   </message>
 </context>
 <context>

@@ -30,6 +30,7 @@ class Surface(VerbAlgorithm):
     ID, VERB, GROUP = "surface", ("surface",), "surfaces"
     CLOUDS, OUTPUT, CELL, STATISTIC, EXTENT, CLASSES = "CLOUDS", "OUTPUT", "CELL", "STATISTIC", "EXTENT", "CLASSES"
     GROUND, OUTLIERS, EVERY, FILL, CRS, DST_CRS = "GROUND", "OUTLIERS", "EVERY", "FILL", "CRS", "DST_CRS"
+    TILLAGE = "TILLAGE"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""
@@ -106,6 +107,12 @@ class Surface(VerbAlgorithm):
             number(self.EVERY, self.tr("Take every n-th point"), number.Type.Integer, 1, minValue=1),
             "--every",
             self.tr("More than 1 for a quick look."),
+            advanced=True,
+        )
+        self.add(
+            number(self.TILLAGE, self.tr("Direction of tillage (°)"), number.Type.Double, None, optional=True),
+            "--tillage",
+            self.tr("Clockwise from grid north: random roughness is then told without the marks of the tool."),
             advanced=True,
         )
         self.add(

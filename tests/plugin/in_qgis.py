@@ -6,6 +6,11 @@ What QGIS's log says at warning level or above is told with each answer, but for
 
 from __future__ import annotations
 
+import ast
+import enum
+import faulthandler
+import gc
+import importlib
 import json
 import os
 import sys
@@ -22,6 +27,7 @@ from qgis.core import (
     QgsProcessingContext,
     QgsProcessingException,
     QgsProcessingFeedback,
+    QgsProcessingUtils,
     QgsProject,
     QgsSettings,
 )
@@ -42,7 +48,6 @@ class Feedback(QgsProcessingFeedback):
         super().__init__(False)
         self.told: list[str] = []
         self.cancel_after_s = cancel_after_s
-        self.cancelled_at: float | None = None
 
     def pushInfo(self, text: str) -> None:
         self.told.append(text)
@@ -58,13 +63,9 @@ class Feedback(QgsProcessingFeedback):
 
     def setProgressText(self, text: str) -> None:
         self.told.append(text)
-        if self.cancel_after_s is not None and self.cancelled_at is None:
-            self.cancelled_at = 0.0
-            threading.Timer(self.cancel_after_s, self._cancel).start()
-
-    def _cancel(self) -> None:
-        self.cancelled_at = time.monotonic()
-        self.cancel()
+        if self.cancel_after_s is not None:
+            threading.Timer(self.cancel_after_s, self.cancel).start()
+            self.cancel_after_s = None
 
 
 def algorithm(name: str) -> Any:
@@ -113,12 +114,11 @@ def run(job: dict[str, Any]) -> Any:
         error = None
     except QgsProcessingException as raised:
         outputs, error = {}, str(raised)
-    after_s = time.monotonic() - feedback.cancelled_at if feedback.cancelled_at else None
     if error is None:
         a.postProcess(context, feedback)
     loaded = {}
     for source, details in context.layersToLoadOnCompletion().items():
-        layer = context.getMapLayer(source) or open_layer(source, context)
+        layer = QgsProcessingUtils.mapLayerFromString(source, context, True, details.layerTypeHint)
         if details.postProcessor() is not None:
             details.postProcessor().postProcessLayer(layer, context, feedback)
         loaded[details.name] = [details.groupName, layer.isValid(), layer.renderer().type()]
@@ -129,25 +129,92 @@ def run(job: dict[str, Any]) -> Any:
         "error": error,
         "loaded": loaded,
         "layers": layers,
-        "cancelled_after_s": after_s,
     }
-
-
-def open_layer(source: str, context: QgsProcessingContext) -> Any:
-    from qgis.core import QgsProcessingUtils
-
-    return QgsProcessingUtils.mapLayerFromString(source, context)
 
 
 def settings(job: dict[str, Any]) -> Any:
     """Set the interpreter the user chose, and variables of QGIS's process."""
     if "interpreter" in job:
         QgsSettings().setValue("furrowmap/interpreter", job["interpreter"])
-    os.environ.update(job.get("environment", {}))
+    for name, value in job.get("environment", {}).items():
+        os.environ[name] = value
+    for name in job.get("forget", []):
+        os.environ.pop(name, None)
     return None
 
 
+def translate(job: dict[str, Any]) -> Any:
+    """What the strings become in a language, and one that is not the plugin's."""
+    from furrowmap.translation import install_translator
+
+    translator = install_translator(job["locale"])
+    told = [QCoreApplication.translate(context, text) for context, text in job["strings"]]
+    title = algorithm("run").create().displayName()
+    if translator is not None:
+        QCoreApplication.removeTranslator(translator)
+    return {"told": told, "title": title, "unknown": install_translator("xx_YY") is None}
+
+
+def options(job: dict[str, Any]) -> Any:
+    """The options page: what it shows at first, and after its buttons were pressed one after the other."""
+    from qgis.PyQt.QtWidgets import QLabel, QPlainTextEdit, QPushButton
+
+    from furrowmap.options_page import OptionsFactory, OptionsPage
+
+    page = OptionsFactory().createWidget(None)
+    shown = [page.findChild(QLabel, "furrowmapUsed").text()]
+    for press in job["press"]:
+        if "wheels" in press:
+            page.from_folder.setChecked(True)
+            page.wheels.setFilePath(press["wheels"])
+        if "chosen" in press:
+            page.chosen.setFilePath(press["chosen"])
+        if press.get("button") == "make":
+            page.make()  # what the button does when the question was answered
+        elif press.get("button"):
+            page.findChild(QPushButton, press["button"]).click()
+        until = time.monotonic() + 120
+        while OptionsPage.deed is not None and time.monotonic() < until:
+            QCoreApplication.processEvents()
+            time.sleep(0.02)
+        shown.append(page.findChild(QPlainTextEdit, "furrowmapLog").toPlainText())
+    page.apply()
+    shown.append(QgsSettings().value("furrowmap/interpreter", "", str))
+    page.deleteLater()
+    return shown
+
+
+def enums(job: dict[str, Any]) -> Any:
+    """Members of enums that the sources name without their enum, which Qt 6 does not know; and how many are scoped."""
+    unscoped, scoped = [], 0
+    for path in sorted(Path(job["folder"]).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        known: dict[str, Any] = {}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qgis"):
+                module = importlib.import_module(str(node.module))
+                known |= {alias.asname or alias.name: getattr(module, alias.name) for alias in node.names}
+        for node in (node for node in ast.walk(tree) if isinstance(node, ast.Attribute)):
+            owner = known.get(node.value.id) if isinstance(node.value, ast.Name) else None
+            value = getattr(owner, node.attr, None)
+            if isinstance(value, int | enum.Enum):
+                unscoped.append(f"{path.name}:{node.lineno} {ast.unparse(node)}")
+            scoped += isinstance(value, type)
+    return {"unscoped": unscoped, "scoped": scoped}
+
+
+def find(_: dict[str, Any]) -> Any:
+    """The interpreter that would be used, and where the plugin's own environment lies."""
+    from furrowmap.interpreter import environment_folder, find_interpreter
+
+    found = find_interpreter()
+    folder = environment_folder()
+    left = sorted(path.name for path in folder.parent.iterdir()) if folder.parent.is_dir() else []
+    return {"program": found and list(found.program), "origin": found and found.origin, "left": left}
+
+
 def main(plugins_folder: str, jobs: str) -> None:
+    faulthandler.enable()
     application = QgsApplication([], True)
     application.initQgis()
     QgsApplication.messageLog().messageReceived[str, str, Qgis.MessageLevel].connect(listen)
@@ -167,6 +234,10 @@ def main(plugins_folder: str, jobs: str) -> None:
         QCoreApplication.processEvents()
         answers.append({"answer": answer, "logged": list(LOGGED)})
     print(json.dumps(answers, default=str))
+    sys.stdout.flush()
+    QgsApplication.messageLog().messageReceived[str, str, Qgis.MessageLevel].disconnect(listen)
+    qgis.utils.plugins["furrowmap"].unload()
+    gc.collect()
     QgsProject.instance().clear()
     application.exitQgis()
 

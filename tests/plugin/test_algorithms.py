@@ -1,0 +1,407 @@
+"""The plugin's algorithms in a real QGIS, with a real worker: one start of QGIS does all the jobs of this module."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import laspy
+import numpy as np
+import pyogrio
+import pytest
+
+from furrowmap.cli.main import VERBS, command_line, furrowmap
+
+if TYPE_CHECKING:
+    from conftest import QgisRoot
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(CHECKOUT / "scripts"))
+from plugin_strings import source_strings, translations  # noqa: E402
+
+WITHOUT_ALGORITHM = {("worker",), ("qgis", "install")}  # the plugin's own way to the others; what puts it there
+COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--debug", "--help"}
+DERIVED = {"--bbox-crs"}  # QGIS's box brings its CRS along
+SCANS_S = 1_453_364_282.341  # the capture's first return by its GPS time
+STRINGS = source_strings()
+
+
+def verbs() -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    """Every verb of the command line, with its words."""
+    for name in VERBS:
+        verb = furrowmap.get_command(click.Context(furrowmap), name)
+        if isinstance(verb, click.Group):
+            yield from (((name, below), command) for below, command in verb.commands.items())
+        elif verb is not None:
+            yield (name,), verb
+
+
+@pytest.fixture(scope="module")
+def worker() -> str:
+    """The command furrowmap as it is named inside QGIS's root."""
+    made = subprocess.run([CHECKOUT / "scripts" / "qgis_worker.sh"], capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+    return made.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
+    """A capture on a straight drive by a trajectory from a file, a cloud's worth of other input, and the plugin."""
+    folder = tmp_path_factory.mktemp("north field 圃場")
+    shutil.copyfile(shared_data / "velodyne" / "vlp16_single_gps.pcap", folder / "recording.pcap")
+    shutil.copyfile(shared_data / "isoxml" / "field_days" / "tillage_two_fields_holes.zip", folder / "tasks.zip")
+    rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
+    (folder / "drive.csv").write_text("time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n" + rows)
+    (folder / "session.toml").write_text(
+        'furrowmap = 1\nname = "straight"\n[recording]\nlidar = ["recording.pcap"]\n[crs]\nmap = "EPSG:6677"\n'
+        '[trajectory]\nfiles = ["drive.csv"]\n'
+    )
+    (folder / "no_session.toml").write_text("furrowmap = 1\n[recoding]\n")
+    (folder / "nothing.pcap").write_bytes(b"nothing")
+    (folder / "some.gpkg").touch()
+    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", folder / "plugin.zip"], check=True)
+    with zipfile.ZipFile(folder / "plugin.zip") as archive:
+        archive.extractall(folder / "plugins")
+    return folder
+
+
+def script(path: Path, *lines: str) -> str:
+    path.write_text("\n".join(["#!/bin/sh", *lines, ""]))
+    path.chmod(0o755)
+    return str(path)
+
+
+def stand_in_wheel(folder: Path, version: str) -> None:
+    """What `pip install furrowmap` would bring, but small: it answers with its version, and says hello."""
+    code = (
+        "import json, sys\n"
+        "if 'worker' in sys.argv:\n"
+        f"    print(json.dumps({{'type': 'hello', 'protocol': 1, 'version': {version!r}, 'pid': 1}}), flush=True)\n"
+        "    sys.stdin.read()\n"
+        f"else:\n    print(json.dumps({{'furrowmap': {version!r}}}))\n"
+    )
+    folder.mkdir()
+    with zipfile.ZipFile(folder / f"furrowmap-{version}-py3-none-any.whl", "w") as wheel:
+        wheel.writestr("furrowmap/cli/__init__.py", "")
+        wheel.writestr("furrowmap/cli/__main__.py", code)
+        info = f"furrowmap-{version}.dist-info"
+        wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: furrowmap\nVersion: {version}\n")
+        wheel.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr(f"{info}/RECORD", "")
+
+
+def own_version() -> str:
+    lines = (CHECKOUT / "metadata.txt").read_text(encoding="utf-8").splitlines()
+    return next(line.removeprefix("version=") for line in lines if line.startswith("version="))
+
+
+def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
+    """The jobs by name, in their order."""
+
+    def run(algorithm: str, **parameters: Any) -> dict[str, Any]:
+        told = {name: str(value) if isinstance(value, Path) else value for name, value in parameters.items()}
+        return {"do": "run", "algorithm": algorithm, "parameters": told}
+
+    def check(algorithm: str, **parameters: Any) -> dict[str, Any]:
+        return {**run(algorithm, **parameters), "do": "check"}
+
+    hello = '{"type": "hello", "protocol": %d, "version": "9.9", "pid": 1}'
+    crashing = script(
+        folder / "crashing", f"echo '{hello % 1}'", "read order", "echo 'last words' >&2", "kill -SEGV $$"
+    )
+    versions = """case "$1" in --version) echo '{"furrowmap": "9.9"}'; exit;; esac"""
+    foreign = script(folder / "foreign", versions, f"echo '{hello % 99}'", "cat >/dev/null")
+    broken = script(folder / "broken", "echo 'ImportError: no numpy' >&2", "exit 1")
+    stand_in_wheel(folder / "wheels", own_version())
+    (folder / "no wheels").mkdir()
+    poison = folder / "poison"
+    poison.mkdir()
+    (poison / "numpy.py").write_text("raise SystemExit('numpy of somebody else')\n")
+    report, base = folder / "result" / "report.json", folder / "farm.gpkg"
+    cloud = folder / "result" / "cloud.copc.laz"
+    poisons = {"PYTHONHOME": "/nowhere", "PYTHONPATH": str(poison), "PYTHONSTARTUP": str(poison / "numpy.py")}
+    poisons |= dict.fromkeys(("GDAL_DATA", "PROJ_LIB", "PROJ_DATA", "GDAL_DRIVER_PATH"), "/nowhere")
+    return {
+        "describe": {"do": "describe"},
+        "nobody": {"do": "find"},
+        "run without a worker": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "never"),
+        "choose": {"do": "settings", "interpreter": worker},
+        "check: no file": check("surface", CLOUDS=[str(folder / "no.laz")], OUTPUT=str(folder / "o")),
+        "check: classes": check("surface", CLOUDS=[str(folder / "recording.pcap")], CLASSES="soil", OUTPUT="o"),
+        "check: two bases": check("base_list", BASE=str(folder / "some.gpkg"), DATABASE="postgresql://me@here/farm"),
+        "check: well": check("run", SESSION=str(folder / "session.toml"), OUTPUT=str(folder / "result")),
+        "inspect": run("inspect", FILES=[str(folder / "recording.pcap"), str(folder / "nothing.pcap")]),
+        "init": run("init", RECORDINGS=[str(folder / "recording.pcap")], OUTPUT=folder / "begun.toml"),
+        "run": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "result", OPEN=True),
+        "surface": run(
+            "surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT=folder / "surfaces", GROUND="none", DST_CRS="EPSG:6677"
+        ),
+        "export": run("export", RESULTS=[str(report)], FORMAT="geojson", LAYERS=["trajectory"], TARGET=folder / "web"),
+        "poison": {"do": "settings", "environment": poisons},
+        "poisoned": run("export", RESULTS=[str(folder / "result")], FORMAT="kml", TARGET=folder / "phone.kml"),
+        "cure": {"do": "settings", "forget": list(poisons)},
+        "base_add": run("base_add", RESULTS=[str(report)], BASE=base),
+        "base_list": run("base_list", BASE=base),
+        "base_mosaic": run("base_mosaic", BASE=base, OUTPUT=folder / "farm.vrt"),
+        "base_remove": run("base_remove", BASE=base, SESSION="straight"),
+        "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
+        "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
+        "cancel": {**run("simulate", OUTPUT=folder / "cancelled"), "cancel_after_s": 0.3},
+        "options": {
+            "do": "options",
+            "press": [
+                {"button": "furrowmapCheck"},
+                {"chosen": str(folder / "nothing.pcap"), "button": "furrowmapCheck"},
+                {"chosen": foreign, "button": "furrowmapCheck"},
+                {"chosen": "", "wheels": str(folder / "no wheels"), "button": "make"},
+            ],
+        },
+        "nothing made": {"do": "find"},
+        "make": {"do": "options", "press": [{"wheels": str(folder / "wheels"), "button": "make"}]},
+        "made": {"do": "find"},
+        "remove": {"do": "options", "press": [{"button": "furrowmapRemove"}]},
+        "removed": {"do": "find"},
+        "choose crashing": {"do": "settings", "interpreter": crashing},
+        "crashing": run("inspect", FILES=[str(folder / "recording.pcap")]),
+        "choose foreign": {"do": "settings", "interpreter": foreign},
+        "foreign": run("inspect", FILES=[str(folder / "recording.pcap")]),
+        "choose broken": {"do": "settings", "interpreter": broken},
+        "broken": run("inspect", FILES=[str(folder / "recording.pcap")]),
+        "enums": {"do": "enums", "folder": str(folder / "plugins")},
+        "japanese": {"do": "translate", "locale": "ja", "strings": STRINGS},
+        "english": {"do": "translate", "locale": "en_US", "strings": STRINGS},
+    }
+
+
+@pytest.fixture(scope="module")
+def told(qgis: QgisRoot, worker: str, folder: Path) -> dict[str, Any]:
+    """What QGIS answered to each job."""
+    jobs = jobs_in(folder, worker)
+    (folder / "jobs.json").write_text(json.dumps(list(jobs.values())), encoding="utf-8")
+    kept = "XDG_CACHE_HOME=/opt/furrowmap/cache"  # of the root, so that kernels are compiled once
+    script = CHECKOUT / "tests" / "plugin" / "in_qgis.py"
+    out = qgis.run("env", kept, "python3", script, folder / "plugins", folder / "jobs.json", timeout_s=500)
+    answers = dict(zip(jobs, json.loads(out.splitlines()[-1]), strict=True))
+    answers["logged"] = {"answer": {name: told["logged"] for name, told in answers.items() if told["logged"]}}
+    return {name: answer["answer"] for name, answer in answers.items()}
+
+
+@pytest.fixture(scope="module")
+def by_hand(folder: Path) -> Path:
+    """What the command line makes of the same session."""
+    assert command_line(["run", str(folder / "session.toml"), "-o", str(folder / "by_hand"), "--quiet"]) == 0
+    return folder / "by_hand"
+
+
+def test_log__has_nothing_but_the_errors_that_were_provoked(told: dict[str, Any]) -> None:
+    assert set(told["logged"]) == {"calibrate", "crashing", "foreign", "broken"}
+    assert [text for texts in told["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
+
+
+def test_algorithms__are_there_for_every_verb(told: dict[str, Any]) -> None:
+    found = {tuple(a["verb"]): name for name, a in told["describe"].items()}
+    assert set(found) == {words for words, _ in verbs()} - WITHOUT_ALGORITHM
+    assert all(name == "_".join(words) for words, name in found.items())
+
+
+def test_algorithms__have_every_option_of_their_verb(told: dict[str, Any]) -> None:
+    algorithms = {tuple(a["verb"]): a for a in told["describe"].values()}
+    for words, verb in verbs():
+        if words in WITHOUT_ALGORITHM:
+            continue
+        algorithm = algorithms[words]
+        options = {max(p.opts, key=len) for p in verb.params if isinstance(p, click.Option)} - COMMON - DERIVED
+        assert {option for option in algorithm["options"].values() if option} == options, words
+        assert "" in algorithm["options"].values(), words
+
+
+def test_algorithms__offer_the_choices_of_their_verb(told: dict[str, Any]) -> None:
+    algorithms = {tuple(a["verb"]): a for a in told["describe"].values()}
+    compared = 0
+    for words, verb in verbs():
+        for option in (p for p in verb.params if isinstance(p.type, click.Choice)):
+            algorithm = algorithms[words]
+            name = next(n for n, o in algorithm["options"].items() if o in option.opts)
+            assert algorithm["choices"][name] == list(option.type.choices)
+            compared += 1
+    assert compared >= 3
+
+
+def test_algorithms__explain_themselves_without_a_network(told: dict[str, Any]) -> None:
+    for name, a in told["describe"].items():
+        silent = [parameter for parameter, (_, title, words) in a["parameters"].items() if not (title and words)]
+        assert silent == [], name
+        assert a["title"]
+        assert a["group"][1]
+        assert len(a["help"]) > 100
+        assert "http" not in a["help"]
+
+
+def test_check__tells_what_is_wrong_before_anything_starts(told: dict[str, Any], folder: Path) -> None:
+    assert told["check: no file"] == [False, f"Clouds: there is no {folder / 'no.laz'}."]
+    assert told["check: classes"][0] is False
+    assert "soil" in told["check: classes"][1]
+    assert told["check: two bases"] == [False, "Choose either a GeoPackage or a PostGIS database."]
+    assert told["check: well"] == [True, ""]
+
+
+def test_run__without_a_worker_says_where_to_get_one(told: dict[str, Any], folder: Path) -> None:
+    assert told["nobody"]["program"] is None
+    assert "Settings › Options › furrowmap" in told["run without a worker"]["cannot"]
+    assert not (folder / "never").exists()
+
+
+def test_run__gives_what_the_command_line_gives(told: dict[str, Any], folder: Path, by_hand: Path) -> None:
+    assert told["run"]["error"] is None
+    same_products(folder / "result", by_hand)
+    report = json.loads((folder / "result" / "report.json").read_text(encoding="utf-8"))
+    assert told["run"]["outputs"]["POINTS"] == report["figures"]["points"]
+    assert told["run"]["outputs"]["FOLDER"] == str(folder / "result")
+    assert {"trajectory", "cloud"} <= set(told["run"]["layers"])
+
+
+def same_products(folder: Path, other: Path) -> None:
+    clouds = [laspy.read(path / "cloud.copc.laz") for path in (folder, other)]
+    assert len(clouds[0].points) > 10_000
+    assert np.array_equal(clouds[0].points.array, clouds[1].points.array)
+    layers = [pyogrio.list_layers(path / "field.gpkg").tolist() for path in (folder, other)]
+    assert layers[0] == layers[1]
+    for name in (name for name, geometry in layers[0] if geometry):
+        tables = [pyogrio.read_dataframe(path / "field.gpkg", layer=name) for path in (folder, other)]
+        assert tables[0].equals(tables[1]), name
+
+
+def test_worker__works_where_qgis_has_variables_of_its_own(told: dict[str, Any], folder: Path) -> None:
+    """PYTHONHOME, PYTHONPATH, GDAL_DATA and PROJ_LIB, as QGIS's launchers set them, break other Pythons and GDALs."""
+    assert told["poisoned"]["error"] is None
+    assert "<kml" in (folder / "phone.kml").read_text(encoding="utf-8")
+
+
+def test_inspect__has_the_findings_of_the_others_where_one_file_is_refused(told: dict[str, Any]) -> None:
+    good, bad = json.loads(told["inspect"]["outputs"]["FINDINGS"])["files"]
+    assert good["facts"]["model"] == "VLP-16"
+    assert bad["error"]["what"]
+
+
+def test_init__says_what_is_missing(told: dict[str, Any], folder: Path) -> None:
+    outputs = told["init"]["outputs"]
+    assert outputs["SESSION"] == str(folder / "begun.toml")
+    assert outputs["MISSING"]
+    assert (folder / "begun.toml").read_text(encoding="utf-8").count("furrowmap = 1") == 1
+
+
+def test_surface__is_opened_in_its_style(told: dict[str, Any], folder: Path) -> None:
+    assert told["surface"]["error"] is None
+    assert told["surface"]["outputs"]["DSM"] == str(folder / "surfaces" / "dsm.tif")
+    assert told["surface"]["loaded"]["dsm"] == ["surfaces", True, "hillshade"]
+    parameters = json.loads((folder / "surfaces" / "surfaces.json").read_text(encoding="utf-8"))["parameters"]
+    assert parameters["ground"] == "none"
+
+
+def test_exchange__gives_files_and_layers(told: dict[str, Any], folder: Path) -> None:
+    assert told["export"]["error"] is None
+    assert pyogrio.read_info(folder / "web" / "trajectory.geojson")["features"] == 5
+    assert told["fields"]["error"] is None
+    assert told["fields"]["outputs"]["WORKED_AREA_M2"] > 1000
+    assert told["fields"]["loaded"]
+    assert all(valid for _, valid, _ in told["fields"]["loaded"].values())
+
+
+def test_base__takes_lists_and_gives_back_sessions(told: dict[str, Any], folder: Path) -> None:
+    assert told["base_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
+    assert [told[name]["error"] for name in ("base_add", "base_list", "base_mosaic", "base_remove")] == [None] * 4
+    assert told["base_add"]["outputs"]["ADDED"] == 1
+    assert told["base_add"]["loaded"]
+    assert [s["name"] for s in json.loads(told["base_list"]["outputs"]["SESSIONS"])] == ["straight"]
+    assert (told["base_remove"]["outputs"]["REMOVED"], told["base_remove"]["outputs"]["SESSIONS"]) == (1, 0)
+
+
+def test_errors__are_the_three_lines_of_the_command_line(
+    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command_line(["calibrate", str(folder / "no_session.toml")]) == 3
+    assert told["calibrate"]["error"].splitlines() == capsys.readouterr().err.splitlines()
+    assert len(told["calibrate"]["error"].splitlines()) == 3
+
+
+def test_cancel__ends_the_work_and_leaves_nothing(told: dict[str, Any], folder: Path) -> None:
+    assert told["cancel"]["error"] is None
+    assert told["cancel"]["outputs"] == {}
+    assert "Stopped before the end" in told["cancel"]["told"][-1]
+    assert not list(folder.glob("cancelled/*"))
+
+
+def test_worker__that_crashes_is_told_with_its_last_words(told: dict[str, Any]) -> None:
+    lines = told["crashing"]["error"].splitlines()
+    assert len(lines) == 3
+    assert lines[1] == "last words"
+
+
+def test_worker__of_another_protocol_is_told_with_both_versions(told: dict[str, Any]) -> None:
+    assert told["foreign"]["error"].startswith("furrowmap 9.9 speaks protocol 99; this plugin speaks 1.")
+
+
+def test_worker__that_ends_before_its_hello_is_told_with_its_last_words(told: dict[str, Any]) -> None:
+    assert told["broken"]["error"].splitlines()[1] == "ImportError: no numpy"
+
+
+def test_options__tell_which_is_used_and_what_is_wrong_with_another(told: dict[str, Any], worker: str) -> None:
+    used, checked, no_program, foreign, not_made, setting = told["options"]
+    assert used == f"{worker}\nChosen below."
+    assert f"furrowmap {own_version()}" in checked.splitlines()
+    assert "nothing.pcap" in no_program
+    assert "protocol 99" in foreign
+    assert "The environment could not be made" in not_made
+    assert setting == ""
+    assert told["nothing made"]["left"] == []
+
+
+def test_options__make_an_environment_from_wheels_and_remove_it(told: dict[str, Any]) -> None:
+    assert told["make"][1].endswith(f"The environment is ready: furrowmap {own_version()}.")
+    assert told["made"]["origin"] == "made"
+    assert told["made"]["program"][0].endswith("/furrowmap/environment/bin/python")
+    assert told["made"]["left"] == ["environment"]
+    assert told["removed"] == {"program": None, "origin": None, "left": []}
+
+
+def test_sources__name_enums_as_qt_6_has_them(told: dict[str, Any]) -> None:
+    assert told["enums"]["unscoped"] == []
+    assert told["enums"]["scoped"] > 20
+
+
+def test_translation__has_every_string_of_the_plugin_in_japanese(told: dict[str, Any]) -> None:
+    known = translations()
+    assert [string for string in STRINGS if string not in known] == []
+    assert [string for string in known if string not in STRINGS] == []
+    for (_, source), words in known.items():
+        assert sorted(placeholders(source)) == sorted(placeholders(words)), source
+    assert told["japanese"]["told"] == [known[string] for string in STRINGS]
+    assert told["japanese"]["title"] == known["Algorithms", "Run a session"]
+    assert told["japanese"]["unknown"]
+    assert told["english"]["told"] == [source for _, source in STRINGS]
+
+
+def placeholders(text: str) -> list[str]:
+    return [part.split("}")[0] for part in text.split("{")[1:]]
+
+
+def test_qgis_process__runs_a_session_after_furrowmap_qgis_install(
+    qgis: QgisRoot, worker: str, folder: Path, by_hand: Path
+) -> None:
+    """A profile as new; the command installs the plugin and switches it on; QGIS runs a session by that furrowmap."""
+    run = (
+        'export XDG_CACHE_HOME=/opt/furrowmap/cache; mkdir -p "$HOME/.local/share/QGIS/QGIS3/profiles/default"; '
+        '"$1" qgis install --quiet >&2; '
+        'qgis_process --json run furrowmap:run --SESSION="$2" --OUTPUT="$3"'
+    )
+    out = qgis.run("sh", "-ec", run, "sh", worker, folder / "session.toml", folder / "processed", timeout_s=300)
+    answer = json.loads(out[out.index("{") :])
+    assert answer["results"]["FOLDER"] == str(folder / "processed")
+    same_products(folder / "processed", by_hand)
