@@ -21,6 +21,7 @@ from furrowmap.core.surfaces.heights import ordered_surface
 from furrowmap.core.surfaces.passage import Passage, Passages, Track
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
+from furrowmap.core.surfaces.visits import block_differences
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.sweep import sweeps
@@ -56,6 +57,8 @@ class FieldTile:
             passed it or passed beside it; nan elsewhere.
         change_error_m: float32 standard error of it.
         number: int32 pass that worked the cell last; 0 where none did.
+        swaths_m: float32, of blocks of cells: how much higher the same ground was seen by each swath than by the one
+            before it, where the tool did not pass between; nan elsewhere.
     """
 
     grid: Grid
@@ -64,6 +67,7 @@ class FieldTile:
     change_m: NDArray[np.float32]
     change_error_m: NDArray[np.float32]
     number: NDArray[np.int32]
+    swaths_m: NDArray[np.float32]
 
 
 class FieldPoints:
@@ -144,18 +148,19 @@ def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> 
     if not near.passed.any():
         surface = _surface(points, statistic)
         nothing = np.full(grid.shape, np.nan, np.float32)
-        return FieldTile(grid, surface, surface, nothing, nothing, near.number)
+        return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points))
     points = points.part(_low(points, near.passed))
     tool = passages.over(grid)
     windows = look(
         points.cell, points.t_s, *_seconds(tool, points.begin_s), *_seconds(near, points.begin_s), np.float32(SETTLE_S)
     )
     after, before, told = windows
-    later, earlier = _surface(points.part(after), statistic), _surface(points.part(before), statistic)
+    left = points.part(after)
+    later, earlier = _surface(left, statistic), _surface(points.part(before), statistic)
     compared = told.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
     error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
-    return FieldTile(grid, later, earlier, change, error, tool.number)
+    return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left))
 
 
 def _surface(points: TilePoints, statistic: Statistic) -> Surface:

@@ -123,7 +123,7 @@ class SiteCoordinates:
         return f"{words}. {self.beside}" if self.beside else words
 
     def _grid(self) -> str:
-        side = "east" if self.convergence_deg < 0 else "west"
+        side = "west" if self.convergence_deg < 0 else "east"
         return (
             f"north of the grid lies {abs(self.convergence_deg):.4f}° {side} of true north; 1 km on the ground is "
             f"{1000 * self.scale:.3f} m on the map"

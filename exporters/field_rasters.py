@@ -13,6 +13,7 @@ from furrowmap.core.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.pipeline import Run
 from furrowmap.core.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.core.surfaces.statistic import MEDIAN
+from furrowmap.core.surfaces.visits import BLOCK, SwathAgreement, SwathSums
 from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.cog import (
     STANDARD_ERROR,
@@ -46,11 +47,13 @@ class RasterFigures:
         cell_m: length of a cell's sides.
         seen_m2: area with a height in `dsm.tif`.
         moved: soil; None where no work is known.
+        swaths: how well they agree; None where no ground was seen twice.
     """
 
     cell_m: float
     seen_m2: float
     moved: SoilMoved | None
+    swaths: SwathAgreement | None
 
     def plain(self) -> dict[str, Any]:
         """As `report.json` has it."""
@@ -83,7 +86,7 @@ def write_rasters(
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
     bands = {DSM: surface_bands()} | ({BEFORE: surface_bands(), CHANGE: CHANGE_BANDS} if passages else {})
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
-    sums, seen = SoilSums(), 0
+    sums, swaths, seen = SoilSums(), SwathSums(), 0
     with ExitStack() as stack:
         write = {
             name: stack.enter_context(cog_output(folder / name, grid, crs, held, _of(origin, name)))
@@ -94,11 +97,12 @@ def write_rasters(
             for name, put in write.items():
                 put(tile.grid, arrays[name])
             sums.add(tile)
+            swaths.add(tile.swaths_m, BLOCK**2 * grid.cell_area_m2)
             seen += int(tile.after.seen.sum())
     for name in bands:
         style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
         (folder / style_of(name)).write_text(style, encoding="utf-8")
-    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None)
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, swaths.agreement())
 
 
 def style_of(name: str) -> str:

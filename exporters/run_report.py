@@ -52,7 +52,7 @@ def report_of(
         inputs=inputs,
         figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
         coordinates=found.located.brought.account(found.frame),
-        accuracy=_accuracy(found),
+        accuracy=_accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
         observability=_observability(found),
         clocks=_clocks(found),
         warnings=found.notices,

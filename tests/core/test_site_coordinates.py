@@ -72,6 +72,7 @@ def test_grid_figures_are_those_of_short_ways_on_the_ellipsoid(
     ends = [geod.fwd(lon, lat, azimuth, 50.0)[:2] for azimuth in (180.0, 0.0)]
     (e0, n0), (e1, n1) = (to_map.transform(*end) for end in ends)
     assert site.convergence_deg == pytest.approx(-np.degrees(np.arctan2(e1 - e0, n1 - n0)), abs=1e-6)
+    assert f"° {'east' if e1 < e0 else 'west'} of true north" in words(site)["grid"]
     assert site.scale == pytest.approx(np.hypot(e1 - e0, n1 - n0) / 100.0, abs=1e-8)
     assert site.hectare_m2 == pytest.approx(1e4 / site.scale**2, rel=1e-6)
     assert (site.easting_m, site.northing_m) == pytest.approx(to_map.transform(lon, lat), abs=1e-3)

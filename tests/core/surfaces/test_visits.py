@@ -1,0 +1,80 @@
+"""The same ground seen by several swaths: their differences come out, relief and noise do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.spool import TilePoints
+from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences
+
+GRID = Grid(0.05, 0, 64, (64, 64))
+
+
+def swaths(offsets_m: list[float], noise_m: float, pause_s: float, returns: int = 60_000, seed: int = 0) -> TilePoints:
+    """Swaths of 5 s, each over the same steep and uneven cells."""
+    rng = np.random.default_rng(seed)
+    relief = rng.normal(0.0, 0.1, 64 * 64)
+    cells, heights, times = [], [], []
+    for k, offset_m in enumerate(offsets_m):
+        cell = rng.integers(0, 64 * 64, returns)
+        cells.append(cell)
+        heights.append(relief[cell] + offset_m + rng.normal(0.0, noise_m, returns))
+        times.append(k * pause_s + np.sort(rng.uniform(0.0, 5.0, returns)))
+    return TilePoints(
+        GRID,
+        np.concatenate(cells).astype(np.uint16),
+        np.concatenate(heights).astype(np.float32),
+        np.concatenate(times).astype(np.float32),
+        0.0,
+        0.0,
+    )
+
+
+def summed(difference_m: NDArray[np.float32]) -> SwathSums:
+    sums = SwathSums()
+    sums.add(difference_m, (0.05 * BLOCK) ** 2)
+    return sums
+
+
+def test_swaths__a_shift_between_two_is_the_mean_and_noise_is_averaged_out() -> None:
+    """14 returns a cell of 2 cm noise, 64 cells a block: 20 / √(14 · 64 / 2) = 0.9 mm remain."""
+    agreement = summed(block_differences(swaths([0.0, 0.03], 0.02, 60.0))).agreement()
+    assert agreement is not None
+    assert agreement.blocks == 64
+    assert agreement.area_m2 == pytest.approx(64 * 64 * 0.05**2)
+    assert agreement.mean_m == pytest.approx(0.03, abs=4e-4)
+    assert np.sqrt(agreement.rms_m**2 - agreement.mean_m**2) == pytest.approx(0.00094, rel=0.3)
+    assert agreement.histogram.sum() == 64
+    assert agreement.histogram[BINS + 12 : BINS + 18].sum() == 64
+    assert agreement.within_m(0.5) == pytest.approx(0.03, abs=1.5e-3)
+
+
+def test_swaths__of_three_each_is_compared_with_the_one_before() -> None:
+    difference = block_differences(swaths([0.0, 0.02, 0.06], 0.0, 60.0))
+    np.testing.assert_allclose(difference, 0.03, atol=1e-5)
+
+
+def test_swaths__without_a_pause_are_one() -> None:
+    difference = block_differences(swaths([0.0, 0.02], 0.0, 10.0))
+    assert np.isnan(difference).all()
+    assert summed(difference).agreement() is None
+
+
+def test_swaths__too_few_returns_say_nothing() -> None:
+    assert np.isnan(block_differences(swaths([0.0, 0.02], 0.0, 60.0, returns=400))).all()
+
+
+def test_sums__do_not_depend_on_how_the_land_is_cut_and_keep_far_ones() -> None:
+    difference = np.random.default_rng(1).normal(0.0, 0.2, (40, 40)).astype(np.float32)
+    one, parts = summed(difference).agreement(), SwathSums()
+    for part in np.array_split(difference, 7):
+        parts.add(part, (0.05 * BLOCK) ** 2)
+    other = parts.agreement()
+    assert one is not None
+    assert other is not None
+    assert other.rms_m == pytest.approx(one.rms_m, rel=1e-9)
+    np.testing.assert_array_equal(other.histogram, one.histogram)
+    assert one.histogram.sum() == 1600
