@@ -895,6 +895,10 @@
     <translation>実行に失敗しました。詳しくはログをご覧ください。</translation>
   </message>
   <message>
+    <source>The work before is being stopped; try again in a moment.</source>
+    <translation>前の処理を止めています。少し待ってからやり直してください。</translation>
+  </message>
+  <message>
     <source>These recordings have a session already: here it is.</source>
     <translation>この記録にはすでにセッションがあります。それを開きました。</translation>
   </message>
