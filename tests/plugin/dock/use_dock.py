@@ -14,7 +14,6 @@ from typing import Any
 
 import qgis.utils
 from qgis.core import Qgis, QgsApplication, QgsFeedback, QgsLocatorContext, QgsProject, QgsSettings
-from qgis.gui import QgsLocatorWidget
 from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtTest import QTest
@@ -89,12 +88,6 @@ def traces() -> dict[str, Any]:
         "widgets": sorted(w.objectName() for w in owned if w.objectName().startswith("furrowmap")),
         "menus": [a.text() for a in iface.pluginMenu().actions() if "furrowmap" in a.text()],  # noqa: F821
         "provider": QgsApplication.processingRegistry().providerById("furrowmap") is not None,
-        "locator": [
-            f.name()
-            for box in WINDOW.findChildren(QgsLocatorWidget)
-            for f in box.locator().filters()
-            if "furrow" in f.name()
-        ],
         "tasks": QgsApplication.taskManager().countActiveTasks(),
     }
 
