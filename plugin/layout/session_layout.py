@@ -4,6 +4,7 @@
 import html
 
 from qgis.core import (
+    Qgis,
     QgsCoordinateTransform,
     QgsLayoutExporter,
     QgsLayoutItemLabel,
@@ -15,7 +16,6 @@ from qgis.core import (
     QgsLegendStyle,
     QgsPrintLayout,
     QgsRectangle,
-    QgsUnitTypes,
 )
 from qgis.PyQt.QtCore import QCoreApplication
 
@@ -145,7 +145,7 @@ def _legend(layout, page_map, layers):
         form.setSize(size)
         style.setTextFormat(form)
     legend.setSymbolHeight(3.0)
-    legend.attemptMove(QgsLayoutPoint(SIDE_MM[0], LEGEND_AT_MM, QgsUnitTypes.LayoutUnit.LayoutMillimeters))
+    legend.attemptMove(QgsLayoutPoint(SIDE_MM[0], LEGEND_AT_MM, Qgis.LayoutUnit.Millimeters))
     legend.adjustBoxSize()
 
 
@@ -163,8 +163,8 @@ def _scale(layout, page_map):
     bar.setId("scale")
     bar.setStyle("Single Box")
     bar.setLinkedMap(page_map)
-    bar.applyDefaultSize(QgsUnitTypes.DistanceUnit.DistanceMeters)
-    bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, QgsUnitTypes.LayoutUnit.LayoutMillimeters))
+    bar.applyDefaultSize(Qgis.DistanceUnit.Meters)
+    bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, Qgis.LayoutUnit.Millimeters))
 
 
 def _atlas(layout, page_map, passes):
@@ -200,7 +200,7 @@ def _label(layout, text, box_mm, size=10.0, *, rich=False):
 
 def _place(item, box_mm):
     x, y, width, height = box_mm
-    unit = QgsUnitTypes.LayoutUnit.LayoutMillimeters
+    unit = Qgis.LayoutUnit.Millimeters
     item.attemptMove(QgsLayoutPoint(x, y, unit))
     item.attemptResize(QgsLayoutSize(width, height, unit))
 
