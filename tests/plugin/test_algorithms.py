@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     """A capture on a straight drive by a trajectory from a file, a cloud's worth of other input, and the plugin."""
     folder = tmp_path_factory.mktemp("north field 圃場")
     shutil.copyfile(shared_data / "velodyne" / "vlp16_single_gps.pcap", folder / "recording.pcap")
-    shutil.copyfile(shared_data / "isoxml" / "field_days" / "tillage_two_fields_holes.zip", folder / "tasks.zip")
+    shutil.copyfile(shared_data / "isoxml" / "other" / "single_dpd.zip", folder / "tasks.zip")
     rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
     (folder / "drive.csv").write_text("time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n" + rows)
     (folder / "session.toml").write_text(
@@ -309,7 +309,7 @@ def test_exchange__gives_files_and_layers(told: dict[str, Any], folder: Path) ->
     assert told["export"]["error"] is None
     assert pyogrio.read_info(folder / "web" / "trajectory.geojson")["features"] == 5
     assert told["fields"]["error"] is None
-    assert told["fields"]["outputs"]["WORKED_AREA_M2"] > 1000
+    assert told["fields"]["outputs"]["WORKED_AREA_M2"] == pytest.approx(299.4, abs=1.0)
     assert told["fields"]["loaded"]
     assert all(valid for _, valid, _ in told["fields"]["loaded"].values())
 
