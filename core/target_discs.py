@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-STEP_SHARE: Final = 0.1
+STEP_SHARE: Final = 0.15
 """Of a disc's diameter between places at which it is looked for."""
 FEWEST_RETURNS: Final = 8
 SURE: Final = 6.0

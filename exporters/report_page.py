@@ -305,6 +305,7 @@ def _provenance(found: Run) -> str:
     cloud = " Cloud: cloud.copc.laz." if found.tally.points else ""
     return (
         f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
+        f"{escape(f'{found.frame.words} ' if found.frame.words else '')}"
         f"All figures and the inputs' check sums: report.json. Layers: field.gpkg.{cloud}"
     )
 

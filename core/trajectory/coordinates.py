@@ -21,6 +21,8 @@ JGD2024_SINCE_S: Final = 1_743_433_200.0
 """1 April 2025 in Japan: from then on survey results, and the corrections that networks send, are those of JGD2024."""
 JGD2024_SINCE_YEAR: Final = 2025
 YEAR_S: Final = 31_556_952.0
+FAR_DEG: Final = 1.0
+"""Positions so far from the middle of all are a receiver's mistakes and no part of the drive: they stay as they are."""
 EPOCH_APART: Final = 1.0
 """Years between a stated epoch and the recording, beyond which it is said."""
 
@@ -143,6 +145,10 @@ def _brought(
     known = np.isfinite(lon_deg) & np.isfinite(lat_deg)
     if not known.any():
         return lon_deg, lat_deg, height_m, AS_IT_WAS
+    middle = middle_deg(lon_deg[known], lat_deg[known])
+    with np.errstate(invalid="ignore"):
+        known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
+        known &= np.abs(lat_deg - middle[1]) < FAR_DEG
     lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
     notices = [*_epoch_notices(frame, t_s[known])]
     epoch = None

@@ -27,6 +27,8 @@ EPOCH: Final = "SemiDynaEXE"
 _SOUTH_NORTH_DEG: Final = (0.0, 66.6)
 _WEST_EAST_DEG: Final = (100.0, 180.0)
 """Where mesh codes are defined (JIS X 0410)."""
+LARGEST_BYTES: Final = 50_000_000
+"""The largest official file, TKY2JGD's of 390,000 nodes, has 11 MB."""
 _ROUNDS: Final = 6
 """Of the way back; parameters change by less than 1e-3 of the way, so that each round gives three digits."""
 _JAPAN: Final = dt.timezone(dt.timedelta(hours=9))
@@ -129,6 +131,8 @@ def read_parameters(path: Path) -> ParameterFile:
         InputError: if it is no such file, or is damaged.
     """
     try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
         text = path.read_bytes().decode("cp932", "replace")
     except OSError as error:
         raise _unreadable(path, error.strerror or "cannot be read") from None

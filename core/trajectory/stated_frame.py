@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 from pyproj import CRS
 from pyproj.crs import ProjectedCRS
-from pyproj.database import query_crs_info
+from pyproj.database import CRSInfo, query_crs_info
 from pyproj.enums import PJType
 
 from furrowmap.core.values.errors import InputError
@@ -51,12 +52,7 @@ def stated_frame(text: str) -> StatedFrame | None:
     found = re.fullmatch(r"\s*(.+?)\s*@\s*(-?\d+(?:\.\d+)?)\s*", text)
     if found is None:
         return None
-    known = {
-        info.name.casefold(): info
-        for info in query_crs_info(auth_name="EPSG", pj_types=PJType.GEOGRAPHIC_2D_CRS)
-        if not info.deprecated
-    }
-    info = known.get(found[1].casefold())
+    info = _frames().get(found[1].casefold())
     if info is None:
         raise InputError(
             f"The session's key `crs.coordinates` names the frame {found[1]!r}, which PROJ does not know.",
@@ -73,3 +69,10 @@ def stated_frame(text: str) -> StatedFrame | None:
             code="epoch-out-of-range",
         )
     return StatedFrame(CRS.from_authority(info.auth_name, info.code), epoch)
+
+
+@cache
+def _frames() -> dict[str, CRSInfo]:
+    """The geographic CRS that EPSG names, by their names in lower case."""
+    found = query_crs_info(auth_name="EPSG", pj_types=PJType.GEOGRAPHIC_2D_CRS)
+    return {info.name.casefold(): info for info in found if not info.deprecated}

@@ -75,6 +75,7 @@ def test_products__heights_above_a_geoid_are_lower_by_it_and_say_so(
     with rasterio.open(folder / "dsm.tif") as raster:
         assert CRS.from_wkt(raster.crs.to_wkt()).sub_crs_list[1].name == "JGD2011 (vertical) height"
         assert "GSIGEO2011" in raster.tags()["GEOID"]
+    assert "Heights are above GSIGEO2011" in (folder / "report.html").read_text(encoding="utf-8")
     layer = pyogrio.read_info(folder / "field.gpkg", layer="trajectory")
     assert CRS.from_user_input(layer["crs"]).sub_crs_list[1].name == "JGD2011 (vertical) height"
     with closing(sqlite3.connect(folder / "field.gpkg")) as database:

@@ -11,7 +11,7 @@ from typing import Any
 import jgdtrans
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import CRS, Geod
 
@@ -76,6 +76,7 @@ def test_parameters__give_the_official_values(geo: Path, expected: dict[str, Any
     assert abs(moved[2] - official[2]) < HEIGHT_M
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(st.floats(140.0626, 140.1249), st.floats(36.0834, 36.1249), st.floats(-100, 4000)),
@@ -122,6 +123,16 @@ def test_current_epoch__moves_every_position_back_to_the_map(
     assert move["up_m"] == pytest.approx(-0.096, abs=1e-3)
     assert done.notices == ()
     assert "SemiDyna2023.par" in frame.words
+
+
+def test_a_position_far_away_stays_for_those_who_tell_jumps(geo: Path, tmp_path: Path) -> None:
+    crs = Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par", heights="GSIGEO2011")
+    frame = map_frame(crs, of_2023(geo, tmp_path))
+    some = track()
+    some.lon_deg[3], some.lat_deg[3] = 0.0, 0.0
+    moved, _ = brought_track(some, frame)
+    assert (moved.lon_deg[3], moved.lat_deg[3]) == (0.0, 0.0)
+    assert (np.delete(moved.height_m, 3) < 30.0).all()
 
 
 def test_as_recorded__moves_nothing() -> None:
@@ -275,6 +286,7 @@ def test_a_stated_frame_and_epoch_are_in_the_name_and_the_metadata() -> None:
         frame.project(np.array([20.9]), np.array([52.4]))
 
 
+@settings(deadline=None)
 @given(st.floats(1984, 2100), st.sampled_from(["ITRF2020", "itrf2014", "JGD2011", "wgs 84 (g2139)"]))
 def test_stated_frames_are_read_whatever_their_case(epoch: float, frame: str) -> None:
     found = stated_frame(f"{frame}@{epoch:.4f}")
