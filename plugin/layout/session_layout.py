@@ -73,7 +73,7 @@ def export_pdf(layout, path):
     Raises:
         OSError: if that fails.
     """
-    _check(QgsLayoutExporter(layout).exportToPdf(str(path), QgsLayoutExporter.PdfExportSettings()), path)
+    _check(QgsLayoutExporter(layout).exportToPdf(str(path), _settings()), path)
 
 
 def export_atlas(layout, path, feedback=None):
@@ -85,9 +85,16 @@ def export_atlas(layout, path, feedback=None):
     atlas = layout.atlas()
     atlas.setEnabled(True)
     atlas.beginRender()
-    result, words = QgsLayoutExporter.exportToPdf(atlas, str(path), QgsLayoutExporter.PdfExportSettings(), feedback)
+    result, words = QgsLayoutExporter.exportToPdf(atlas, str(path), _settings(), feedback)
     atlas.endRender()
     _check(result, f"{path} {words}".strip())
+
+
+def _settings():
+    """Words stay words, to be found and copied."""
+    settings = QgsLayoutExporter.PdfExportSettings()
+    settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText
+    return settings
 
 
 def _check(result, path):
