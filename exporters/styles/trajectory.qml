@@ -11,6 +11,7 @@
   <categories>
    <category value="fixed" type="string" symbol="0" label="RTK fixed" render="true"/>
    <category value="float" type="string" symbol="1" label="RTK float" render="true"/>
+   <category value="ppp" type="string" symbol="5" label="PPP" render="true"/>
    <category value="dgps" type="string" symbol="2" label="differential" render="true"/>
    <category value="single" type="string" symbol="3" label="single" render="true"/>
    <category value="" type="string" symbol="4" label="other, or from a file" render="true"/>
@@ -133,6 +134,35 @@
     </layer>
    </symbol>
    <symbol type="marker" name="4" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="color" type="QString" value="69,117,180,255"/>
+      <Option name="name" type="QString" value="circle"/>
+      <Option name="outline_style" type="QString" value="no"/>
+      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size_unit" type="QString" value="MM"/>
+     </Option>
+     <data_defined_properties>
+      <Option type="Map">
+       <Option name="name" type="QString" value=""/>
+       <Option name="properties" type="Map">
+        <Option name="angle" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="field" type="QString" value="heading_deg"/>
+         <Option name="type" type="int" value="2"/>
+        </Option>
+        <Option name="name" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+       </Option>
+       <Option name="type" type="QString" value="collection"/>
+      </Option>
+     </data_defined_properties>
+    </layer>
+   </symbol>
+   <symbol type="marker" name="5" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
      <Option type="Map">
       <Option name="color" type="QString" value="69,117,180,255"/>

@@ -180,4 +180,4 @@ def test_qgis__opens_the_layer_in_its_style_and_time(field: Path, qgis: QgisRoot
     )
     assert layer["fields"] == ["fid", *FIELDS]
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field)
-    assert told.splitlines()[-1] == "True time FeatureDateTimeInstantFromField 5"
+    assert told.splitlines()[-1] == "True time FeatureDateTimeInstantFromField 6"
