@@ -24,6 +24,7 @@ VERBS: Final = (
     "inspect",
     "run",
     "surface",
+    "cloud",
     "fields",
     "export",
     "base",

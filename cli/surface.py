@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import figures, table
-from furrowmap.core.values.errors import Notice, UsageError, printable
-
-CLASSES: Final = frozenset(range(256))
+from furrowmap.cli.point_options import box_of, classes_of
+from furrowmap.cli.words import figures, file_size, table
+from furrowmap.core.values.errors import Notice, printable
 
 
 @click.command(
@@ -99,12 +98,7 @@ def surface(
     roughness.tif, low_spots.tif with low_spots.gpkg, and surfaces.json. What a file says that is not so is told on
     standard error.
     """
-    box = _numbers(bbox, "--bbox", 4)
-    if box is not None and not (box[0] < box[2] and box[1] < box[3]):
-        raise _no_list("--bbox", bbox, "west, south, east, north, each side less than the one across from it")
-    kept = _numbers(classes, "--class")
-    if kept is not None and not CLASSES.issuperset(kept):
-        raise _no_list("--class", classes, "classes, whole numbers from 0 to 255,")
+    box, kept = box_of(bbox), classes_of(classes, "--class")
     from pyproj import CRS
 
     from furrowmap.core.crs_change import crs_of
@@ -116,9 +110,9 @@ def surface(
 
     settings = CloudSettings(
         cell_m=cell,
-        box=(box[0], box[1], box[2], box[3]) if box is not None else None,
+        box=box,
         box_crs=named(bbox_crs),
-        classes=frozenset(int(number) for number in kept) if kept is not None else None,
+        classes=kept,
         statistic=Statistic.parse(statistic),
         ground=ground_method,
         outliers=outliers,
@@ -135,38 +129,7 @@ def surface(
     console.answer({"folder": output, **account}, _words(account, output))
 
 
-def _numbers(text: str | None, option: str, count: int | None = None) -> list[float] | None:
-    """The numbers of an option.
-
-    Raises:
-        UsageError: if they are none, or of another number.
-    """
-    if text is None:
-        return None
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if not numbers or (count is not None and len(numbers) != count):
-        raise _no_list(option, text, f"{count} numbers" if count is not None else "numbers")
-    return numbers
-
-
-def _no_list(option: str, text: str | None, wanted: str) -> UsageError:
-    return UsageError(
-        f"{option} {text!r}: that is not {wanted} with commas between them.",
-        "Nothing was done.",
-        "Such as --bbox 500000,5000000,500100,5000100, or --class 2,9.",
-        code="usage",
-    )
-
-
 def _words(account: dict[str, Any], folder: Path) -> str:
-    files = [(printable(name), _size(folder / name)) for name in account["products"]]
+    files = [(printable(name), file_size(folder / name)) for name in account["products"]]
     told = {**account["figures"], "crs": account["crs"], "ground": account["parameters"]["ground"]}
     return f"{table(figures(told))}\n{printable(str(folder))}:\n{table(files)}"
-
-
-def _size(path: Path) -> str:
-    size = path.stat().st_size
-    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import printable
@@ -75,3 +76,9 @@ def _told(value: Any) -> str:
 def _is_number(value: Any) -> bool:
     numbers = value if isinstance(value, list | tuple) else [value]
     return bool(numbers) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
+
+
+def file_size(path: Path) -> str:
+    """Of a file, in words."""
+    size = path.stat().st_size
+    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -87,33 +87,63 @@ class Clouds:
             InputError: if points turn out to be damaged.
             RefusedError: if they have no place in the CRS.
         """
+        own = [*NOISE, *MACHINE]
+
+        def wanted(file: CloudFile, batch: CloudBatch) -> NDArray[np.bool_]:
+            if classes is not None:
+                return np.isin(batch.classification, list(classes))
+            return ~np.isin(batch.classification, own if is_ours(file) else NOISE)
+
+        for _, batch in self.whole_batches(box, wanted, seen, read):
+            yield CloudPoints(batch.xyz_m, batch.t_s, batch.classification == PointClass.GROUND)
+
+    def whole_batches(
+        self,
+        box: Box | None = None,
+        wanted: Callable[[CloudFile, CloudBatch], NDArray[np.bool_]] | None = None,
+        seen: Callable[[Survey], None] | None = None,
+        read: Callable[[int], None] | None = None,
+    ) -> Iterator[tuple[CloudFile, CloudBatch]]:
+        """The points with all that they carry, their places in `crs` and metres; without those called deleted.
+
+        Args:
+            box: as in :meth:`batches`.
+            wanted: says of each point of a batch whether it is to be given out; None for all.
+            seen: as in :meth:`batches`.
+            read: as in :meth:`batches`.
+
+        Raises:
+            InputError: if points turn out to be damaged.
+            RefusedError: if they have no place in the CRS.
+        """
         done = 0
         for file in self.files:
             survey = Survey(file)
-            unwanted = [*NOISE, *(MACHINE if file.header.software.startswith("furrowmap") else ())]
             source_box = box if self.change is None else None
             for batch in file.batches(box=source_box):
                 if source_box is None:
                     survey.see(batch)
                 done += len(batch)
-                if classes is None:
-                    kept = ~np.isin(batch.classification, unwanted)
-                else:
-                    kept = np.isin(batch.classification, list(classes))
-                points = self._placed(batch.where(kept & ~batch.withheld))
-                yield points if source_box is box else _within(points, box)
+                kept = ~batch.withheld if wanted is None else wanted(file, batch) & ~batch.withheld
+                points = self._placed(batch.where(kept))
+                yield file, points if source_box is box else _within(points, box)
                 if read is not None:
                     read(done)
             if seen is not None and source_box is None:
                 seen(survey)
 
-    def _placed(self, batch: CloudBatch) -> CloudPoints:
+    def _placed(self, batch: CloudBatch) -> CloudBatch:
         xyz = batch.xyz_m
         if self.change is not None and len(batch):
             xyz = np.column_stack([*self.change(xyz[:, 0], xyz[:, 1]), xyz[:, 2]])
         if self.unit_m != 1.0:
             xyz = xyz * np.array([1.0, 1.0, self.unit_m])
-        return CloudPoints(xyz, batch.t_s, batch.classification == PointClass.GROUND)
+        return replace(batch, xyz_m=xyz)
+
+
+def is_ours(file: CloudFile) -> bool:
+    """Whether furrowmap wrote a cloud, so that classes 64 and 65 are the machine."""
+    return file.header.software.startswith("furrowmap")
 
 
 def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: pyproj.CRS | None = None) -> Clouds:
@@ -164,20 +194,17 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
         if first is not path:
             raise UsageError(
                 f"{path} is the same file as {first}.",
-                "Its points would count twice, and surfaces look surer than they are.",
+                "Its points would count twice, and what is made of them look surer than it is.",
                 "Name each cloud once.",
                 code="cloud-twice",
             )
 
 
-def _within(points: CloudPoints, box: Box | None) -> CloudPoints:
+def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
     if box is None:
-        return points
-    x, y = points.xyz_m[:, 0], points.xyz_m[:, 1]
-    inside = (x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3])
-    return CloudPoints(
-        points.xyz_m[inside], points.t_s[inside] if points.t_s is not None else None, points.ground[inside]
-    )
+        return batch
+    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+    return batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
 
 
 def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CRS:
@@ -203,8 +230,8 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
             raise InputError(
                 f"{first_file.path} is in {name_of(first)} ({first.name}), "
                 f"{file.path} in {name_of(other)} ({other.name}).",
-                "Clouds of different CRS do not lie together on one grid.",
-                "Make surfaces of each CRS by itself, with the same --dst-crs if they are to overlay.",
+                "Clouds of different CRS do not lie together.",
+                "Take those of each CRS by themselves, with the same --dst-crs if the results are to overlay.",
                 code="crs-mixed",
             )
     return first
@@ -246,7 +273,7 @@ def _require_metres(flat: pyproj.CRS, files: Sequence[CloudFile], source: pyproj
     units = " and ".join(sorted({axis.unit_name for axis in flat.axis_info}))
     raise InputError(
         f"{name_of(flat)} ({flat.name}) is in {units}.",
-        "A surface has square cells of metres, so it needs a projected CRS in metres.",
+        "Cells and distances are in metres, so it takes a projected CRS in metres.",
         f"Choose one with --dst-crs{_proposal(files, source)}.",
         code="crs-not-metres",
     )

@@ -118,7 +118,7 @@ def write_cloud_surfaces(
     """
     _refuse_occupied(folder, overwrite=overwrite)
     clouds = open_clouds(paths, settings.crs, settings.dst_crs)
-    box = _box_in(clouds, settings)
+    box = box_in(clouds, settings.box, settings.box_crs)
     # GDAL would keep a twentieth of the computer's memory of what it has read.
     with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         cell_m = settings.cell_m
@@ -128,7 +128,7 @@ def write_cloud_surfaces(
             spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
             grid = points.grid
             if grid is None:
-                raise _nothing_left(clouds, box)
+                raise nothing_left(clouds, box)
             method = _method(settings, spooled)
             records = [file_records([path], path.parent, progress)[0] for path in paths]
             work = _Work(staging, clouds, grid, settings, box, method, records, spooled.span_s)
@@ -444,18 +444,19 @@ def _text(value: object) -> str:
     return ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value)
 
 
-def _box_in(clouds: Clouds, settings: CloudSettings) -> Box | None:
-    """The box in the CRS of the surfaces."""
-    if settings.box is None or settings.box_crs is None:
-        return settings.box
+def box_in(clouds: Clouds, box: Box | None, box_crs: CRS | None) -> Box | None:
+    """A box in the CRS in which the points of clouds are given out."""
+    if box is None or box_crs is None:
+        return box
     from pyproj import Transformer
 
-    change = Transformer.from_crs(settings.box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
-    west, south, east, north = change.transform_bounds(*settings.box)
+    change = Transformer.from_crs(box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
+    west, south, east, north = change.transform_bounds(*box)
     return west, south, east, north
 
 
-def _nothing_left(clouds: Clouds, box: Box | None) -> InputError:
+def nothing_left(clouds: Clouds, box: Box | None) -> InputError:
+    """What to say where no point of clouds is wanted."""
     within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
     return InputError(
         f"Of {clouds.points:,} points in {len(clouds.files)} file(s) none is left{within}.",

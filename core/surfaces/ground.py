@@ -19,7 +19,12 @@ GroundMethod = Literal["smrf", "csf"]
 TILE_M: Final = 128.0
 
 
-def classify_ground(xyz_m: ArrayLike, method: GroundMethod = "smrf", smrf: Smrf | None = None) -> NDArray[np.bool_]:
+def classify_ground(
+    xyz_m: ArrayLike,
+    method: GroundMethod = "smrf",
+    smrf: Smrf | None = None,
+    asked: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
     """Which points are of the ground.
 
     The work is done in squares of 128 m that overlap, so that besides the points only a square is held in memory.
@@ -29,6 +34,8 @@ def classify_ground(xyz_m: ArrayLike, method: GroundMethod = "smrf", smrf: Smrf 
         method: "smrf", the simple morphological filter of Pingel et al. (2013); "csf", the cloth simulation filter of
             Zhang et al. (2016), which takes the extra `csf`.
         smrf: parameters of the first.
+        asked: (n,) of which points it is asked; squares without any are passed over, and no point in them is called
+            ground. None for all.
 
     Returns:
         (n,) bool.
@@ -55,6 +62,8 @@ def classify_ground(xyz_m: ArrayLike, method: GroundMethod = "smrf", smrf: Smrf 
         require_cloth()
     finite = xyz if len(known) == len(xyz) else xyz[known]
     for tile in tiles(finite, TILE_M, min(2.0 * filter_.window_m, TILE_M)):
+        if asked is not None and not asked[known[tile.own]].any():
+            continue
         part = finite[tile.members]
         found = smrf_ground(part, filter_) if method == "smrf" else cloth_ground(part)
         ground[known[tile.own]] = found[: len(tile.own)]

@@ -8,6 +8,10 @@
     <translation>.tif または .vrt。</translation>
   </message>
   <message>
+    <source>A COPC file, whose name ends in .copc.laz.</source>
+    <translation>名前が .copc.laz で終わる COPC ファイル。</translation>
+  </message>
+  <message>
     <source>A box, from a layer, the map, or by coordinates.</source>
     <translation>範囲。レイヤ、地図、または座標で指定します。</translation>
   </message>
@@ -72,6 +76,10 @@
     <translation>CRS の記載がない点群の CRS</translation>
   </message>
   <message>
+    <source>CRS of the clean cloud</source>
+    <translation>整えた点群の座標参照系</translation>
+  </message>
+  <message>
     <source>CRS of the map</source>
     <translation>地図の CRS</translation>
   </message>
@@ -118,6 +126,18 @@
   <message>
     <source>Choose either a file as the reference, or a known point.</source>
     <translation>基準にするファイルか既知点のどちらか一方を選んでください。</translation>
+  </message>
+  <message>
+    <source>Classes: {text} are not numbers with commas between them.</source>
+    <translation>クラス: {text} は、コンマで区切った番号ではありません。</translation>
+  </message>
+  <message>
+    <source>Clean cloud</source>
+    <translation>整えた点群</translation>
+  </message>
+  <message>
+    <source>Clean point clouds</source>
+    <translation>点群を整える</translation>
   </message>
   <message>
     <source>Clockwise from grid north: random roughness is then told without the marks of the tool.</source>
@@ -260,6 +280,10 @@
     <translation>周囲で計測した高さから補います。外側は埋めません。</translation>
   </message>
   <message>
+    <source>Ground becomes class 2, all but noise and the machine class 1. none: classes stay as they are.</source>
+    <translation>地面はクラス 2、ノイズと機械を除くほかの点はクラス 1 になります。none: クラスはそのまま残ります。</translation>
+  </message>
+  <message>
     <source>Ground is told by</source>
     <translation>地面の判定方法</translation>
   </message>
@@ -296,12 +320,20 @@
     <translation>ほかの行はそのまま残ります。</translation>
   </message>
   <message>
+    <source>LAS, LAZ or COPC files in one CRS.</source>
+    <translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation>
+  </message>
+  <message>
     <source>LAS, LAZ or COPC files; together they lie on one grid.</source>
     <translation>LAS、LAZ、COPC のファイル。まとめて 1 つの格子にします。</translation>
   </message>
   <message>
     <source>LAS, LAZ, COPC or GeoTIFF.</source>
     <translation>LAS、LAZ、COPC、または GeoTIFF。</translation>
+  </message>
+  <message>
+    <source>Leave noise out</source>
+    <translation>ノイズを除く</translation>
   </message>
   <message>
     <source>Leave out points that are alone</source>
@@ -364,6 +396,10 @@
     <translation>記録を調べ、分かったことを注釈付きの session.toml に書き出します。センサの取り付け位置など、記録からは分からないことは注釈として残し、お知らせします。</translation>
   </message>
   <message>
+    <source>Makes one COPC file of LAS, LAZ or COPC clouds, from furrowmap or from anybody else: points that are alone are told as noise, the ground is told, and the cloud is thinned, as far as each is asked for. Memory does not grow with the land.</source>
+    <translation>furrowmap やほかのソフトウェアの LAS、LAZ、COPC 点群から、一つの COPC ファイルを作ります。指定に応じて、孤立した点をノイズとし、地面を分類し、点群を間引きます。メモリの使用量は土地の広さによって増えません。</translation>
+  </message>
+  <message>
     <source>Makes surfaces of LAS, LAZ or COPC clouds, from furrowmap or from anybody else: heights of all points (DSM) and of the ground (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory does not grow with the land.</source>
     <translation>LAS、LAZ、COPC の点群（furrowmap のものでもほかのものでも）からサーフェスを作ります。全点の高さ（DSM）、地面の高さ（DTM）、地上高、陰影、傾斜、粗さ、水のたまる窪地です。土地が広くてもメモリの使用量は増えません。</translation>
   </message>
@@ -396,6 +432,10 @@
     <translation>記録からは分からないこと</translation>
   </message>
   <message>
+    <source>Number of points</source>
+    <translation>点の数</translation>
+  </message>
+  <message>
     <source>Number of sessions</source>
     <translation>セッションの数</translation>
   </message>
@@ -412,6 +452,10 @@
     <translation>2,9 のようにコンマ区切りの番号。省略時：ノイズ以外のすべて。</translation>
   </message>
   <message>
+    <source>Numbers with commas between them; 64,65 is the machine in furrowmap's own clouds.</source>
+    <translation>コンマで区切った番号。furrowmap の点群では 64,65 が機械です。</translation>
+  </message>
+  <message>
     <source>Of an antenna at rest: latitude, longitude, height, with commas between them.</source>
     <translation>静止したアンテナの緯度、経度、高さ（コンマ区切り）。</translation>
   </message>
@@ -420,12 +464,12 @@
     <translation>コマンドライン：</translation>
   </message>
   <message>
-    <source>Only classes</source>
-    <translation>使うクラス</translation>
+    <source>One point in each cube of (m)</source>
+    <translation>立方体ごとに一点（一辺、m）</translation>
   </message>
   <message>
-    <source>Only classes: {text} are not numbers with commas between them.</source>
-    <translation>使うクラス：{text} はコンマ区切りの番号ではありません。</translation>
+    <source>Only classes</source>
+    <translation>使うクラス</translation>
   </message>
   <message>
     <source>Only layers</source>
@@ -466,6 +510,14 @@
   <message>
     <source>Pass results on</source>
     <translation>結果の受け渡し</translation>
+  </message>
+  <message>
+    <source>Points of classes 7 and 18 of the clouds as well. Otherwise noise stays, as class 7.</source>
+    <translation>元の点群のクラス 7 と 18 の点も除きます。指定しなければ、ノイズはクラス 7 として残ります。</translation>
+  </message>
+  <message>
+    <source>Points that are alone become noise</source>
+    <translation>孤立した点をノイズとする</translation>
   </message>
   <message>
     <source>Products of the same session in it are replaced.</source>
@@ -656,6 +708,10 @@
     <translation>農場の GeoPackage。</translation>
   </message>
   <message>
+    <source>The one nearest to its middle. Left out: all points.</source>
+    <translation>中心に最も近い点です。省略時: すべての点。</translation>
+  </message>
+  <message>
     <source>The report.json of each run, which stands for its folder.</source>
     <translation>各実行の report.json。そのフォルダを表します。</translation>
   </message>
@@ -686,6 +742,10 @@
   <message>
     <source>Where their file states none. Left out: that of the product.</source>
     <translation>ファイルに記載がない場合。省略時：点群・サーフェスの CRS。</translation>
+  </message>
+  <message>
+    <source>Without classes</source>
+    <translation>除くクラス</translation>
   </message>
   <message>
     <source>Worked ground</source>

@@ -6,6 +6,7 @@ from pathlib import Path
 from qgis.core import (
     Qgis,
     QgsColorRampShader,
+    QgsPointCloudLayer,
     QgsProcessingContext,
     QgsProcessingLayerPostProcessorInterface,
     QgsProcessingUtils,
@@ -17,9 +18,10 @@ from qgis.core import (
 )
 from qgis.PyQt import sip
 
-from ..styles import show_as_change, show_as_surface
+from ..styles import show_as_change, show_as_surface, show_by_class
 
 RASTERS = (".tif", ".vrt")
+CLOUDS = (".laz",)
 HEIGHTS = ("dsm", "dsm_before", "dtm")
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
 SHARES, SAMPLED = (0.02, 0.98), 250_000
@@ -30,13 +32,14 @@ def load_when_done(context, path, group):
 
     Args:
         context: the algorithm's.
-        path: of a raster, or of vector layers.
+        path: of a raster, a cloud, or of vector layers.
         group: their place in the layer tree.
     """
     if context.project() is None:
         return
     hints = QgsProcessingUtils.LayerHint
-    hint = hints.Raster if Path(path).suffix.lower() in RASTERS else hints.Vector
+    suffix = Path(path).suffix.lower()
+    hint = hints.Raster if suffix in RASTERS else hints.PointCloud if suffix in CLOUDS else hints.Vector
     for source, name in sources(path):
         details = QgsProcessingContext.LayerDetails(name, context.project(), name, hint)
         details.forceName = True
@@ -50,13 +53,15 @@ def sources(path):
     path = Path(path)
     if path.suffix.lower() in RASTERS:
         return [(str(path), path.stem)]
+    if path.suffix.lower() in CLOUDS:
+        return [(str(path), path.name.removesuffix(path.suffix).removesuffix(".copc"))]
     found = QgsProviderRegistry.instance().querySublayers(str(path))
     layers = [details for details in found if details.wkbType() != Qgis.WkbType.NoGeometry]  # tables stay in the file
     return [(details.uri(), details.name() if len(layers) > 1 else path.stem) for details in layers]
 
 
 class _Style(QgsProcessingLayerPostProcessorInterface):
-    """The look of a layer: a vector's own, stored beside it; a raster's by its name.
+    """The look of a layer: a vector's own, stored beside it; a cloud's by class; a raster's by its name.
 
     QGIS deletes each together with its context, but does not keep its Python half alive until then: the class does.
     """
@@ -74,6 +79,8 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
         """Set it, in the main thread."""
         if isinstance(layer, QgsVectorLayer):
             layer.loadDefaultStyle()
+        elif isinstance(layer, QgsPointCloudLayer):
+            show_by_class(layer)
         elif layer.name() in HEIGHTS:
             show_as_surface(layer)
         elif layer.name() == "change":

@@ -12,6 +12,7 @@ from .base_mosaic import BaseMosaic
 from .base_remove import BaseRemove
 from .calibrate import Calibrate
 from .check import Check
+from .cloud import Cloud
 from .crs import Crs
 from .export import Export
 from .fields import Fields
@@ -29,6 +30,7 @@ ALGORITHMS = (
     Calibrate,
     Simulate,
     Surface,
+    Cloud,
     Fields,
     Export,
     BaseAdd,

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Parameters that several algorithms have: the results of runs, a base map, whether to replace, whether to open."""
+"""Parameters that several algorithms have: results of runs, clouds, a base map, whether to replace or to open."""
 
 from pathlib import Path
 
 from qgis.core import (
     QgsProcessing,
     QgsProcessingParameterBoolean,
+    QgsProcessingParameterExtent,
     QgsProcessingParameterFile,
     QgsProcessingParameterMultipleLayers,
     QgsProcessingParameterString,
 )
 
-from .base import ARGUMENT, VerbAlgorithm
+from .base import ARGUMENT, VerbAlgorithm, crs_words
 
 RESULTS, BASE, DATABASE, DB_SCHEMA = "RESULTS", "BASE", "DATABASE", "SCHEMA"
 OVERWRITE, OPEN = "OVERWRITE", "OPEN"
@@ -36,6 +37,51 @@ class TakesResults(VerbAlgorithm):
         if definition.name() != RESULTS:
             return words
         return list(dict.fromkeys(str(Path(word).parent if Path(word).is_file() else word) for word in words))
+
+
+class TakesClouds(VerbAlgorithm):
+    """Takes clouds, only within a box where one is given, and classes of points by their numbers."""
+
+    CLOUDS, EXTENT, CLASSES = "CLOUDS", "EXTENT", "CLASSES"
+
+    def add_clouds(self, text):
+        """Add the parameter."""
+        self.add(
+            QgsProcessingParameterMultipleLayers(self.CLOUDS, self.tr("Clouds"), QgsProcessing.SourceType.TypeFile),
+            ARGUMENT,
+            text,
+        )
+
+    def add_extent(self):
+        """Add the box."""
+        self.add(
+            QgsProcessingParameterExtent(self.EXTENT, self.tr("Only within"), optional=True),
+            "--bbox",
+            self.tr("A box, from a layer, the map, or by coordinates."),
+            advanced=True,
+        )
+
+    def fault(self, parameters, context):
+        """Classes are numbers."""
+        classes = self.parameterAsString(parameters, self.CLASSES, context)
+        if classes and not all(part.strip().isdigit() for part in classes.split(",")):
+            return self.tr("Classes: {text} are not numbers with commas between them.").format(text=classes)
+        return ""
+
+    def words(self, definition, parameters, context):
+        """The box by its four coordinates."""
+        if definition.name() != self.EXTENT:
+            return super().words(definition, parameters, context)
+        box = self.parameterAsExtent(parameters, self.EXTENT, context)
+        sides = (box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum())
+        return [] if box.isNull() else [",".join(f"{side:.9f}" for side in sides)]
+
+    def arguments(self, parameters, context):
+        """With the box its CRS, which QGIS may tell together with it."""
+        verb, *rest = super().arguments(parameters, context)
+        crs = self.parameterAsExtentCrs(parameters, self.EXTENT, context)
+        stated = not self.parameterAsExtent(parameters, self.EXTENT, context).isNull() and crs.isValid()
+        return [verb, *([f"--bbox-crs={crs_words(crs)}"] if stated else []), *rest]
 
 
 class TakesBase(VerbAlgorithm):

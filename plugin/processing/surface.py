@@ -4,31 +4,27 @@
 from pathlib import Path
 
 from qgis.core import (
-    QgsProcessing,
     QgsProcessingOutputFolder,
     QgsProcessingOutputRasterLayer,
     QgsProcessingParameterCrs,
     QgsProcessingParameterEnum,
-    QgsProcessingParameterExtent,
     QgsProcessingParameterFolderDestination,
-    QgsProcessingParameterMultipleLayers,
     QgsProcessingParameterNumber,
     QgsProcessingParameterString,
 )
 
-from .base import ARGUMENT, VerbAlgorithm, crs_words
 from .loading import load_when_done
-from .shared import OPEN, add_open, add_overwrite
+from .shared import OPEN, TakesClouds, add_open, add_overwrite
 
 RASTERS = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
 SHOWN = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 
 
-class Surface(VerbAlgorithm):
+class Surface(TakesClouds):
     """Surfaces of any cloud."""
 
     ID, VERB, GROUP = "surface", ("surface",), "surfaces"
-    CLOUDS, OUTPUT, CELL, STATISTIC, EXTENT, CLASSES = "CLOUDS", "OUTPUT", "CELL", "STATISTIC", "EXTENT", "CLASSES"
+    OUTPUT, CELL, STATISTIC = "OUTPUT", "CELL", "STATISTIC"
     GROUND, OUTLIERS, EVERY, FILL, CRS, DST_CRS = "GROUND", "OUTLIERS", "EVERY", "FILL", "CRS", "DST_CRS"
     TILLAGE = "TILLAGE"
 
@@ -47,11 +43,7 @@ class Surface(VerbAlgorithm):
     def initAlgorithm(self, configuration=None):  # noqa: N802, ARG002
         """Its parameters and outputs."""
         number, enum = QgsProcessingParameterNumber, QgsProcessingParameterEnum
-        self.add(
-            QgsProcessingParameterMultipleLayers(self.CLOUDS, self.tr("Clouds"), QgsProcessing.SourceType.TypeFile),
-            ARGUMENT,
-            self.tr("LAS, LAZ or COPC files; together they lie on one grid."),
-        )
+        self.add_clouds(self.tr("LAS, LAZ or COPC files; together they lie on one grid."))
         self.add(
             number(self.CELL, self.tr("Cell (m)"), number.Type.Double, None, optional=True, minValue=0.001),
             "--cell",
@@ -73,12 +65,7 @@ class Surface(VerbAlgorithm):
             "--fill",
             self.tr("From heights seen around them; nothing is filled outside."),
         )
-        self.add(
-            QgsProcessingParameterExtent(self.EXTENT, self.tr("Only within"), optional=True),
-            "--bbox",
-            self.tr("A box, from a layer, the map, or by coordinates."),
-            advanced=True,
-        )
+        self.add_extent()
         self.add(
             QgsProcessingParameterString(self.CLASSES, self.tr("Only classes"), optional=True),
             "--class",
@@ -137,28 +124,6 @@ class Surface(VerbAlgorithm):
         self.addOutput(QgsProcessingOutputFolder("FOLDER", self.tr("Folder of the surfaces")))
         for name in RASTERS:
             self.addOutput(QgsProcessingOutputRasterLayer(name.upper(), name))
-
-    def fault(self, parameters, context):
-        """Classes are numbers."""
-        classes = self.parameterAsString(parameters, self.CLASSES, context)
-        if classes and not all(part.strip().isdigit() for part in classes.split(",")):
-            return self.tr("Only classes: {text} are not numbers with commas between them.").format(text=classes)
-        return ""
-
-    def words(self, definition, parameters, context):
-        """The box by its four coordinates."""
-        if definition.name() != self.EXTENT:
-            return super().words(definition, parameters, context)
-        box = self.parameterAsExtent(parameters, self.EXTENT, context)
-        sides = (box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum())
-        return [] if box.isNull() else [",".join(f"{side:.9f}" for side in sides)]
-
-    def arguments(self, parameters, context):
-        """With the box its CRS, which QGIS may tell together with it."""
-        verb, *rest = super().arguments(parameters, context)
-        crs = self.parameterAsExtentCrs(parameters, self.EXTENT, context)
-        stated = not self.parameterAsExtent(parameters, self.EXTENT, context).isNull() and crs.isValid()
-        return [verb, *([f"--bbox-crs={crs_words(crs)}"] if stated else []), *rest]
 
     def outputs(self, answer, parameters, context):
         """The folder and the rasters in it."""

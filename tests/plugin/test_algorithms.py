@@ -143,6 +143,7 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
         "surface": run(
             "surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT=folder / "surfaces", GROUND="none", DST_CRS="EPSG:6677"
         ),
+        "cloud": run("cloud", CLOUDS=[str(cloud)], OUTPUT=folder / "clean.copc.laz", VOXEL=0.5, CLASSES="64,65"),
         "export": run("export", RESULTS=[str(report)], FORMAT="geojson", LAYERS=["trajectory"], TARGET=folder / "web"),
         "poison": {"do": "settings", "environment": poisons},
         "poisoned": run("export", RESULTS=[str(folder / "result")], FORMAT="kml", TARGET=folder / "phone.kml"),
@@ -295,6 +296,14 @@ def test_init__says_what_is_missing(told: dict[str, Any], folder: Path) -> None:
     assert outputs["SESSION"] == str(folder / "begun.toml")
     assert outputs["MISSING"]
     assert (folder / "begun.toml").read_text(encoding="utf-8").count("furrowmap = 1") == 1
+
+
+def test_cloud__is_opened_by_its_classes(told: dict[str, Any], folder: Path) -> None:
+    assert told["cloud"]["error"] is None
+    clean, whole = (laspy.read(folder / name) for name in ("clean.copc.laz", Path("result", "cloud.copc.laz")))
+    assert told["cloud"]["outputs"]["POINTS"] == len(clean.points)
+    assert 0 < len(clean.points) == len(np.unique(np.floor(clean.xyz / 0.5), axis=0)) < len(whole.points)
+    assert told["cloud"]["loaded"]["clean"] == ["Clean cloud", True, "classified"]
 
 
 def test_surface__is_opened_in_its_style(told: dict[str, Any], folder: Path) -> None:
