@@ -15,8 +15,9 @@ from .program import process_environment
 
 PROTOCOL = 1
 HELLO_S = 20.0
-CANCEL_S = 5.0
-"""How long a cancelled worker may take to clean up before it is ended, and then killed after :data:`END_S`."""
+CANCEL_S = 20.0
+"""How long a cancelled worker may take to clean up before it is ended, and then killed after :data:`END_S`: it heeds at
+once, but for the seconds in which a kernel is compiled. Whoever waits need not: the work counts as stopped before."""
 END_S = 2.0
 LONGEST_LINE = 1 << 20
 _POLL_MS = 50

@@ -28,7 +28,7 @@ CORRELATED: Final = 10.0
 HUBER: Final = 2.5
 GATE: Final = 8.0
 """Residuals beyond HUBER standard deviations lose weight, beyond GATE they are not of the ground."""
-TRIM: Final = 4.0
+TRIM: Final = 4.5
 """Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, and would
 make true slopes of the noise that smooth soil shows everywhere else."""
 LEAST_WEIGHT: Final = 1.5

@@ -107,7 +107,8 @@ def _read(text, number):
         value, end = literal[0][1:-1], literal.end()
     else:
         try:
-            value, end = json.JSONDecoder(parse_constant=_refuse).raw_decode(text)
+            # Not strict: a tab may stand in a text of TOML as it is.
+            value, end = json.JSONDecoder(parse_constant=_refuse, strict=False).raw_decode(text)
         except ValueError:
             raise NotSimpleError(number + 1) from None
     rest = text[end:].strip()

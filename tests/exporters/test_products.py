@@ -134,6 +134,7 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
     accuracy = write_products(tmp_path / "session.toml", tmp_path / "result")["accuracy"]
     assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]
     assert accuracy.pop("matching") is None
+    assert accuracy.pop("swaths") is None
     assert accuracy["sigma_roll_deg"] == {"median": 1.0, "p95": 1.0}
     for name, told in accuracy.items():
         digits = 3 if name.endswith("_deg") else 4
@@ -144,6 +145,7 @@ def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(sessio
     accuracy = write_products(session, tmp_path / "result")["accuracy"]
     assert accuracy.pop("assumed") == []
     assert accuracy.pop("matching") is None
+    assert accuracy.pop("swaths") is None
     assert {value for told in accuracy.values() for value in told.values()} == {None}
 
 
