@@ -116,7 +116,7 @@ def tool_graph(work: FieldWork) -> str:
         if len(work.passes) <= 40:
             middle = time.at(0.5 * (when.begin_s + when.end_s))
             parts.append(f'<text class="number" x="{middle:.1f}" y="16">{number}</text>')
-    parts += heights.grid(time, lambda v: f"{100 * v:.0f} cm")
+    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm")
     y = heights.at(history.threshold_m)
     parts.append(f'<line class="threshold" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
     parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
@@ -137,7 +137,7 @@ def quality_graph(poses: ScanPoses) -> str:
     if not np.isfinite(sigma_m).any():
         return drawing(WIDTH, 36.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
-    parts += axis.grid(time, lambda v: f"{100 * v:g} cm")
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm")
     parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
     return drawing(WIDTH, 152.0, parts, "Quality and accuracy of the positions over time")
@@ -227,13 +227,13 @@ class Axis:
         place: FloatArray = self.bottom + share * (self.top - self.bottom)
         return place
 
-    def grid(self, time: TimeAxis, told: Callable[[float], str]) -> list[str]:
-        """Lines at round values, with their words."""
+    def grid(self, left: float, told: Callable[[float], str]) -> list[str]:
+        """Lines at round values, from `left` on, with their words before them."""
         step = _nice((self.high - self.low) / 3.0)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
         return [
-            f'<line class="grid" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="label right" x="{time.left - 5}" y="{y + 4:.1f}">{told(value)}</text>'
+            f'<line class="grid" x1="{left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
+            f'<text class="label right" x="{left - 5}" y="{y + 4:.1f}">{told(value)}</text>'
             for value, y in zip((values + 0.0).tolist(), self.at(values).tolist(), strict=True)
         ]
 

@@ -160,7 +160,7 @@ def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str)
         f'height="12" fill="{fix_colour(int(found.fix[a]))}"/>'
         for a, b in pairwise(edges)
     ]
-    parts += axis.grid(time, lambda v: f"{v:.3g} m")
+    parts += axis.grid(time.left, lambda v: f"{v:.3g} m")
     for a, b in _unbroken(found):
         parts += curve(time.at(t_s[a:b]), np.clip(axis.at(values[a:b]), 20.0, 150.0))
     parts += time.labels(150.0)

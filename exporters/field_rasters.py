@@ -1,4 +1,4 @@
-"""The surfaces of a run as rasters: `dsm.tif`, and where work is known `dsm_before.tif` and `change.tif`."""
+"""The surfaces of a run as rasters: `dsm.tif`, of work `dsm_before.tif` and `change.tif`, of swaths `swaths.tif`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from furrowmap.core.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.pipeline import Run
 from furrowmap.core.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.surfaces.visits import BLOCK, SwathAgreement, SwathSums
+from furrowmap.core.surfaces.visits import SwathAgreement, SwathSums, block_grid
 from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.cog import (
     STANDARD_ERROR,
@@ -29,13 +29,16 @@ from furrowmap.exporters.provenance import Origin
 DSM: Final = "dsm.tif"
 BEFORE: Final = "dsm_before.tif"
 CHANGE: Final = "change.tif"
-STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml"}
+SWATHS: Final = "swaths.tif"
+STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml", SWATHS: "swaths.qml"}
 """QGIS takes the style beside a raster for the raster's own."""
 CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
+SWATH_BANDS: Final = (Band("difference of swaths"),)
 _TITLES: Final = {
     DSM: "Surface as left at the end",
     BEFORE: "Surface before the implement passed",
     CHANGE: "Change of the surface: after less before",
+    SWATHS: "Agreement of swaths: height in a swath less that in the one before it",
 }
 
 
@@ -85,6 +88,7 @@ def write_rasters(
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
     bands = {DSM: surface_bands()} | ({BEFORE: surface_bands(), CHANGE: CHANGE_BANDS} if passages else {})
+    blocks = block_grid(grid)
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, seen = SoilSums(), SwathSums(), 0
     with ExitStack() as stack:
@@ -92,17 +96,22 @@ def write_rasters(
             name: stack.enter_context(cog_output(folder / name, grid, crs, held, _of(origin, name)))
             for name, held in bands.items()
         }
+        put_swaths = stack.enter_context(cog_output(folder / SWATHS, blocks, crs, SWATH_BANDS, _of(origin, SWATHS)))
         for tile in _told(land, land.tiles(passages, MEDIAN), progress):
             arrays = _arrays(tile)
             for name, put in write.items():
                 put(tile.grid, arrays[name])
             sums.add(tile)
-            swaths.add(tile.swaths_m, BLOCK**2 * grid.cell_area_m2)
+            put_swaths(block_grid(tile.grid), (tile.swaths_m,))
+            swaths.add(tile.swaths_m, blocks.cell_area_m2)
             seen += int(tile.after.seen.sum())
-    for name in bands:
+    agreement = swaths.agreement()
+    if agreement is None:
+        (folder / SWATHS).unlink()
+    for name in (*bands, *([SWATHS] if agreement is not None else [])):
         style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
         (folder / style_of(name)).write_text(style, encoding="utf-8")
-    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, swaths.agreement())
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, agreement)
 
 
 def style_of(name: str) -> str:
@@ -127,7 +136,8 @@ def _told(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> 
 
 
 def _of(origin: Origin, name: str) -> Origin:
-    return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": MEDIAN.name})
+    statistic = "mean" if name == SWATHS else MEDIAN.name
+    return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
 
 
 def _moved(moved: Moved) -> dict[str, float | None]:

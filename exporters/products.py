@@ -33,7 +33,7 @@ from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.copc.points import PointBatch, Records
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
-from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, RasterFigures, style_of, write_rasters
+from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, SWATHS, RasterFigures, style_of, write_rasters
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import plain
 from furrowmap.exporters.report import FileRecord, file_records, write_report
@@ -54,7 +54,7 @@ SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-RASTERS: Final = (DSM, BEFORE, CHANGE)
+RASTERS: Final = (DSM, BEFORE, CHANGE, SWATHS)
 PRODUCTS: Final = (
     CLOUD,
     *RASTERS,
@@ -103,7 +103,7 @@ def write_products(
             write_states(staging / STATES, found.work.states)
         if found.work.seen is not None:
             save_implement(staging / LEARNED, found.work.seen)
-        write_page(staging / PAGE, found, staging / CLOUD, summary)
+        write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters.swaths if made.rasters else None)
         laid_out = perf_counter() - laid_out
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         seconds = {**made.seconds, "layers": laid_out, "whole": perf_counter() - start}

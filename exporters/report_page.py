@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.implement.model import Implement
 from furrowmap.core.pipeline import Run
+from furrowmap.core.surfaces.visits import SwathAgreement
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
@@ -41,6 +42,7 @@ from furrowmap.exporters.drawings import (
 from furrowmap.exporters.png import data_uri
 from furrowmap.exporters.relief import Relief, shaded_ground
 from furrowmap.exporters.run_report import points_by_class
+from furrowmap.exporters.swath_drawing import swath_histogram
 
 HECTARE_M2: Final = 10_000.0
 SMALL_M2: Final = 1_000.0
@@ -62,7 +64,7 @@ _FAR: Final = np.array([68.0, 1.0, 84.0])
 _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
-def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None) -> None:
+def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None, swaths: SwathAgreement | None) -> None:
     """Write `report.html`.
 
     Args:
@@ -70,6 +72,7 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None)
         found: by the run.
         cloud: the COPC file that the run wrote: the map's background.
         summary: what its writer wrote; None where there is no cloud.
+        swaths: how well they agree; None where no ground was seen twice.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -84,6 +87,7 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None)
         *_passes(work),
         _section("GNSS", _quality(poses, found.frame)),
         _section("How good it is, and what to know", _accuracy(found)),
+        *_swaths(swaths),
         *_views(work),
         *_classes(summary),
     ]
@@ -252,6 +256,28 @@ def _accuracy(found: Run) -> str:
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>Nothing stood out.</p>"
     return f'{table}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
+
+
+def _swaths(swaths: SwathAgreement | None) -> Iterable[str]:
+    """How well swaths agree: a check that needs no survey."""
+    if swaths is None:
+        return
+    rows = [
+        ("ground compared", _area(swaths.area_m2)),
+        ("half of it within", _number(1000.0 * swaths.within_m(0.5), 1, " mm")),
+        ("95 % of it within", _number(1000.0 * swaths.within_m(0.95), 1, " mm")),
+        ("mean", f"{1000.0 * swaths.mean_m:+.1f} mm"),
+        ("root mean square", _number(1000.0 * swaths.rms_m, 1, " mm")),
+    ]
+    note = (
+        "Ground that the scanner saw several times, and that the tool did not pass in between: how much higher it was "
+        "seen each time than the time before. Nothing was surveyed for it, so an error that all times share does not "
+        "show."
+    )
+    caption = "How much ground differs by how much. Where that is: swaths.tif."
+    graph = f"<figure>{swath_histogram(swaths)}<figcaption>{caption}</figcaption></figure>"
+    table = _table(("later less earlier", ""), rows)
+    yield _section("The same ground seen again", f'{table}{graph}<p class="soft">{note}</p>')
 
 
 def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:

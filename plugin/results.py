@@ -25,7 +25,8 @@ from .styles import (
 REPORT = "report.json"
 FIELD_LAYERS = "field.gpkg"
 CLOUD = "cloud.copc.laz"
-SURFACES = ("change.tif", "dsm.tif", "dsm_before.tif")
+SURFACES = ("change.tif", "swaths.tif", "dsm.tif", "dsm_before.tif")
+DIFFERENCES = ("change", "swaths")
 SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zones", "trajectory", "change", "dsm")
 """What a map shows at first; the rest is a click away."""
 MEASURED = ("trajectory", "events", "tool_path")
@@ -133,7 +134,7 @@ def surface_layers(folder):
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
         if layer.isValid():
             styled = path.with_suffix(".qml").is_file()  # the style beside it is already the layer's
-            (show_as_change if path.stem == "change" else show_as_surface)(layer, styled=styled)
+            (show_as_change if path.stem in DIFFERENCES else show_as_surface)(layer, styled=styled)
         yield layer
 
 

@@ -18,6 +18,7 @@ import laspy
 import numpy as np
 import pyogrio
 import pytest
+import rasterio
 from playwright.sync_api import Browser, sync_playwright
 
 from furrowmap.core.values.clock import las_time_to_utc
@@ -108,6 +109,24 @@ def test_cloud__tells_the_pass_of_each_point(result: Callable[[str], Result], na
     np.testing.assert_array_equal(np.asarray(las.point_source_id)[clear], expected[clear])
 
 
+@pytest.mark.parametrize("name", TRACTORS)
+def test_swaths_raster__is_the_map_of_what_the_report_tells(result: Callable[[str], Result], name: str) -> None:
+    """Mean, RMS and area come out of the raster again; its values are rounded to eighths of a millimetre."""
+    found = result(name)
+    told = found.report["accuracy"]["swaths"]
+    with rasterio.open(found.folder / "swaths.tif") as raster, rasterio.open(found.folder / "dsm.tif") as surface:
+        difference = raster.read(1, masked=True).compressed().astype(np.float64)
+        area_m2 = len(difference) * abs(raster.transform.determinant)
+        assert raster.bounds.left <= surface.bounds.left < raster.bounds.left + 0.4
+        assert raster.bounds.top - 0.4 < surface.bounds.top <= raster.bounds.top
+    assert area_m2 == pytest.approx(told["area_m2"], abs=0.06)
+    assert difference.mean() == pytest.approx(told["mean_m"], abs=1e-4)
+    assert np.sqrt(np.mean(difference**2)) == pytest.approx(told["rms_m"], abs=1e-4)
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert f"{1000 * told['rms_m']:.0f}." in page
+    assert "The same ground seen again" in page
+
+
 class _Addresses(HTMLParser):
     """Collects what a page refers to, and its text."""
 
@@ -131,7 +150,7 @@ def test_page__is_whole_in_itself_and_tells_the_figures(result: Callable[[str], 
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     assert not {"script", "link", "iframe"} & set(page.tags)
     assert "url(" not in text
-    assert page.tags.count("svg") == 4
+    assert page.tags.count("svg") == 5
     assert page.tags.count("img") == 3
     assert f"{found.report['figures']['worked_area_m2']:.1f} m²" in text
     assert len(text) < 400_000

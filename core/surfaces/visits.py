@@ -9,6 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
 
 APART_S: Final = 20.0
@@ -86,6 +87,13 @@ class SwathSums:
             return None
         rms_m = float(np.sqrt(self._square / self._count))
         return SwathAgreement(self._count, self._area_m2, self._sum / self._count, rms_m, self._histogram.copy())
+
+
+def block_grid(grid: Grid) -> Grid:
+    """The least grid of blocks that covers cells; the blocks of a tile are its own."""
+    west, north = grid.west // BLOCK, -(-grid.north // BLOCK)
+    south, east = (grid.north - grid.rows) // BLOCK, -(-(grid.west + grid.columns) // BLOCK)
+    return Grid(BLOCK * grid.cell_m, west, north, (north - south, east - west))
 
 
 def block_differences(points: TilePoints) -> NDArray[np.float32]:

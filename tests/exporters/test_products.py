@@ -135,6 +135,7 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
     assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]
     assert accuracy.pop("matching") is None
     assert accuracy.pop("swaths") is None
+    assert not (tmp_path / "result" / "swaths.tif").exists()
     assert accuracy["sigma_roll_deg"] == {"median": 1.0, "p95": 1.0}
     for name, told in accuracy.items():
         digits = 3 if name.endswith("_deg") else 4

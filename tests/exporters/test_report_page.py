@@ -15,8 +15,10 @@ from hypothesis.extra import numpy as hnp
 from matplotlib import image as pictures
 
 from furrowmap.core.field_work import FieldWork
+from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.exporters.drawings import map_box, pass_colour, quality_graph, quality_map, tool_graph, work_map
 from furrowmap.exporters.png import data_uri, png
+from furrowmap.exporters.swath_drawing import swath_histogram
 from tests.exporters.worked_field import worked_field
 
 
@@ -53,6 +55,26 @@ def test_drawings__are_well_formed_and_stay_on_their_sheet() -> None:
             assert ((y >= -1) & (y <= height + 1)).all()
             found += len(shape.attrib)
         assert found > 5
+
+
+@pytest.mark.parametrize(
+    ("spread_m", "edge"), [(0.002, "10 mm"), (0.02, "50 mm and more"), (0.2, "100 mm and more")], ids=str
+)
+def test_swath_histogram__bars_are_the_shares_of_the_ground(spread_m: float, edge: str) -> None:
+    """The bars' heights sum to all of the ground, and half of that lies right of zero."""
+    sums = SwathSums()
+    sums.add(np.random.default_rng(3).normal(0.0, spread_m, 4000).astype(np.float32), 0.16)
+    agreement = sums.agreement()
+    assert agreement is not None
+    text = swath_histogram(agreement)
+    root = ET.fromstring(text)
+    bars = [shape.attrib for shape in root if shape.attrib.get("class") == "bars"]
+    middle = next(float(shape.attrib["x1"]) for shape in root if shape.attrib.get("class") == "threshold")
+    heights = np.array([float(bar["height"]) for bar in bars])
+    right = np.array([float(bar["x"]) > middle for bar in bars])
+    assert heights[right].sum() / heights.sum() == pytest.approx(agreement.histogram[50:].sum() / 4000, abs=0.005)
+    ends = {shape.text for shape in root if shape.tag == "text"}
+    assert {f"−{edge}", f"+{edge}"} <= ends
 
 
 def test_work_map__shows_each_pass_overlap_and_miss() -> None:

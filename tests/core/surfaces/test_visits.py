@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
-from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences
+from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences, block_grid
 
 GRID = Grid(0.05, 0, 64, (64, 64))
 
@@ -65,6 +67,17 @@ def test_swaths__without_a_pause_are_one() -> None:
 
 def test_swaths__too_few_returns_say_nothing() -> None:
     assert np.isnan(block_differences(swaths([0.0, 0.02], 0.0, 60.0, returns=400))).all()
+
+
+@given(st.integers(-9_999, 9_999), st.integers(-9_999, 9_999), st.integers(1, 99), st.integers(1, 99))
+def test_block_grid__covers_the_cells_with_no_block_to_spare(west: int, north: int, rows: int, columns: int) -> None:
+    cells = Grid(0.05, west, north, (rows, columns))
+    blocks = block_grid(cells)
+    inner, outer = np.array(cells.bounds_m), np.array(blocks.bounds_m)
+    beyond = (inner - outer) * (1, 1, -1, -1)
+    assert blocks.cell_m == pytest.approx(BLOCK * 0.05)
+    assert (beyond > -1e-6).all()
+    assert (beyond < blocks.cell_m - 1e-6).all()
 
 
 def test_sums__do_not_depend_on_how_the_land_is_cut_and_keep_far_ones() -> None:
