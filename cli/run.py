@@ -19,16 +19,29 @@ from furrowmap.core.values.errors import Notice, printable
 )
 @click.argument("session", type=FILE)
 @click.option(
-    "-o", "--output", type=FILE, metavar="DIR", help="Folder for the products [default: SESSION_result beside SESSION]."
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="DIR",
+    help="Folder for the products [default: SESSION_result beside SESSION; SESSION_preview with --preview].",
 )
 @click.option("--overwrite", is_flag=True, help="Replace the products of another session in that folder.")
+@click.option(
+    "--preview",
+    is_flag=True,
+    help="Only a look, in seconds: the track and a coarse surface of few scans, neither matched nor searched for the "
+    "implement. Replaces an earlier preview, never a run's products.",
+)
 @common_options
-def run(console: Console, session: Path, output: Path | None, *, overwrite: bool) -> None:
+def run(console: Console, session: Path, output: Path | None, *, overwrite: bool, preview: bool) -> None:
     """Compute the georeferenced cloud of the recording that SESSION describes, and the ground its implement worked.
 
     The folder then holds cloud.copc.laz, field.gpkg with trajectory and ground worked, report.html to read, report.json
     and session.toml as it was understood.
     """
+    if preview:
+        _preview(console, session, output or session.resolve().parent / f"{session.stem}_preview")
+        return
     from furrowmap.exporters.products import write_products
 
     folder = output or session.resolve().parent / f"{session.stem}_result"
@@ -37,6 +50,16 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
     for warning in report["warnings"]:
         console.warn(Notice(warning["code"], warning["text"]))
     console.answer({"folder": folder, **report}, _words(report, folder))
+
+
+def _preview(console: Console, session: Path, folder: Path) -> None:
+    from furrowmap.exporters.preview import write_preview
+
+    with console.work() as progress:
+        account = write_preview(session, folder, progress)
+    for warning in account["warnings"]:
+        console.warn(Notice(warning["code"], warning["text"]))
+    console.answer({"folder": folder, **account}, _words(account, folder))
 
 
 def _words(report: dict[str, Any], folder: Path) -> str:

@@ -143,25 +143,25 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
         located = matched_to_ground(located, lidar, session, implement.look, progress)
         watch.lap("matching")
     else:
-        for scan in _watched(lidar.scans(), lidar, progress, "reading scans"):
+        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
             implement.look(scan)
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
     lidar = open_lidar(inputs, session, near_s)
-    placer = _placer(located, session)
+    placer = placer_of(located, session)
     sink.begin(frame, placer.origin_m)
-    scans = _watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
+    scans = watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
         tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
-    _refuse_empty(tally, located.trajectory, session)
+    refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
     watch.lap("work")
     notices = [
         *positions.notices,
         *located.notices,
         *lidar.notices,
-        *_session_notices(session, located),
+        *session_notices(session, located),
         *_gap_notices(tally, located),
         *_tally_notices(tally),
         *(elsewhere[1] if elsewhere is not None else ()),
@@ -229,13 +229,15 @@ def open_positions(inputs: Inputs, session: Session) -> Reader:
     return reader
 
 
-def open_lidar(inputs: Inputs, session: Session, near_s: float) -> LidarReader:
+def open_lidar(inputs: Inputs, session: Session, near_s: float, glance_s: float | None = None) -> LidarReader:
     """The reader of the session's laser scans; `near_s` is a time of the drive by the scanner's clock.
+
+    With `glance_s` a scan in so many seconds is enough.
 
     Raises:
         InputError: as :func:`open_positions`.
     """
-    reader = open_recording(inputs.lidar, ReadOptions(model=session.lidar.model, near_s=near_s))
+    reader = open_recording(inputs.lidar, ReadOptions(model=session.lidar.model, near_s=near_s, glance_s=glance_s))
     _expect(reader, GivesScans, inputs.lidar[0], "recording.lidar")
     return cast("LidarReader", reader)
 
@@ -302,7 +304,7 @@ def match_session(
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
     implement = session.implement
     tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
-    scans = _watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
+    scans = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
     returns = ground_returns(
         scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
     )
@@ -330,14 +332,15 @@ def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
 _GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
 
 
-def _placer(located: Located, session: Session) -> Placer:
+def placer_of(located: Located, session: Session) -> Placer:
+    """What places a session's points, against a round local origin in the middle of the drive."""
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
     mounting = located.mounting or session.lidar.mounting
     return Placer(located.trajectory, mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
 
 
-def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress, stage: str) -> Iterator[Scan]:
+def watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress, stage: str) -> Iterator[Scan]:
     """The scans; tells `progress` how much of the recording has been read."""
     for scan in scans:
         yield scan
@@ -345,7 +348,7 @@ def _watched(scans: Iterator[Scan], reader: LidarReader, progress: Progress, sta
     progress(stage, 1.0)
 
 
-def _refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> None:
+def refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> None:
     """A cloud without points is no cloud: say why, with both clocks' spans.
 
     Raises:
@@ -404,7 +407,7 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     )
 
 
-def _session_notices(session: Session, located: Located) -> list[Notice]:
+def session_notices(session: Session, located: Located) -> list[Notice]:
     """What a run could not know, and what of the session it has no use for."""
     notices = []
     if located.source == "file" and session.recording.gnss:

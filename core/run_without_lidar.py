@@ -45,7 +45,7 @@ def run_without_lidar(session_file: Path, progress: Progress = silent) -> Run:
     inputs = Inputs.of(session_file, session)
     progress("reading positions", 0.0)
     positions = open_positions(inputs, session)
-    located = _located(positions, session, frame)
+    located = located_without_lidar(positions, session, frame)
     boundary = field_boundary(session_file, session, frame)
     elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
     assert elsewhere is not None
@@ -55,11 +55,11 @@ def run_without_lidar(session_file: Path, progress: Progress = silent) -> Run:
     work = with_ground(found, located.trajectory, frame, session.implement)
     notices = (*positions.notices, *located.notices, *elsewhere[1], *work.notices)
     timings_s = {"positions": round(located_s - begin, 3), "work": round(perf_counter() - located_s, 3)}
-    tally = _tally(located.trajectory)
+    tally = tally_without_lidar(located.trajectory)
     return Run(session, inputs.all, frame, located, tally, work, (), tuple(dict.fromkeys(notices)), timings_s)
 
 
-def _located(positions: Reader, session: Session, frame: MapFrame) -> Located:
+def located_without_lidar(positions: Reader, session: Session, frame: MapFrame) -> Located:
     """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves."""
     if session.trajectory is not None or not isinstance(positions, GivesTrack):
         return locate(positions, session, frame)
@@ -99,6 +99,7 @@ def knot_poses(trajectory: Trajectory) -> ScanPoses:
     )
 
 
-def _tally(trajectory: Trajectory) -> Tally:
+def tally_without_lidar(trajectory: Trajectory) -> Tally:
+    """The tally of no scans, with the trajectory's knots."""
     first_s, last_s = trajectory.span_s
     return Tally(0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, knot_poses(trajectory))

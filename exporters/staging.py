@@ -17,7 +17,7 @@ from furrowmap.exporters.atomic import is_running
 STAGING: Final = ".furrowmap-run"
 _OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
-_ACCOUNTS: Final = ("report.json", "surfaces.json", "provenance.json")
+_ACCOUNTS: Final = ("report.json", "preview.json", "surfaces.json", "provenance.json")
 """Files that list the products they belong to, themselves among them, under "products"."""
 
 

@@ -38,6 +38,7 @@ class ReadOptions:
         time: "utc" or "gps", for trajectory files that do not say.
         week: GPS week, for files whose times are seconds of the week.
         task: id or name of the task that is wanted, for task data of several.
+        glance_s: a scan in so many seconds is enough; a reader gives more where leaving them out saves it nothing.
     """
 
     model: str | None = None
@@ -46,6 +47,7 @@ class ReadOptions:
     time: str | None = None
     week: int | None = None
     task: str | None = None
+    glance_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,8 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan
 
+GLANCE_S: Final = 0.12
+"""Packets of so long are taken where a glance is enough: a revolution, in two parts."""
 _POSITION_PORT: Final = 8308
 _SURVEY_PACKETS: Final = 4000
 """Data packets (3 to 5 s) that are looked at before the first scan is given out."""
@@ -110,6 +112,8 @@ class VelodynePcap:
                 for datagrams in capture:
                     self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
                     mine = traffic.sort(datagrams, self._survey.sender)
+                    if self._options.glance_s is not None:
+                        mine &= datagrams.time_s % self._options.glance_s < GLANCE_S
                     yield from decoder.push_at(datagrams.data, datagrams.offset[mine], datagrams.time_s[mine])
                 traffic.captures.append(capture)
                 self.notices += capture.notices

@@ -1,0 +1,112 @@
+"""The products of a preview: the track, and a coarse surface."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.field_surfaces import FieldPoints
+from furrowmap.core.pipeline import Run
+from furrowmap.core.preview import preview
+from furrowmap.core.run_without_lidar import knot_poses
+from furrowmap.core.surfaces.passage import Passages
+from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.cog import cog_output, surface_arrays, surface_bands, with_heights
+from furrowmap.exporters.field_rasters import style_of
+from furrowmap.exporters.geopackage import write_field
+from furrowmap.exporters.json_text import json_text
+from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.run_report import run_origin, way
+from furrowmap.exporters.staging import staged_folder
+
+TRACK: Final = "preview_track.gpkg"
+SURFACE: Final = "preview_dsm.tif"
+ACCOUNT: Final = "preview.json"
+CELL_M: Final = 0.25
+LOW: Final = Statistic.parse("p10")
+"""Of a cell's returns: those of the vehicle itself, which a preview does not tell apart, lie above it."""
+
+
+def write_preview(session_file: Path, folder: Path, progress: Progress = silent) -> dict[str, Any]:
+    """Preview a session and write its track and surface into `folder`.
+
+    Their names are none of a run's products, so that these stay even in the same folder.
+
+    Returns:
+        The content of `preview.json`.
+
+    Raises:
+        FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
+    """
+    with staged_folder(folder) as staging:
+        with FieldPoints(staging, CELL_M) as land:
+            found = preview(session_file, _Sink(land), progress)
+            progress("writing the preview", 0.0)
+            origin = run_origin(found, ())
+            figures = _figures(found) | _write_surface(staging, land, found, origin)
+        frame = found.frame
+        write_field(staging / TRACK, knot_poses(found.located.trajectory), frame.wkt, words=frame.words, origin=origin)
+        account = {
+            "preview": True,
+            "session": msgspec.to_builtins(found.session),
+            "figures": figures,
+            "positions": found.located.positions,
+            "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
+            "timings": found.timings_s,
+            "products": sorted({ACCOUNT, *(path.name for path in staging.iterdir())}),
+        }
+        (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
+    return account
+
+
+class _Sink:
+    """Keeps the points of the scans that are looked at."""
+
+    def __init__(self, land: FieldPoints) -> None:
+        self._land = land
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:  # noqa: ARG002 (a sink's)
+        """Take the local origin."""
+        self._land.begin(origin_m)
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of a scan."""
+        self._land.add(placed)
+
+
+def _figures(found: Run) -> dict[str, Any]:
+    begin_s, end_s = found.located.trajectory.span_s
+    distance_m, standing_s = way(found.located.trajectory, begin_s, end_s)
+    return {
+        "start": iso_utc(begin_s),
+        "end": iso_utc(end_s),
+        "duration_s": round(end_s - begin_s, 3),
+        "distance_m": round(distance_m, 1),
+        "standing_s": round(standing_s, 1),
+        "crs": found.frame.name,
+        "scans": found.tally.scans,
+        "scans_without_pose": found.tally.scans_without_pose,
+        "points": found.tally.points,
+    }
+
+
+def _write_surface(folder: Path, land: FieldPoints, found: Run, origin: Origin) -> dict[str, float]:
+    """Write the surface with its style; what is to be told of it: nothing where no point lies on the land."""
+    grid = land.grid
+    if grid is None:
+        return {}
+    crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
+    with cog_output(folder / SURFACE, grid, crs, surface_bands(), origin) as write:
+        for tile in land.tiles(Passages([]), LOW):
+            write(tile.grid, surface_arrays(tile.after))
+            seen += int(tile.after.seen.sum())
+    style = files("furrowmap.exporters").joinpath("styles", "dsm.qml").read_text(encoding="utf-8")
+    (folder / style_of(SURFACE)).write_text(style, encoding="utf-8")
+    return {"dsm_cell_m": grid.cell_m, "dsm_area_m2": round(seen * grid.cell_area_m2, 1)}
