@@ -25,7 +25,7 @@ from pyproj import CRS
 from scipy.stats import binned_statistic_2d
 
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import Moments, ordered_surface
+from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.exporters.cog import Origin, surface_arrays, surface_bands, write_cog
@@ -54,27 +54,28 @@ def scanned(points: int, seed: int = 0) -> FloatArray:
     return xyz[:points]
 
 
-def five(xyz: FloatArray, grid: Grid) -> Surface:
-    """Count, mean, spread, least and greatest height, on two cores."""
-    halves = [Moments(grid, 270.0), Moments(grid, 270.0)]
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(lambda job: job[0].add(job[1]), zip(halves, np.array_split(xyz, 2), strict=True)))
-    halves[0].join(halves[1])
-    return halves[0].surface(Statistic.parse("mean"))
-
-
-def robust(xyz: FloatArray, name: str) -> int:
-    """Points of all tiles of a surface of an ordering statistic, through the scratch file, on two cores."""
+def gridded(xyz: FloatArray, name: str) -> list[Surface]:
+    """The tiles of a surface as `furrowmap surface` makes them: through the scratch file, on two cores."""
     statistic = Statistic.parse(name)
 
-    def surface(tile: TilePoints) -> int:
-        return int(ordered_surface(tile.grid, tile.cell, tile.height_m, tile.base_m, statistic).count.sum())
+    def surface(tile: TilePoints) -> Surface:
+        return cell_surface(tile.grid, tile.cell, tile.height_m, tile.base_m, statistic)
 
     with PointSpool(CELL_M, 270.0) as spool, ThreadPoolExecutor(2) as pool:
         for part in np.array_split(xyz, max(1, len(xyz) // TURN)):
             spool.add(part)
-        keys = spool.tiles
-        return sum(pool.map(lambda key: surface(spool.tile(key)), keys))
+        return list(pool.map(lambda key: surface(spool.tile(key)), spool.tiles))
+
+
+def mosaic(tiles: list[Surface], grid: Grid) -> NDArray[np.float32]:
+    """The bands (4, rows, columns) of tiles as one array over a grid."""
+    columns, rows = (sorted({getattr(tile.grid, side) for tile in tiles}) for side in ("west", "north"))
+    size = tiles[0].grid.rows
+    cover = Grid(CELL_M, columns[0], rows[-1], (rows[-1] - rows[0] + size, columns[-1] - columns[0] + size))
+    bands = np.full((4, *cover.shape), np.nan, np.float32)
+    for tile in tiles:
+        bands[:, *tile.grid.window_in(cover)] = np.stack([np.asarray(band) for band in surface_arrays(tile)])
+    return bands[:, *grid.window_in(cover)]
 
 
 def bincount(xyz: FloatArray, grid: Grid) -> NDArray[np.float64]:
@@ -130,13 +131,12 @@ def main() -> None:
         wall_s, cores_s = fastest(work, args.rounds)
         print(f"{what:<52} {millions / wall_s:8.1f} M points/s, {millions / cores_s:8.1f} a second of one core")
 
-    told("furrowmap: count, mean, spread, min, max", n, lambda: five(xyz, grid))
-    told("furrowmap: median, spread, count through scratch", n, lambda: robust(xyz, "median"))
-    told("furrowmap: trimmed mean, spread, count", n, lambda: robust(xyz, "trimmed"))
+    told("furrowmap: count, mean, spread, min, max", n, lambda: gridded(xyz, "mean"))
+    told("furrowmap: median, spread, count", n, lambda: gridded(xyz, "median"))
+    told("furrowmap: trimmed mean, spread, count", n, lambda: gridded(xyz, "trimmed"))
     told("numpy bincount: count and mean", n, lambda: bincount(xyz, grid))
     told("scipy binned_statistic_2d: mean", len(few) / 1e6, lambda: binned(few, grid, "mean"))
-    surface = five(xyz, grid)
-    arrays = np.stack([np.asarray(band, np.float32) for band in surface_arrays(surface)])
+    arrays = mosaic(gridded(xyz, "mean"), grid)
     with tempfile.TemporaryDirectory() as folder:
         ours, theirs = Path(folder, "ours.tif"), Path(folder, "gdal.tif")
         origin = Origin("Surface")

@@ -23,7 +23,7 @@ from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import ordered_surface
+from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
@@ -254,7 +254,7 @@ class _Lows:
 
     def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
         points = self.spool.tile(key)
-        surface = ordered_surface(points.grid, points.cell, points.height_m, points.base_m, _LOWEST)
+        surface = cell_surface(points.grid, points.cell, points.height_m, points.base_m, _LOWEST)
         fine = surface.height_m[::-1]
         n = self.cells
         column, row = key[0] * TILE, key[1] * TILE
@@ -405,4 +405,4 @@ def _places(points: TilePoints, near: Grid, reach_m: float) -> FloatArray:
 
 
 def _surface(points: TilePoints, statistic: Statistic) -> Surface:
-    return ordered_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)
+    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import ordered_surface
+from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.passage import Passage, Passages, Track
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
@@ -164,7 +164,7 @@ def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> 
 
 
 def _surface(points: TilePoints, statistic: Statistic) -> Surface:
-    return ordered_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)
+    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)
 
 
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -176,7 +176,7 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     block = (row // BLOCK * columns + column // BLOCK).astype(np.uint16)
     some = slice(None, None, max(1, len(points.cell) // ENOUGH))
     heights = np.ascontiguousarray(points.height_m[some])
-    low = ordered_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
+    low = cell_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
     around = np.lib.stride_tricks.sliding_window_view(np.pad(low, 1, constant_values=np.nan), (3, 3))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # blocks in which, and round which, there is nothing

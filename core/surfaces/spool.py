@@ -6,10 +6,11 @@ import os
 import tempfile
 import threading
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final, NamedTuple, Self
 
 import numba
 import numpy as np
@@ -22,7 +23,7 @@ FloatArray = NDArray[np.float64]
 TILE: Final = 256
 """Cells a side: so a cell of a tile has a number of 16 bits."""
 HELD: Final = 1 << 20
-"""Points in memory until they are sorted and written: 32 bytes each, twice."""
+"""Points in memory until they are sorted and written, while as many others are collected."""
 
 
 @dataclass(frozen=True)
@@ -66,10 +67,25 @@ class _Block:
     points: int
 
 
+class _Held(NamedTuple):
+    """Room for points that wait to be written: their tiles (HELD, 2), and cells in these, heights and times (HELD,)."""
+
+    tiles: NDArray[np.int32]
+    cells: NDArray[np.uint16]
+    heights: NDArray[np.float32]
+    times: NDArray[np.float32]
+
+    @classmethod
+    def none(cls) -> Self:
+        heights, times = np.empty((2, HELD), np.float32)
+        return cls(np.empty((HELD, 2), np.int32), np.empty(HELD, np.uint16), heights, times)
+
+
 class PointSpool:
     """Takes points in any order and gives them back tile by tile: a context manager, whose scratch file has no name.
 
-    Memory is some 60 MB, and that of the largest tile; the scratch file takes 10 bytes a point.
+    Memory is some 80 MB, and that of the largest tile; the scratch file takes 10 bytes a point. What is held is sorted
+    and written by a thread of the spool's own, while its owner goes on.
 
     Args:
         cell_m: length of a cell's sides.
@@ -81,13 +97,14 @@ class PointSpool:
         Grid(cell_m, 0, 0, (1, 1))  # says what is wrong with the cell size
         self.cell_m, self.base_m = cell_m, base_m
         self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
-        self._cells = np.empty((HELD, 2), np.int64)
-        self._heights, self._times = np.empty(HELD, np.float32), np.empty(HELD, np.float32)
+        self._points, self._others = _Held.none(), _Held.none()
+        self._writer = ThreadPoolExecutor(1)
+        self._written: Future[None] | None = None
         self._reading = threading.Lock()
         self._held = 0
         self._blocks: list[_Block] = []
         self._begin_s: float | None = None
-        self._low, self._high = np.full(2, 2**62), np.full(2, -(2**62))
+        self._ends = np.array([2**62, 2**62, -(2**62), -(2**62)])
 
     def __enter__(self) -> Self:
         return self
@@ -95,6 +112,7 @@ class PointSpool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._writer.shutdown()
         self._file.close()
 
     def add(
@@ -126,10 +144,10 @@ class PointSpool:
         while done < n:
             done, self._held = collect(
                 points, times, mask, done, shift, self.cell_m, self._begin_s or 0.0,
-                self._cells, self._heights, self._times, self._held,
+                *self._points, self._ends, self._held,
             )  # fmt: skip
             if self._held == HELD:
-                self._write()
+                self._hand_over()
 
     @property
     def grid(self) -> Grid | None:
@@ -138,11 +156,9 @@ class PointSpool:
         Raises:
             InputError: if it has more cells than any raster.
         """
-        self._write()
-        if not self._blocks:
-            return None
-        (west, south), (east, north) = self._low.tolist(), self._high.tolist()
-        return Grid(self.cell_m, west, north + 1, (north + 1 - south, east + 1 - west))
+        self._hand_over()
+        self._wait()
+        return self._covering() if self._blocks else None
 
     @property
     def tiles(self) -> list[tuple[int, int]]:
@@ -170,20 +186,29 @@ class PointSpool:
     def __iter__(self) -> Iterator[TilePoints]:
         return (self.tile(key) for key in self.tiles)
 
-    def _write(self) -> None:
-        """Sort what is held by tile and append it to the file."""
-        if not self._held:
-            return
-        cells = self._cells[: self._held]
-        lowest, highest = bounds(cells)
-        self._low, self._high = np.minimum(self._low, lowest), np.maximum(self._high, highest)
-        (west, south), (east, north) = self._low.tolist(), self._high.tolist()
-        Grid(self.cell_m, west, north + 1, (north + 1 - south, east + 1 - west))  # refuses what no raster holds
-        low = lowest // TILE
-        columns, rows = (highest // TILE - low + 1).tolist()
-        *sorted_points, starts = sort_by_tile(
-            cells, self._heights[: self._held], self._times[: self._held], low, columns, rows
-        )
+    def _covering(self) -> Grid:
+        west, south, east, north = self._ends.tolist()
+        return Grid(self.cell_m, west, north + 1, (north + 1 - south, east + 1 - west))
+
+    def _hand_over(self) -> None:
+        """Let what is held be written, and go on with other arrays."""
+        self._wait()
+        if self._held:
+            self._covering()  # refuses what no raster holds
+            self._written = self._writer.submit(self._write, self._points, self._held)
+            self._points, self._others, self._held = self._others, self._points, 0
+
+    def _wait(self) -> None:
+        """Until everything handed over is in the file; raises what went wrong with it."""
+        written, self._written = self._written, None
+        if written is not None:
+            written.result()
+
+    def _write(self, points: _Held, held: int) -> None:
+        """Sort points by tile and append them to the file."""
+        low, high = bounds(points.tiles[:held])
+        columns, rows = (high - low + 1).tolist()
+        *sorted_points, starts = sort_by_tile(*(array[:held] for array in points), low, columns, rows)
         there = np.flatnonzero(np.diff(starts)).tolist()
         tiles = {
             (int(low[0]) + k % columns, int(low[1]) + k // columns): (int(starts[k]), int(starts[k + 1])) for k in there
@@ -192,8 +217,7 @@ class PointSpool:
         for array in sorted_points:
             self._file.write(array.data)
         self._file.flush()
-        self._blocks.append(_Block(offset, tiles, self._held))
-        self._held = 0
+        self._blocks.append(_Block(offset, tiles, held))
 
     def _read(self, parts: list[tuple[_Block, int, int]], dtype: np.dtype[np.generic], skipped: int) -> NDArray[Any]:
         """One array of a tile; `skipped` bytes a point stand before it in each block."""
@@ -211,50 +235,61 @@ class PointSpool:
 
 @numba.njit(
     "UniTuple(int64, 2)(float64[:, ::1], float64[::1], boolean[::1], int64, float64[::1], float64, float64,"
-    " int64[:, ::1], float32[::1], float32[::1], int64)",
+    " int32[:, ::1], uint16[::1], float32[::1], float32[::1], int64[::1], int64)",
     cache=True,
     nogil=True,
 )
-def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, cells, heights, times, held):  # type: ignore[no-untyped-def]
-    """Take points from number `first` on until there is no more room: where it stopped, and how many are held."""
+def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, heights, times, ends, held):  # type: ignore[no-untyped-def]
+    """Take points from number `first` on until there is no more room: where it stopped, and how many are held.
+
+    `ends` are the least column and row, and the greatest ones, of all cells.
+    """
+    west, south, east, north = ends[0], ends[1], ends[2], ends[3]
+    stopped = len(xyz_m)
     for i in range(first, len(xyz_m)):
         if held == len(heights):
-            return i, held
+            stopped = i
+            break
         x, y, z = xyz_m[i, 0] + shift_m[0], xyz_m[i, 1] + shift_m[1], xyz_m[i, 2] + shift_m[2]
         if not kept[i] or not np.isfinite(x + y + z + t_s[i]):
             continue
-        cells[held, 0] = int(np.floor(x / cell_m))
-        cells[held, 1] = int(np.floor(y / cell_m))
+        column, row = int(np.floor(x / cell_m)), int(np.floor(y / cell_m))
+        west, east = min(west, column), max(east, column)
+        south, north = min(south, row), max(north, row)
+        tiles[held, 0] = column >> 8
+        tiles[held, 1] = row >> 8
+        cells[held] = (255 - (row & 255)) * 256 + (column & 255)
         heights[held] = z
         times[held] = t_s[i] - begin_s
         held += 1
-    return len(xyz_m), held
+    ends[0], ends[1], ends[2], ends[3] = west, south, east, north
+    return stopped, held
 
 
-@numba.njit("UniTuple(int64[::1], 2)(int64[:, ::1])", cache=True, nogil=True)
-def bounds(cells):  # type: ignore[no-untyped-def]
+@numba.njit("UniTuple(int32[::1], 2)(int32[:, ::1])", cache=True, nogil=True)
+def bounds(tiles):  # type: ignore[no-untyped-def]
     """Least and greatest column and row, fifty times as fast as numpy's along so narrow an axis."""
-    low, high = cells[0].copy(), cells[0].copy()
-    for i in range(len(cells)):
+    low, high = tiles[0].copy(), tiles[0].copy()
+    for i in range(len(tiles)):
         for j in range(2):
-            low[j] = min(low[j], cells[i, j])
-            high[j] = max(high[j], cells[i, j])
+            low[j] = min(low[j], tiles[i, j])
+            high[j] = max(high[j], tiles[i, j])
     return low, high
 
 
 @numba.njit(
     "Tuple((uint16[::1], float32[::1], float32[::1], int64[::1]))"
-    "(int64[:, ::1], float32[::1], float32[::1], int64[::1], int64, int64)",
+    "(int32[:, ::1], uint16[::1], float32[::1], float32[::1], int32[::1], int64, int64)",
     cache=True,
     nogil=True,
 )
-def sort_by_tile(cells, heights, times, low, columns, rows):  # type: ignore[no-untyped-def]
+def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ignore[no-untyped-def]
     """Cells within their tiles, heights and times in the order of tiles, and where each tile's begin (tiles + 1,)."""
     n = len(heights)
     starts = np.zeros(columns * rows + 1, np.int64)
     tile = np.empty(n, np.int32)
     for i in range(n):
-        tile[i] = ((cells[i, 1] >> 8) - low[1]) * columns + (cells[i, 0] >> 8) - low[0]
+        tile[i] = (tiles[i, 1] - low[1]) * columns + tiles[i, 0] - low[0]
         starts[tile[i] + 1] += 1
     for k in range(columns * rows):
         starts[k + 1] += starts[k]
@@ -263,7 +298,7 @@ def sort_by_tile(cells, heights, times, low, columns, rows):  # type: ignore[no-
     for i in range(n):
         at = place[tile[i]]
         place[tile[i]] += 1
-        cell[at] = (255 - (cells[i, 1] & 255)) * 256 + (cells[i, 0] & 255)
+        cell[at] = cells[i]
         height[at] = heights[i]
         time[at] = times[i]
     return cell, height, time, starts
