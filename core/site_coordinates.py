@@ -13,7 +13,7 @@ from pyproj import CRS, Geod
 from furrowmap.core.crs_choice import choose_crs
 from furrowmap.core.pipeline import Inputs, open_positions
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
-from furrowmap.core.trajectory.coordinates import Brought, brought_poses, brought_track
+from furrowmap.core.trajectory.coordinates import JGD2024_SINCE_S, Brought, brought_poses, brought_track
 from furrowmap.core.trajectory.projection import MapFrame, map_frame, middle_deg
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError
@@ -24,6 +24,8 @@ FloatArray = NDArray[np.float64]
 
 _COMPASS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 HECTARE_M: Final = 100.0
+_JAPAN_RESULTS: Final = ("JGD2011", "JGD2024")
+"""Newer databases of PROJ call JGD2011's horizontal CRS by the later name, with the same codes."""
 
 
 @dataclass(frozen=True)
@@ -103,17 +105,29 @@ class SiteCoordinates:
             )
         base = self.frame.crs.geodetic_crs
         datum = base.name if base is not None else self.frame.name
-        return f"stay where they are: they are taken as coordinates of {datum}"
+        also = ""
+        if datum in _JAPAN_RESULTS:
+            also = " and of JGD2024, whose longitudes and latitudes are the same, under the same EPSG code"
+        return f"stay where they are: they are taken as coordinates of {datum.replace('JGD2024', 'JGD2011')}{also}"
 
     def _heights(self) -> str:
         move = self.brought.heights
         if move is None:
-            return "stay above the ellipsoid"
+            return f"stay above the ellipsoid{self._above_the_sea()}"
         low_m, high_m = move.geoid_m
         return (
             f"are brought above {move.heights} ({move.source}): the geoid lies {0.5 * (low_m + high_m):.3f} m above "
             f"the ellipsoid, with {1000 * (high_m - low_m):.1f} mm of difference over the site"
         )
+
+    def _above_the_sea(self) -> str:
+        """Which geoids a user in Japan may choose among."""
+        base = self.frame.crs.geodetic_crs
+        if base is None or base.name not in _JAPAN_RESULTS:
+            return ""
+        since = self.span_s[0] >= JGD2024_SINCE_S
+        right, when = ("JPGEO2024", "from 1 April 2025 on") if since else ("GSIGEO2011", "before 1 April 2025")
+        return f'; for heights above the sea write `heights = "{right}"`, the geoid of recordings made {when}'
 
     def _map(self) -> str:
         words = (

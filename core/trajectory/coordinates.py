@@ -12,17 +12,18 @@ from furrowmap.core.trajectory.height_system import JAPAN, height_system
 from furrowmap.core.trajectory.projection import MapFrame, middle_deg
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 
 FloatArray = NDArray[np.float64]
 
 JGD2024_SINCE_S: Final = 1_743_433_200.0
 """1 April 2025 in Japan: from then on survey results, and the corrections that networks send, are those of JGD2024."""
-JGD2024_SINCE_YEAR: Final = 2025
 YEAR_S: Final = 31_556_952.0
 FAR_DEG: Final = 1.0
 """Positions so far from the middle of all are a receiver's mistakes and no part of the drive: they stay as they are."""
+OF_TODAY: Final = frozenset({"clas", "madoca", "ppp", "ppp-rtk"})
+"""Services whose positions are in the satellites' frame, at the epoch of the day."""
 EPOCH_APART: Final = 1.0
 """Years between a stated epoch and the recording, beyond which it is said."""
 
@@ -121,6 +122,7 @@ def brought_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Brought
         InputError: if parameters or geoid do not cover a position, or parameters are of another year.
     """
     lon, lat, height, done = _brought(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
+    done = replace(done, notices=(*_of_today(frame, track), *done.notices))
     return replace(track, lon_deg=lon, lat_deg=lat, height_m=height), done
 
 
@@ -133,8 +135,8 @@ def brought_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Brought
     if track.projected:
         if frame.parameters is None and frame.heights.vertical is None:
             return track, AS_IT_WAS
-        text = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
-        return track, Brought(notices=(Notice("coordinates-of-the-map", text),))
+        unmoved = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
+        return track, Brought(notices=(Notice("coordinates-of-the-map", unmoved),))
     lon, lat, height, done = _brought(frame, track.t_s, *track.position.T)
     return replace(track, position=np.column_stack([lon, lat, height])), done
 
@@ -155,7 +157,7 @@ def _brought(
     if frame.parameters is not None:
         _expect_year(frame, t_s[known])
         before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
-        lon, lat, up = frame.parameters.backward(lon, lat, np.zeros(len(lon)))
+        lon, lat, up = frame.parameters.to_map(lon, lat, np.zeros(len(lon)))
         height = height + up
         moved = np.column_stack([*frame.project(lon, lat), up]) - before
         mean = moved.mean(axis=0)
@@ -176,24 +178,38 @@ def _brought(
 
 def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
     """What is to be said of parameters without a year, and of a stated epoch that is not the recording's."""
-    if frame.parameters is not None and frame.parameters.fiscal_year is None:
-        text = (
+    if frame.parameters is not None and frame.parameters.holds_s is None:
+        unchecked = (
             f"The name of {frame.parameters.name} does not say for which fiscal year it holds, so whether that is the "
             "recording's was not checked."
         )
-        return [Notice("epoch-unchecked", text)]
+        return [Notice("epoch-unchecked", unchecked)]
     recorded = 1970.0 + float(np.median(t_s)) / YEAR_S
     if frame.stated is not None and abs(frame.stated.epoch - recorded) > EPOCH_APART:
-        text = (
+        apart = (
             f"Coordinates are said to be of the epoch {frame.stated.epoch:.10g}, and the recording was made in "
             f"{recorded:.1f}: positions of the moment, as from PPP, would be of that epoch."
         )
-        return [Notice("epoch-apart", text)]
+        return [Notice("epoch-apart", apart)]
     return []
 
 
+def _of_today(frame: MapFrame, track: GnssTrack) -> list[Notice]:
+    """What is to be said where positions of the day are taken for the map's as they are."""
+    by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
+    if not by_ppp or frame.parameters is not None or frame.stated is not None:
+        return []
+    service = track.service.upper() or "PPP"
+    said = (
+        f"{track.source} holds positions by {service}, which are coordinates of the day, and they are taken for those "
+        f"of {frame.name} as recorded. Maps are of an epoch years ago, from which the ground has moved by decimetres "
+        "in Japan: unless the receiver corrects that itself, state `coordinates` under [crs]."
+    )
+    return [Notice("epoch-of-the-day", said)]
+
+
 def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
-    """Raises InputError where the recording was not made in the parameters' fiscal year."""
+    """Raises InputError where the recording was not made on the days of the parameters."""
     parameters = frame.parameters
     assert parameters is not None
     holds = parameters.holds_s
@@ -202,8 +218,8 @@ def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
     raise InputError(
         f"{parameters.name} is for {iso_utc(holds[0])} to {iso_utc(holds[1])}; the positions are from "
         f"{iso_utc(t_s[0])} to {iso_utc(t_s[-1])}.",
-        "The ground moves by centimetres a year, so the parameters of another year would leave that in the map.",
-        "Name the file of the fiscal year in which the recording was made, which begins on 1 April.",
+        "The ground moves by centimetres a year, so the parameters of another time would leave that in the map.",
+        "Name the file of the days on which the recording was made; the fiscal year of SemiDyna begins on 1 April.",
         code="epoch-out-of-range",
     )
 
@@ -230,8 +246,8 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
         return []
     if frame.stated is not None:
         results, why = None, f"coordinates are those of {frame.stated.name}"
-    elif frame.parameters is not None and frame.parameters.fiscal_year is not None:
-        results = "JGD2024" if frame.parameters.fiscal_year >= JGD2024_SINCE_YEAR else "JGD2011"
+    elif frame.parameters is not None and frame.parameters.holds_s is not None:
+        results = "JGD2024" if frame.parameters.holds_s[0] >= JGD2024_SINCE_S else "JGD2011"
         why = f"{frame.parameters.name} leads to {results}"
     else:
         results = "JGD2024" if float(np.median(t_s)) >= JGD2024_SINCE_S else "JGD2011"
@@ -241,9 +257,9 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
     base = frame.crs.geodetic_crs or frame.crs
     here = np.array([lon_deg]), np.array([lat_deg])
     both = [float(height_system(name, base).geoid_m(*here)[0]) for name in JAPAN]
-    text = (
+    mixed = (
         f"{frame.heights.name} belongs to heights above the ellipsoid of {belongs}, and {why}. "
         f"{' and '.join(JAPAN)} differ by {100.0 * abs(both[0] - both[1]):.1f} cm here, which heights may be off by"
         + (", besides what the ground has risen or sunk since that epoch." if results is None else ".")
     )
-    return [Notice("epoch-and-geoid", text)]
+    return [Notice("epoch-and-geoid", mixed)]

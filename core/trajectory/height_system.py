@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from pyproj.crs import CompoundCRS
+from pyproj.database import query_crs_info
+from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
@@ -24,11 +26,12 @@ JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
 """Japan's geoid models, and the survey results with whose heights above the ellipsoid each belongs."""
 VERTICAL: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
 """Geoid models of the world, and the vertical CRS of each."""
+_JGD2024_NAME: Final = "JGD2024 (vertical) height"
 _JGD2024: Final = (
-    'VERTCRS["JGD2024 (vertical) height",VDATUM["Japanese Geodetic Datum 2024 (vertical)"],CS[vertical,1],'
+    f'VERTCRS["{_JGD2024_NAME}",VDATUM["Japanese Geodetic Datum 2024 (vertical)"],CS[vertical,1],'
     'AXIS["gravity-related height (H)",up],LENGTHUNIT["metre",1]]'
 )
-"""PROJ's database of EPSG 11 does not have it yet."""
+"""For PROJ's databases up to that of EPSG 12.055 (April 2026), which has it under a code."""
 
 GeoidHeight = Callable[[FloatArray, FloatArray], FloatArray]
 
@@ -94,9 +97,16 @@ def _japan(name: str) -> HeightSystem:
         model, vertical = japan_geoid.load_embedded_gsigeo2011(), CRS.from_epsg(6695)
         source = "GSIGEO2011 of the Geospatial Information Authority of Japan"
     else:
-        model, vertical = japan_geoid.load_embedded_jpgeo2024_hrefconv2024(), CRS.from_wkt(_JGD2024)
+        model, vertical = japan_geoid.load_embedded_jpgeo2024_hrefconv2024(), _jgd2024()
         source = "JPGEO2024 with Hrefconv2024 of the Geospatial Information Authority of Japan"
     return HeightSystem(name, vertical, source, lambda lon, lat: np.asarray(model.get_heights(lon, lat), np.float64))
+
+
+def _jgd2024() -> CRS:
+    """The vertical CRS of JGD2024: the authority's where PROJ's database knows it."""
+    known = query_crs_info(auth_name="EPSG", pj_types=PJType.VERTICAL_CRS)
+    code = next((info.code for info in known if info.name == _JGD2024_NAME and not info.deprecated), None)
+    return CRS.from_wkt(_JGD2024) if code is None else CRS.from_authority("EPSG", code)
 
 
 def _vertical(name: str) -> CRS:

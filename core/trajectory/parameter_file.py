@@ -2,7 +2,8 @@
 
 Geospatial Information Authority of Japan, semi-dynamic correction: the file of a fiscal year holds, on a mesh of 2.5'
 by 3.75', how far the ground has moved since the reference epoch of the survey results. Added to coordinates of the
-map's epoch that gives the current ones; between the mesh's nodes it is taken bilinearly.
+map's epoch that gives the current ones; between the mesh's nodes it is taken bilinearly. The same for a quarter of a
+year: :mod:`furrowmap.core.trajectory.pos2jgd`.
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ import jgdtrans
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.trajectory import pos2jgd
 from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
-EPOCH: Final = "SemiDynaEXE"
-"""The format of a file that leads from the map's epoch to that of a fiscal year."""
+YEAR: Final = "SemiDynaEXE"
+QUARTER: Final = "POS2JGD"
+BETWEEN_EPOCHS: Final = (YEAR, QUARTER)
+"""The formats of files that lead between the map's epoch and the current one of a fiscal year, or of a quarter."""
 _SOUTH_NORTH_DEG: Final = (0.0, 66.6)
 _WEST_EAST_DEG: Final = (100.0, 180.0)
 """Where mesh codes are defined (JIS X 0410)."""
@@ -40,20 +44,30 @@ class ParameterFile:
 
     Attributes:
         name: of the file.
-        format: what changes, as jgdtrans names the kinds of files.
-        fiscal_year: for which a file between epochs holds, from 1 April (Japan); None where its name does not say.
+        format: what changes, as jgdtrans names the kinds of files; "POS2JGD" for both that it tells apart.
+        days: first and last day (Japan) for which a file between epochs holds; None where it does not say.
         codes: (m,) mesh codes of the nodes, increasing.
         corrections: (m, 3) longitude and latitude in degrees, height in metres, that lead forward.
+        from_map: whether forward is from the map's epoch to the current one.
     """
 
     name: str
     format: str
-    fiscal_year: int | None
+    days: tuple[dt.date, dt.date] | None
     codes: NDArray[np.int64]
     corrections: FloatArray
+    from_map: bool = True
+
+    def to_map(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """(longitude, latitude, height), each (n,), at the map's epoch, of those at the current one.
+
+        Raises:
+            InputError: if the file has no parameters for one of the places.
+        """
+        return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
 
     def forward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), after the change: from the map's epoch to the current one.
+        """(longitude, latitude, height), each (n,), after the change: the corrections added.
 
         Raises:
             InputError: if the file has no parameters for one of the places.
@@ -62,7 +76,7 @@ class ParameterFile:
         return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
 
     def backward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), before the change: from the current epoch to the map's.
+        """(longitude, latitude, height), each (n,), before the change: the corrections that lead here taken off.
 
         Found by fixed-point iteration; what :meth:`forward` makes of it is the argument to 1e-13°.
 
@@ -76,15 +90,15 @@ class ParameterFile:
 
     @cached_property
     def holds_s(self) -> tuple[float, float] | None:
-        """From when to when (UTC) a file between epochs is to be used: its fiscal year; None where it is not known."""
-        if self.fiscal_year is None:
+        """From when to when (UTC) a file between epochs is to be used; None where it is not known."""
+        if self.days is None:
             return None
-        begin, end = (dt.datetime(self.fiscal_year + k, 4, 1, tzinfo=_JAPAN) for k in (0, 1))
-        return begin.timestamp(), end.timestamp()
+        begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN) for day in self.days)
+        return begin.timestamp(), (end + dt.timedelta(days=1)).timestamp()
 
     def _at(self, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
         """Corrections (n, 3) at places (n,)."""
-        unit = 5 if self.format == EPOCH else 1
+        unit = 5 if self.format in BETWEEN_EPOCHS else 1
         inside = (lat_deg >= _SOUTH_NORTH_DEG[0]) & (lat_deg < _SOUTH_NORTH_DEG[1])
         inside &= (lon_deg >= _WEST_EAST_DEG[0]) & (lon_deg < _WEST_EAST_DEG[1])
         if not inside.all():
@@ -137,6 +151,8 @@ def read_parameters(path: Path) -> ParameterFile:
     except OSError as error:
         raise _unreadable(path, error.strerror or "cannot be read") from None
     lines = text.splitlines()
+    if lines and lines[0].strip() == pos2jgd.TITLE:
+        return _quarter(path, lines)
     head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
     kind = _kind(lines, head) if head is not None else None
     if kind is None:
@@ -150,7 +166,21 @@ def read_parameters(path: Path) -> ParameterFile:
     if not np.isfinite(rows).all():
         raise _unreadable(path, "some of its parameters are no numbers")
     year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
-    return ParameterFile(path.name, kind, int(year[1]) if year and kind == EPOCH else None, codes, rows)
+    days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
+    return ParameterFile(path.name, kind, days, codes, rows)
+
+
+def _quarter(path: Path, lines: list[str]) -> ParameterFile:
+    """The parameters of POS2JGD."""
+    try:
+        found = pos2jgd.parse(lines)
+    except ValueError as error:
+        raise _unreadable(path, str(error)) from None
+    order = np.argsort(found.codes)
+    rows = found.corrections[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
+    if not np.isfinite(rows).all():
+        raise _unreadable(path, "some of its parameters are no numbers")
+    return ParameterFile(path.name, QUARTER, found.days, found.codes[order], rows, found.from_map)
 
 
 def _kind(lines: list[str], head: int | None) -> str | None:
@@ -165,7 +195,7 @@ def _kind(lines: list[str], head: int | None) -> str | None:
         return "PatchJGD"
     if columns == ["dh"]:
         return "PatchJGD_H"
-    return EPOCH if all(code[6] in "05" and code[7] in "05" for code in codes) else "PatchJGD_HV"
+    return YEAR if all(code[6] in "05" and code[7] in "05" for code in codes) else "PatchJGD_HV"
 
 
 def _unreadable(path: Path, why: str) -> InputError:

@@ -13,7 +13,7 @@ from pyproj import CRS, Proj, Transformer
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.trajectory.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
-from furrowmap.core.trajectory.parameter_file import EPOCH, ParameterFile, read_parameters
+from furrowmap.core.trajectory.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.trajectory.stated_frame import StatedFrame, stated_frame
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, Crs, resolve
@@ -224,11 +224,12 @@ def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile
             code="parameters-missing",
         )
     found = read_parameters(resolve(session_file, crs.parameters))
-    if found.format != EPOCH:
+    if found.format not in BETWEEN_EPOCHS:
         raise InputError(
             f"{found.name} holds parameters of the kind {found.format}, which lead from one datum to another.",
             "They are not those of the ground's steady movement since the map's epoch.",
-            "Name the SemiDyna file of the fiscal year in which the recording was made.",
+            "Name the SemiDyna file of the fiscal year in which the recording was made, or the POS2JGD file of its "
+            "quarter.",
             code="parameters-kind",
         )
     return found

@@ -50,6 +50,15 @@ def test_as_recorded_says_that_nothing_is_moved(tmp_path: Path) -> None:
     assert site.plain()["moves"] == []
 
 
+@pytest.mark.parametrize(("day", "geoid"), [("2025-03-31", "GSIGEO2011"), ("2026-06-11", "JPGEO2024")])
+def test_in_japan_it_names_the_geoid_of_the_day_and_what_jgd2024_is(tmp_path: Path, day: str, geoid: str) -> None:
+    said = words(site_coordinates(session(tmp_path, 'map = "EPSG:6677"', day=day)))
+    assert f'`heights = "{geoid}"`' in said["heights"]
+    assert "JGD2011 and of JGD2024" in said["positions"]
+    elsewhere = words(site_coordinates(session(tmp_path, 'map = "EPSG:32634"', 20.9, 52.4)))
+    assert "JGD" not in elsewhere["positions"] + elsewhere["heights"]
+
+
 @pytest.mark.parametrize(
     ("crs", "lon", "lat"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,13 @@ from furrowmap.core.trajectory.parameter_file import ParameterFile, read_paramet
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.trajectory.stated_frame import stated_frame
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.session import Crs
 
 DEG = 3e-9
-HEIGHT_M = 0.00055
-"""Official values are rounded to 1e-9° and 1 mm."""
+HEIGHT_M = 0.0005
+"""Official values are rounded to 1e-9° and 1 mm; their services round to 1e-5" on the way."""
 TSUKUBA = 140.08785504166664, 36.103774791666666
 
 
@@ -73,7 +74,29 @@ def test_parameters__give_the_official_values(geo: Path, expected: dict[str, Any
     moved = np.concatenate(getattr(parameters, way)(lon, lat, height))
     official = sample[way]["to_official_web"]
     np.testing.assert_allclose(moved[:2], [official[1], official[0]], rtol=0, atol=DEG)
-    assert abs(moved[2] - official[2]) < HEIGHT_M
+    # The service for heights takes its parameter at the place it is given, be that before or after the change.
+    sign = 1.0 if way == "forward" else -1.0
+    there = moved[2] if kind == "TKY2JGD" else sign * parameters.forward(lon, lat, height)[2][0]
+    assert abs(there - official[2]) <= HEIGHT_M
+    assert abs(moved[2] - official[2]) <= HEIGHT_M + abs(moved[2] - there)
+    assert abs(moved[2] - there) < 0.0002
+
+
+@pytest.mark.parametrize("kind", ["TKY2JGD", "PatchJGD(HV)", "SemiDynaEXE"])
+@pytest.mark.parametrize("way", ["forward", "backward"])
+def test_parameters__rounded_as_the_services_do_are_the_official_values_digit_by_digit(
+    geo: Path, expected: dict[str, Any], kind: str, way: str
+) -> None:
+    """They round what they are given, and what they add to it, to 1e-5": all of what is left above."""
+    sample = expected[kind]
+    parameters = read_parameters(geo / sample["file"])
+    lat, lon, height = (np.array([value], float) for value in sample[way]["from"])
+    moved = getattr(parameters, way)(lon, lat, height)
+    for given_deg, moved_deg, official_deg in zip(
+        (lat, lon), moved[1::-1], sample[way]["to_official_web"], strict=False
+    ):
+        seconds = np.round(3600.0 * given_deg, 5) + np.round(3600.0 * (moved_deg - given_deg), 5)
+        assert round(float(seconds[0]) / 3600.0, 9) == official_deg
 
 
 @settings(deadline=None)
@@ -97,6 +120,93 @@ def test_parameters__agree_with_jgdtrans_and_lead_back(geo: Path, places: list[t
     back = semidyna.backward(*(column[inside] for column in there))
     np.testing.assert_allclose(back[0], lon[inside], rtol=0, atol=1e-12)
     np.testing.assert_allclose(back[2], height[inside], rtol=0, atol=1e-9)
+
+
+QUARTER = """GRIDDED CORRECTION PARAMETER FOR POS2JGD
+FORMAT_VERSION             = 1.00
+PUBLISHED_BY               = GEOSPATIAL INFORMATION AUTHORITY OF JAPAN
+NATIONAL_DATUM             = JGD2011
+POSITIONING_DATUM          = ITRF2014+GRS80
+VERSION_OF_PARAMETER       = Ver.1.0.0
+EPOCH_OF_PARAMETER         = 20230401
+RELEASE_DATE               = 20230531
+APPLICABLE_AREA            = INHABITED AREA OF JAPAN
+START_OF_APPLICABLE_PERIOD = 20230601
+END_OF_APPLICABLE_PERIOD   = 20230831
+DATA_FIELDS                = '4 MeshCode dB dL dH'
+DATA_FIELD_SEPARATOR       = \\s+
+BASED_ON                   = GEONET_CORS
+
+
+
+
+"""
+"""The head as published; jgdtrans reads 18 lines of it."""
+
+
+def quarter(geo: Path, folder: Path, sign: float = 1.0, more: str = "") -> Path:
+    """The sample's parameters as a file of POS2JGD, whose numbers lead from the map, or to it."""
+    rows = [line.split() for line in (geo / "semidynaexe_sample.par").read_text().splitlines()[16:]]
+    body = [f"{code}    " + " ".join(f"{sign * float(v):9.5f}" for v in values) for code, *values in rows]
+    path = folder / "pos2jgd_202307_ITRF2014.par"
+    path.write_text(QUARTER + "\n".join(body) + more + "\n")
+    return path
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["from the map", "to the map"])
+def test_pos2jgd__is_read_as_jgdtrans_does_and_leads_to_the_map_whatever_its_sign(
+    geo: Path, semidyna: ParameterFile, tmp_path: Path, sign: float
+) -> None:
+    """The ground of Japan has moved to the south: with numbers that say north, they lead back."""
+    path = quarter(geo, tmp_path, sign)
+    found = read_parameters(path)
+    oracle = jgdtrans.loads(path.read_text().rstrip(), format="ITRF2014")
+    lon, lat, height = np.array([TSUKUBA[0]]), np.array([TSUKUBA[1]]), np.array([70.0])
+    ours, other = found.forward(lon, lat, height), oracle.forward(lat[0], lon[0], height[0])
+    np.testing.assert_allclose(np.ravel(ours), [other.longitude, other.latitude, other.altitude], rtol=0, atol=1e-9)
+    ours, other = found.backward(lon, lat, height), oracle.backward(lat[0], lon[0], height[0])
+    np.testing.assert_allclose(np.ravel(ours), [other.longitude, other.latitude, other.altitude], rtol=0, atol=1e-9)
+    # Numbers that lead to the map are counted at the place where it is today, 0.4 m away: 1e-12° and 1e-6 m.
+    np.testing.assert_allclose(
+        np.ravel(found.to_map(lon, lat, height)), np.ravel(semidyna.to_map(lon, lat, height)), rtol=0, atol=2e-6
+    )
+    np.testing.assert_allclose(found.to_map(lon, lat, height)[:2], semidyna.to_map(lon, lat, height)[:2], atol=1e-11)
+
+
+def test_pos2jgd__holds_on_its_days_in_japan(geo: Path, tmp_path: Path) -> None:
+    quarter(geo, tmp_path)
+    crs = Crs(map="EPSG:6677", coordinates="current-epoch", parameters="pos2jgd_202307_ITRF2014.par")
+    frame = map_frame(crs, tmp_path / "session.toml")
+    _, done = brought_track(track("2023-06-11"), frame)
+    assert done.account(frame)["moves"][0]["parameters"] == "pos2jgd_202307_ITRF2014.par"
+    assert done.notices == ()
+    for day in ("2023-05-31", "2023-09-01"):
+        with pytest.raises(InputError, match=r"is for 2023-05-31T15:00.* to 2023-08-31T15:00"):
+            brought_track(track(day), frame)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("JGD2011", "KGD2002", "NATIONAL_DATUM is KGD2002"),
+        ("20230831", "August", "END_OF_APPLICABLE_PERIOD is no day"),
+        ("'4 MeshCode dB dL dH'", "'3 MeshCode dB dL'", "its fields are '3 MeshCode dB dL'"),
+        ("54401005", "44420005", "want of places"),
+        ("0.09460", "x", "could not convert"),
+        ("0.09460", "nan", "no numbers"),
+        ("0.09460", "", "not every line"),
+    ],
+)
+def test_pos2jgd__damaged_of_elsewhere_or_of_islands_alone_is_refused(
+    geo: Path, tmp_path: Path, old: str, new: str, says: str
+) -> None:
+    path = quarter(geo, tmp_path)
+    text = path.read_text()
+    if old == "54401005":  # Ogasawara, on the Philippine Sea plate
+        text = QUARTER + f"{new}    -0.00622   0.01516   0.09460\n"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(InputError, match=says):
+        read_parameters(path)
 
 
 def test_current_epoch__moves_every_position_back_to_the_map(
@@ -293,6 +403,22 @@ def test_stated_frames_are_read_whatever_their_case(epoch: float, frame: str) ->
     assert found is not None
     assert found.frame.name.casefold() == frame.casefold()
     assert abs(found.epoch - epoch) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("service", "fix", "coordinates", "told"),
+    [
+        ("clas", Fix.FIXED, "as-recorded", True),
+        ("", Fix.PPP, "as-recorded", True),
+        ("rtk", Fix.FIXED, "as-recorded", False),
+        ("", Fix.FIXED, "as-recorded", False),
+        ("clas", Fix.FIXED, "itrf2020@2026.4", False),
+    ],
+)
+def test_positions_of_the_day_taken_as_recorded_are_told(service: str, fix: Fix, coordinates: str, told: bool) -> None:
+    some = replace(track("2026-05-27"), service=service, fix=np.full(5, fix, np.int8))
+    notices = brought_track(some, map_frame(Crs(map="EPSG:6677", coordinates=coordinates)))[1].notices
+    assert [notice.code for notice in notices] == (["epoch-of-the-day"] if told else [])
 
 
 def test_poses_in_map_coordinates_are_not_moved_and_others_are() -> None:
