@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -17,12 +18,14 @@ from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.cog import cog_output, surface_arrays, surface_bands, with_heights
 from furrowmap.exporters.field_rasters import style_of
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import json_text
 from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.report import files_in
 from furrowmap.exporters.run_report import run_origin, way
 from furrowmap.exporters.staging import staged_folder
 
@@ -37,7 +40,8 @@ LOW: Final = Statistic.parse("p10")
 def write_preview(session_file: Path, folder: Path, progress: Progress = silent) -> dict[str, Any]:
     """Preview a session and write its track and surface into `folder`.
 
-    Their names are none of a run's products, so that these stay even in the same folder.
+    Their names are none of a run's products, so that these stay even in the same folder. There is no surface where the
+    session does not say how the scanner is mounted.
 
     Returns:
         The content of `preview.json`.
@@ -50,12 +54,15 @@ def write_preview(session_file: Path, folder: Path, progress: Progress = silent)
             found = preview(session_file, _Sink(land), progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
-            figures = _figures(found) | _write_surface(staging, land, found, origin)
+            figures = _figures(found)
+            if found.session.lidar.mounting != Mounting():  # at the origin and upright: nobody has said
+                figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
         write_field(staging / TRACK, knot_poses(found.located.trajectory), frame.wkt, words=frame.words, origin=origin)
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
+            "inputs": _sizes(found.inputs, session_file.resolve().parent),
             "figures": figures,
             "positions": found.located.positions,
             "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
@@ -95,6 +102,12 @@ def _figures(found: Run) -> dict[str, Any]:
         "scans_without_pose": found.tally.scans_without_pose,
         "points": found.tally.points,
     }
+
+
+def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
+    """The files as `report.json` lists them, but for the digests, which take longer than all else here."""
+    read = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
+    return [{"name": path.relative_to(root).as_posix(), "bytes": path.stat().st_size} for path in read]
 
 
 def _write_surface(folder: Path, land: FieldPoints, found: Run, origin: Origin) -> dict[str, float]:

@@ -45,7 +45,7 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
         OSError: if one cannot be read.
     """
     records = []
-    files = [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
+    files = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
     total, done = sum(file.stat().st_size for file in files), 0
     for path in files:
         digest, begun = hashlib.sha256(), done
@@ -58,7 +58,8 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
     return records
 
 
-def _files_in(folder: Path) -> list[Path]:
+def files_in(folder: Path) -> list[Path]:
+    """The files in a folder, by name."""
     return sorted(path for path in folder.iterdir() if path.is_file())
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The figures of a report as a farmer asks for them: worked, worked twice, missed, and how accurate all is."""
 
-from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtCore import QCoreApplication, QDateTime, QLocale, Qt
 
 
 def figure_rows(report):
@@ -9,6 +9,7 @@ def figure_rows(report):
     figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
     accuracy = report.get("accuracy") if isinstance(report.get("accuracy"), dict) else {}
     rows = [
+        (tr("Begun"), _local_time(figures.get("start"))),
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
         (tr("Worked twice"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
         (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
@@ -22,6 +23,12 @@ def figure_rows(report):
         (tr("CRS"), figures.get("crs")),
     ]
     return [(label, str(value)) for label, value in rows if value]
+
+
+def _local_time(text):
+    """A time in UTC as this computer's clock would show it."""
+    moment = QDateTime.fromString(str(text), Qt.DateFormat.ISODateWithMs)
+    return QLocale().toString(moment.toLocalTime(), QLocale.FormatType.ShortFormat) if moment.isValid() else None
 
 
 def _number(value, form):

@@ -7,6 +7,7 @@ from pathlib import Path
 from qgis.core import (
     Qgis,
     QgsDateTimeRange,
+    QgsMapLayerLegendUtils,
     QgsPointCloudLayer,
     QgsProject,
     QgsProviderRegistry,
@@ -15,6 +16,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
+from .previews import remove_previews
 from .styles import (
     show_as_change,
     show_as_surface,
@@ -84,18 +86,32 @@ def opening(folder, project=None):
     for old in groups_of(project, folder):
         project.removeMapLayers(old.findLayerIds())
         project.layerTreeRoot().removeChildNode(old)
+    remove_previews(project, report)
     yield
     group = project.layerTreeRoot().insertGroup(0, session_name(report, folder))
     group.setCustomProperty(FOLDER_PROPERTY, str(folder))
     for layer in layers:
         project.addMapLayer(layer, addToLegend=False)
         node = group.addLayer(layer)
+        tell_legend(node)
         node.setItemVisibilityChecked(layer.name() in SHOWN)
         node.setExpanded(False)
         yield
     stand_on_terrain(project, layers)
     play_day(project, report)
     return layers
+
+
+def tell_legend(node):
+    """Say in plain words what a raster's colours mean, instead of the name of its band."""
+    legends = {
+        "change": tr("Soil sunk or risen (m)"),
+        "swaths": tr("Swaths apart in height (m)"),
+        "dsm": tr("Relief as left at the end"),
+        "dsm_before": tr("Relief before the work"),
+    }
+    if node.layer().name() in legends:
+        QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, legends[node.layer().name()])
 
 
 def groups_of(project, folder=None):

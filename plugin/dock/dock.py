@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The dock: recordings dropped on it become a session, a run, figures and layers, page after page."""
 
+import html
 import os.path
 from pathlib import Path
 
@@ -13,18 +14,22 @@ from qgis.PyQt.QtWidgets import QPushButton, QStackedWidget, QVBoxLayout, QWidge
 from ..interpreter import find_interpreter, is_usable
 from ..layout.session_layout import session_layout
 from ..options_page import PAGE
+from ..previews import open_preview
 from ..results import NoResultsError, groups_of, opening, read_report
 from .base_map_chooser import BaseMapChooser
-from .dropped import RESULTS, SESSION, local_paths, recognise
+from .dropped import PREVIEW, RESULTS, SESSION, local_paths, recognise
+from .previewer import Previewer
 from .replay import replay
 from .result_page import ResultPage
 from .run_page import RunPage
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
 from .start_page import StartPage
-from .tasks import StageFeedback, VerbTask
+from .tasks import QUIET, StageFeedback, VerbTask
 
 NAME = "furrowmap"
+MARGIN = 1.3
+"""Of the map, to what is shown on it."""
 STEP_MS = 1
 """Between two steps of opening a result: the window's other events have their turn."""
 
@@ -60,6 +65,10 @@ class FurrowmapDock(QgsDockWidget):
         self.session.left.connect(self.show_start)
         self.session.saved.connect(self._saved)
         self.session.run_wanted.connect(self.run_session)
+        self.session.preview_wanted.connect(self.preview_session)
+        self.previewer = Previewer(self)
+        self.previewer.told.connect(self.session.tell_preview)
+        self.previewer.opened.connect(self._zoom_to_first)
         self.run.cancelled.connect(self.cancel)
         self.result.wanted.connect(self._do)
         self.show_start()
@@ -85,6 +94,10 @@ class FurrowmapDock(QgsDockWidget):
             self.report(self.tr("Work is under way. Wait for its end, or cancel it first."))
         elif dropped.kind == RESULTS:
             self.open_folder(dropped.paths[0])
+        elif dropped.kind == PREVIEW:
+            layers = open_preview(dropped.paths[0])
+            if layers:
+                self._zoom_to_first(layers)
         elif dropped.kind == SESSION:
             self.open_session(dropped.paths[0])
         else:
@@ -114,6 +127,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def open_session(self, path, findings=None):
         """Show a session in the form; one that is more than the form understands can be run as it is."""
+        self.previewer.cancel()
         try:
             self.session.show_session(path, findings)
         except NotSimpleError as error:
@@ -131,13 +145,20 @@ class FurrowmapDock(QgsDockWidget):
         self.start.remember(path)
         self.pages.setCurrentWidget(self.session)
 
+    def preview_session(self, session):
+        """Preview a session in the background; the form stays."""
+        if self._program() is not None:
+            self.start.remember(session)
+            self.previewer.begin(session)
+
     def run_session(self, session):
-        """Start the run's algorithm in the background."""
+        """Start the run's algorithm in the background; a preview under way is dropped."""
         if self._task is not None:
             self.report(self.tr("The work before is being stopped; try again in a moment."), Qgis.MessageLevel.Info)
             return
         if self._program() is None:
             return
+        self.previewer.cancel()
         self._session, self._folder = Path(session), folder_for(session)
         self.start.remember(session)
         self._error = ""
@@ -148,11 +169,16 @@ class FurrowmapDock(QgsDockWidget):
         self._context = QgsProcessingContext()
         algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False}
-        self.run.begin(self.tr("Running {name}").format(name=self._session.parent.name))
+        self.run.begin(self.tr("Running {name}").format(name=self._name()))
         self.pages.setCurrentWidget(self.run)
-        task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback)
+        task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback, QUIET)
         task.executed.connect(self._ran)
         self._begin(task)
+
+    def _name(self):
+        """The session's, as the form has it; its folder's where the form does not hold it."""
+        shown = self.session.name.text() if self.pages.currentWidget() is self.session else ""
+        return html.escape(shown or self._session.parent.name)
 
     def cancel(self):
         """Stop the work under way; the dock is free at once, the worker a moment later, when it has cleaned up."""
@@ -175,6 +201,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def show_start(self):
         """The first page."""
+        self.previewer.cancel()
         self.start.show_setup(needed=not is_usable(find_interpreter()))
         self.start.show_recent()
         self.pages.setCurrentWidget(self.start)
@@ -199,6 +226,7 @@ class FurrowmapDock(QgsDockWidget):
     def end(self):
         """Before the plugin goes: no work and no timer is left."""
         self._steps = None
+        self.previewer.end()
         self.run.end()
         task, self._task = self._task, None
         if task is not None:
@@ -224,6 +252,8 @@ class FurrowmapDock(QgsDockWidget):
         self._task = None
         self.run.end()
         self.open_session(Path(answer["session"]), answer)
+        if not self.session.fault_of_preview():
+            self.previewer.begin(answer["session"])
 
     def _failed(self, text):
         self._task = None
@@ -285,8 +315,17 @@ class FurrowmapDock(QgsDockWidget):
         layer = names.get("coverage") or names.get("trajectory") or layers[0]
         if names.get("coverage") and not names["coverage"].featureCount():
             layer = names.get("trajectory", layer)
-        self._iface.setActiveLayer(layer)
-        self._iface.zoomToActiveLayer()
+        self._zoom_to_first([layer])
+
+    def _zoom_to_first(self, layers):
+        """With room around it, which messages may cover."""
+        self._iface.setActiveLayer(layers[0])
+        canvas = self._iface.mapCanvas()
+        extent = canvas.mapSettings().layerExtentToOutputExtent(layers[0], layers[0].extent())
+        if extent.isFinite() and not extent.isEmpty():
+            extent.scale(MARGIN)
+            canvas.setExtent(extent)
+            canvas.refresh()
 
     def _do(self, what):
         {

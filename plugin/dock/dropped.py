@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What somebody dropped: the folder of a run, a session file, or recordings."""
+"""What somebody dropped: the folder of a run or of a preview, a session file, or recordings."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..previews import ACCOUNT
 from ..results import CLOUD, FIELD_LAYERS, REPORT
 
-RESULTS, SESSION, RECORDINGS = "results", "session", "recordings"
+RESULTS, PREVIEW, SESSION, RECORDINGS = "results", "preview", "session", "recordings"
 _PRODUCTS = (REPORT, FIELD_LAYERS, CLOUD)
 
 
@@ -15,8 +16,8 @@ class Dropped:
     """What it is.
 
     Attributes:
-        kind: "results", "session" or "recordings".
-        paths: one folder of results, one session file, or the recordings.
+        kind: "results", "preview", "session" or "recordings".
+        paths: one folder of results or of a preview, one session file, or the recordings.
     """
 
     kind: str
@@ -31,6 +32,10 @@ def recognise(paths):
     folder = next((folder for folder in map(results_folder, paths) if folder is not None), None)
     if folder is not None:
         return Dropped(RESULTS, (folder,))
+    previews = [path.parent if path.name == ACCOUNT else path for path in paths]
+    preview = next((folder for folder in previews if (folder / ACCOUNT).is_file()), None)
+    if preview is not None:
+        return Dropped(PREVIEW, (preview,))
     session = next((path for path in paths if path.suffix.lower() == ".toml"), None)
     return Dropped(SESSION, (session,)) if session is not None else Dropped(RECORDINGS, paths)
 

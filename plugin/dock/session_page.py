@@ -5,11 +5,9 @@ from pathlib import Path
 
 from qgis.core import QgsCoordinateReferenceSystem
 from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
-from qgis.PyQt.QtCore import QSignalBlocker, Qt, pyqtSignal
+from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import (
     QDoubleSpinBox,
-    QFormLayout,
-    QGroupBox,
     QHBoxLayout,
     QLabel,
     QLineEdit,
@@ -19,6 +17,8 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from .findings import findings_html
+from .form_parts import escaped, fill, group_box, row_of, small_words, texts_of, values_of
 from .session_lines import SessionLines
 from .vehicle_view import Placement, VehicleView
 
@@ -28,28 +28,27 @@ UNKNOWN = "FILL-IN"
 """What `furrowmap init` writes where a session cannot do without a word that it could not find out."""
 
 
-class SessionPage(QScrollArea):
+class SessionPage(QWidget):
     """The form.
 
     Signals:
         run_wanted: with the session file, when it has been saved.
+        preview_wanted: likewise.
         saved: likewise.
         left: nothing was changed.
     """
 
     run_wanted = pyqtSignal(object)
+    preview_wanted = pyqtSignal(object)
     saved = pyqtSignal(object)
     left = pyqtSignal()
 
     def __init__(self, parent=None):
         super().__init__(parent)
-        self.setWidgetResizable(True)
-        self.setFrameShape(QScrollArea.Shape.NoFrame)
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._path = self._lines = None
         inside = QWidget()
         layout = QVBoxLayout(inside)
-        self.findings = _words("furrowmapFindings")
+        self.findings = small_words("furrowmapFindings")
         self.vehicle = VehicleView()
         layout.addWidget(self.findings)
         layout.addWidget(self._session_group())
@@ -59,10 +58,20 @@ class SessionPage(QScrollArea):
         layout.addWidget(self._implement_group())
         layout.addWidget(self._field_group())
         layout.addStretch()
-        self.buttons = self._buttons()
-        layout.addWidget(self.buttons)
-        self.setWidget(inside)
-        self.setMinimumWidth(inside.minimumSizeHint().width() + self.verticalScrollBar().sizeHint().width() + 2)
+        self._scroll = QScrollArea()
+        self._scroll.setWidgetResizable(True)
+        self._scroll.setFrameShape(QScrollArea.Shape.NoFrame)
+        self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._scroll.setWidget(inside)
+        bar = self._scroll.verticalScrollBar().sizeHint().width()
+        self._scroll.setMinimumWidth(inside.minimumSizeHint().width() + bar + 2)
+        self.preview = small_words("furrowmapPreviewWords")
+        self.preview.hide()
+        whole = QVBoxLayout(self)
+        whole.setContentsMargins(0, 0, 0, 0)
+        whole.addWidget(self._scroll, 1)
+        whole.addWidget(self.preview)
+        whole.addWidget(self._buttons())
 
     def show_session(self, path, findings=None):
         """Read a session file into the form.
@@ -79,34 +88,47 @@ class SessionPage(QScrollArea):
         self._path = Path(path)
         lines = self._lines
         self.name.setText(str(lines.get("", "name") or ""))
-        files = [*_texts(lines.get("recording", "lidar")), *_texts(lines.get("recording", "gnss"))]
-        files += [*_texts(lines.get("trajectory", "files")), *_texts(lines.get("implement", "states"))]
+        files = [*texts_of(lines.get("recording", "lidar")), *texts_of(lines.get("recording", "gnss"))]
+        files += [*texts_of(lines.get("trajectory", "files")), *texts_of(lines.get("implement", "states"))]
         self.recordings.setText("\n".join(files))
         code = lines.get("crs", "map")
         self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, UNKNOWN) else str(code)))
         self.antenna_group.setChecked(lines.has("antenna"))
-        _fill(self.antenna, lines.get("antenna", "xyz_m"))
-        _fill(self.lidar_xyz, lines.get("lidar", "xyz_m"))
-        _fill(self.lidar_rpy, lines.get("lidar", "rpy_deg"))
+        fill(self.antenna, lines.get("antenna", "xyz_m"))
+        fill(self.lidar_xyz, lines.get("lidar", "xyz_m"))
+        fill(self.lidar_rpy, lines.get("lidar", "rpy_deg"))
         self.implement_group.setChecked(lines.has("implement"))
         self.kind.setText(str(lines.get("implement", "kind") or ""))
-        _fill([self.width_m], [lines.get("implement", "width_m")])
-        _fill(self.tool_xy, lines.get("implement", "xy_m"))
-        _fill([self.depth_m], [lines.get("implement", "working_depth_m")])
+        fill([self.width_m], [lines.get("implement", "width_m")])
+        fill(self.tool_xy, lines.get("implement", "xy_m"))
+        fill([self.depth_m], [lines.get("implement", "working_depth_m")])
         self.boundary.setDefaultRoot(str(self._path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
-        self._tell(findings)
+        self.findings.setText(findings_html(findings))
+        self.tell_preview("")
         self._draw()
-        self.verticalScrollBar().setValue(0)
+        self._scroll.verticalScrollBar().setValue(0)
 
-    def fault(self):
-        """Why the session cannot be run as it stands in the form; "" if it can."""
+    def tell_preview(self, text):
+        """How a preview goes, above the buttons."""
+        self.preview.setText(escaped(text))
+        self.preview.setVisible(bool(text))
+
+    def fault_of_preview(self):
+        """Why the session cannot be previewed as it stands in the form; "" if it can."""
         if not self.crs.crs().isValid():
             return self.tr("Choose the map's coordinate reference system.")
         if UNKNOWN in self.recordings.text():
             return self.tr(
                 "A recording is missing: drop the scanner's recording and the receiver's log together, from one folder."
             )
+        return ""
+
+    def fault(self):
+        """Why the session cannot be run as it stands in the form; "" if it can."""
+        fault = self.fault_of_preview()
+        if fault:
+            return fault
         if self.implement_group.isChecked() and self.width_m.value() <= 0:
             return self.tr("Say how wide the tool is, or uncheck 'Tool'.")
         return ""
@@ -121,12 +143,12 @@ class SessionPage(QScrollArea):
         lines.set("", "name", self.name.text())
         lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
         if self.antenna_group.isChecked():
-            lines.set("antenna", "xyz_m", _values(self.antenna))
+            lines.set("antenna", "xyz_m", values_of(self.antenna))
         else:
             lines.drop("antenna")
-        if lines.has("lidar") or any(_values(self.lidar_xyz) + _values(self.lidar_rpy)):
-            lines.set("lidar", "xyz_m", _values(self.lidar_xyz))
-            lines.set("lidar", "rpy_deg", _values(self.lidar_rpy))
+        if lines.has("lidar") or any(values_of(self.lidar_xyz) + values_of(self.lidar_rpy)):
+            lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
+            lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
         self._save_implement(lines)
         boundary = self._boundary()
         if boundary:
@@ -142,7 +164,7 @@ class SessionPage(QScrollArea):
             lines.drop("implement")
             return
         lines.set("implement", "width_m", self.width_m.value())
-        lines.set("implement", "xy_m", _values(self.tool_xy))
+        lines.set("implement", "xy_m", values_of(self.tool_xy))
         if self.kind.text() or lines.get("implement", "kind"):
             lines.set("implement", "kind", self.kind.text())
         if self.depth_m.value() > 0:
@@ -159,7 +181,7 @@ class SessionPage(QScrollArea):
             return chosen  # the run says why a file elsewhere is refused, and what to do
 
     def _session_group(self):
-        group, form = _group(self.tr("Session"))
+        group, form = group_box(self.tr("Session"))
         self.name = QLineEdit(objectName="furrowmapName")
         self.recordings = QLabel(objectName="furrowmapRecordings")
         self.recordings.setWordWrap(True)
@@ -170,17 +192,17 @@ class SessionPage(QScrollArea):
         form.addRow(self.tr("Recordings"), self.recordings)
         form.addRow(self.tr("CRS"), self.crs)
         form.addRow(
-            _words(text=self.tr("The map's projected CRS in metres, in which everything is computed and written."))
+            small_words(text=self.tr("The map's projected CRS in metres, in which everything is computed and written."))
         )
         return group
 
     def _antenna_group(self):
-        self.antenna_group, form = _group(self.tr("GNSS antenna"), self._draw)
+        self.antenna_group, form = group_box(self.tr("GNSS antenna"), self._draw)
         self.antenna_group.setObjectName("furrowmapAntennaGroup")
         self.antenna = self._metres("furrowmapAntenna", 3)
-        form.addRow(_row(self.tr("x, y, z"), self.antenna))
+        form.addRow(row_of(self.tr("x, y, z"), self.antenna))
         form.addRow(
-            _words(
+            small_words(
                 text=self.tr(
                     "From the ground below the middle of the rear axle to the antenna's phase centre: forward, to "
                     "the left, up. A tape measure's centimetre is good enough. Unchecked: the antenna counts as there."
@@ -190,13 +212,13 @@ class SessionPage(QScrollArea):
         return self.antenna_group
 
     def _lidar_group(self):
-        group, form = _group(self.tr("Scanner"))
+        group, form = group_box(self.tr("Scanner"))
         self.lidar_xyz = self._metres("furrowmapLidar", 3)
         self.lidar_rpy = [self._spin(f"furrowmapLidarTurn{k}", 360.0, "°", 1, 1.0) for k in range(3)]
-        form.addRow(_row(self.tr("x, y, z"), self.lidar_xyz))
-        form.addRow(_row(self.tr("roll, pitch, yaw"), self.lidar_rpy))
+        form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
+        form.addRow(row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy))
         form.addRow(
-            _words(
+            small_words(
                 text=self.tr(
                     "Where the scanner is, and how it is turned from lying level with its cable to the back. Scanning "
                     "backwards and tilted down is about 0, 40, 180. The run refines the angles; within 2° is enough."
@@ -206,7 +228,7 @@ class SessionPage(QScrollArea):
         return group
 
     def _implement_group(self):
-        self.implement_group, form = _group(self.tr("Tool"), self._draw)
+        self.implement_group, form = group_box(self.tr("Tool"), self._draw)
         self.implement_group.setObjectName("furrowmapImplementGroup")
         self.kind = QLineEdit(objectName="furrowmapKind")
         self.width_m = self._spin("furrowmapWidth", FARTHEST_M, " m", 2, 0.05, low=0.0)
@@ -214,10 +236,10 @@ class SessionPage(QScrollArea):
         self.depth_m = self._spin("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
         form.addRow(self.tr("Kind"), self.kind)
         form.addRow(self.tr("Width"), self.width_m)
-        form.addRow(_row(self.tr("x, y"), self.tool_xy))
+        form.addRow(row_of(self.tr("x, y"), self.tool_xy))
         form.addRow(self.tr("Depth"), self.depth_m)
         form.addRow(
-            _words(
+            small_words(
                 text=self.tr(
                     "Working width, and the middle of the line along which it works, seen from the rear axle: a tool "
                     "behind has a negative x. Depth 0 means unknown. Unchecked: no ground worked is computed."
@@ -227,13 +249,15 @@ class SessionPage(QScrollArea):
         return self.implement_group
 
     def _field_group(self):
-        group, form = _group(self.tr("Field"))
+        group, form = group_box(self.tr("Field"))
         self.boundary = QgsFileWidget()
         self.boundary.setObjectName("furrowmapBoundary")
         self.boundary.setFilter(self.tr("Polygons (*.geojson *.gpkg *.shp *.kml)"))
         form.addRow(self.tr("Boundary"), self.boundary)
         form.addRow(
-            _words(text=self.tr("Optional: the parcel's outline in the session's folder, to find what was missed."))
+            small_words(
+                text=self.tr("Optional: the parcel's outline in the session's folder, to find what was missed.")
+            )
         )
         return group
 
@@ -244,6 +268,7 @@ class SessionPage(QScrollArea):
         for name, text, slot in (
             ("furrowmapBack", self.tr("Back"), self.left.emit),
             ("furrowmapSave", self.tr("Save"), self._save_only),
+            ("furrowmapPreview", self.tr("Preview"), self._save_and_preview),
             ("furrowmapRun", self.tr("Save and run"), self._save_and_run),
         ):
             button = QPushButton(text, objectName=name)
@@ -255,6 +280,13 @@ class SessionPage(QScrollArea):
     def _save_only(self):
         if self._is_saved():
             self.saved.emit(self._path)
+
+    def _save_and_preview(self):
+        fault = self.fault_of_preview()
+        if fault:
+            self._tell_fault(fault)
+        elif self._is_saved():
+            self.preview_wanted.emit(self._path)
 
     def _save_and_run(self):
         fault = self.fault()
@@ -275,28 +307,17 @@ class SessionPage(QScrollArea):
         return True
 
     def _tell_fault(self, fault):
-        self.findings.setText(f"<b>{_escaped(fault)}</b>")
-        self.ensureWidgetVisible(self.findings)
-
-    def _tell(self, findings):
-        """What `init` found out and what is missing."""
-        parts = []
-        for title, key in ((self.tr("Found out"), "found"), (self.tr("To be filled in"), "missing")):
-            notices = (findings or {}).get(key) or []
-            if notices:
-                items = "".join(f"<li>{_escaped(notice.get('text', ''))}</li>" for notice in notices)
-                parts.append(f"<b>{title}</b><ul style='margin:2px 0 4px -22px'>{items}</ul>")
-        self.findings.setText("".join(parts))
-        self.findings.setVisible(True)
+        self.findings.setText(f"<b>{escaped(fault)}</b>")
+        self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_):
         tool = self.implement_group.isChecked()
         self.vehicle.show_placement(
             Placement(
-                tuple(_values(self.lidar_xyz)),
-                tuple(_values(self.lidar_rpy)),
-                tuple(_values(self.antenna)) if self.antenna_group.isChecked() else None,
-                tuple(_values(self.tool_xy)) if tool else None,
+                tuple(values_of(self.lidar_xyz)),
+                tuple(values_of(self.lidar_rpy)),
+                tuple(values_of(self.antenna)) if self.antenna_group.isChecked() else None,
+                tuple(values_of(self.tool_xy)) if tool else None,
                 self.width_m.value() if tool else 0.0,
                 self.depth_m.value() if tool else 0.0,
             )
@@ -314,57 +335,3 @@ class SessionPage(QScrollArea):
         box.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         box.valueChanged.connect(self._draw)
         return box
-
-
-def _group(title, on_toggle=None):
-    group = QGroupBox(title)
-    if on_toggle is not None:
-        group.setCheckable(True)
-        group.toggled.connect(on_toggle)
-    form = QFormLayout(group)
-    form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-    return group, form
-
-
-def _row(text, boxes):
-    row = QWidget()
-    layout = QVBoxLayout(row)
-    layout.setContentsMargins(0, 0, 0, 0)
-    layout.addWidget(QLabel(text))
-    inside = QHBoxLayout()
-    for box in boxes:
-        box.setMinimumWidth(70)
-        inside.addWidget(box)
-    layout.addLayout(inside)
-    return row
-
-
-def _words(name="", text=""):
-    label = QLabel(text, objectName=name)
-    label.setWordWrap(True)
-    label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-    font = label.font()
-    font.setPointSizeF(font.pointSizeF() * 0.9)
-    label.setFont(font)
-    return label
-
-
-def _fill(boxes, values):
-    values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
-    for k, box in enumerate(boxes):
-        value = values[k]
-        blocker = QSignalBlocker(box)
-        box.setValue(float(value) if isinstance(value, (int, float)) else 0.0)
-        del blocker
-
-
-def _values(boxes):
-    return [round(box.value(), box.decimals()) for box in boxes]
-
-
-def _texts(value):
-    return [str(item) for item in value] if isinstance(value, list) else []
-
-
-def _escaped(text):
-    return str(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

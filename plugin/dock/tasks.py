@@ -8,6 +8,9 @@ from qgis.PyQt.QtCore import pyqtSignal
 
 from ..worker import WorkerError, run_verb
 
+QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
+"""The dock itself tells how its tasks end."""
+
 
 class StageFeedback(QgsProcessingFeedback):
     """Hears an algorithm that works in another thread.
@@ -47,7 +50,7 @@ class VerbTask(QgsTask):
     failed = pyqtSignal(str)
 
     def __init__(self, title, program, arguments):
-        super().__init__(title, QgsTask.Flag.CanCancel)
+        super().__init__(title, QUIET)
         self._program, self._arguments = program, arguments
         self._answer = self._error = None
 

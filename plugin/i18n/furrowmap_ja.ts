@@ -300,6 +300,10 @@
     <translation>メートル単位の CRS。省略時：点群の CRS。</translation>
   </message>
   <message>
+    <source>In seconds: the track and a coarse surface of few scans, neither matched nor searched for the implement. Products of a run stay as they are.</source>
+    <translation>数秒で、軌跡と、少数のスキャンによる粗い地表面だけを作ります。スキャンの照合も作業機の検出も行いません。処理済みの成果はそのまま残ります。</translation>
+  </message>
+  <message>
     <source>Inspect recordings</source>
     <translation>記録を調べる</translation>
   </message>
@@ -466,6 +470,10 @@
   <message>
     <source>One point in each cube of (m)</source>
     <translation>立方体ごとに一点（一辺、m）</translation>
+  </message>
+  <message>
+    <source>Only a preview</source>
+    <translation>プレビューのみ</translation>
   </message>
   <message>
     <source>Only classes</source>
@@ -888,6 +896,10 @@
     <translation>高さの精度</translation>
   </message>
   <message>
+    <source>Begun</source>
+    <translation>開始</translation>
+  </message>
+  <message>
     <source>CRS</source>
     <translation>CRS</translation>
   </message>
@@ -918,6 +930,41 @@
   <message>
     <source>Worked twice</source>
     <translation>重複作業</translation>
+  </message>
+</context>
+<context>
+  <name>Findings</name>
+  <message>
+    <source>CRS: no recording tells where it was made.</source>
+    <translation>CRS：どの記録からも場所が分かりません。</translation>
+  </message>
+  <message>
+    <source>Found out</source>
+    <translation>分かったこと</translation>
+  </message>
+  <message>
+    <source>GNSS antenna: where it is. Until then it counts as on the ground below the rear axle.</source>
+    <translation>GNSS アンテナ：取付位置。記入するまでは、後車軸の真下の地面にあるものとして扱います。</translation>
+  </message>
+  <message>
+    <source>Scanner: where it is and how it is turned. Until then there is no surface worth the name.</source>
+    <translation>スキャナ：取付位置と向き。記入するまでは、意味のある地表面は得られません。</translation>
+  </message>
+  <message>
+    <source>The receiver's log: drop it together with the scanner's recording.</source>
+    <translation>受信機のログ：スキャナの記録と一緒にドロップしてください。</translation>
+  </message>
+  <message>
+    <source>The scanner's recording: drop it together with the receiver's log.</source>
+    <translation>スキャナの記録：受信機のログと一緒にドロップしてください。</translation>
+  </message>
+  <message>
+    <source>To be filled in</source>
+    <translation>記入が必要な項目</translation>
+  </message>
+  <message>
+    <source>Tool: how wide it is and where. Until then no ground worked is computed.</source>
+    <translation>作業機：幅と位置。記入するまでは、作業済みの地面は計算されません。</translation>
   </message>
 </context>
 <context>
@@ -1151,6 +1198,52 @@
   </message>
 </context>
 <context>
+  <name>Previewer</name>
+  <message>
+    <source>No preview: {reason}</source>
+    <translation>プレビューできません：{reason}</translation>
+  </message>
+  <message>
+    <source>Preview on the map: {figures}.</source>
+    <translation>プレビューを地図に表示しました：{figures}。</translation>
+  </message>
+  <message>
+    <source>Preview: {stage}…</source>
+    <translation>プレビュー：{stage}…</translation>
+  </message>
+  <message>
+    <source>starting</source>
+    <translation>開始しています</translation>
+  </message>
+  <message>
+    <source>the log tells why.</source>
+    <translation>理由はログをご覧ください。</translation>
+  </message>
+</context>
+<context>
+  <name>Previews</name>
+  <message>
+    <source>Preview: {name}</source>
+    <translation>プレビュー：{name}</translation>
+  </message>
+  <message>
+    <source>coarse surface</source>
+    <translation>粗い地表面</translation>
+  </message>
+  <message>
+    <source>track</source>
+    <translation>軌跡</translation>
+  </message>
+  <message>
+    <source>{distance:,.0f} m driven in {time:,.0f} s</source>
+    <translation>走行 {distance:,.0f} m、{time:,.0f} 秒</translation>
+  </message>
+  <message>
+    <source>{share:.0%} of the positions fixed</source>
+    <translation>測位の {share:.0%} がFIX解</translation>
+  </message>
+</context>
+<context>
   <name>ResultPage</name>
   <message>
     <source>A page with map, legend and figures, and a page for each pass</source>
@@ -1215,6 +1308,22 @@
     <source>No {products} that QGIS can open in {folder}. Choose the folder of a run.</source>
     <translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選んでください。</translation>
   </message>
+  <message>
+    <source>Relief as left at the end</source>
+    <translation>作業後の起伏</translation>
+  </message>
+  <message>
+    <source>Relief before the work</source>
+    <translation>作業前の起伏</translation>
+  </message>
+  <message>
+    <source>Soil sunk or risen (m)</source>
+    <translation>土の沈下・隆起（m）</translation>
+  </message>
+  <message>
+    <source>Swaths apart in height (m)</source>
+    <translation>走査帯どうしの高さの差（m）</translation>
+  </message>
 </context>
 <context>
   <name>RunPage</name>
@@ -1234,8 +1343,44 @@
 <context>
   <name>SessionLayout</name>
   <message>
+    <source>Change of the surface</source>
+    <translation>地表面の変化</translation>
+  </message>
+  <message>
+    <source>Events</source>
+    <translation>イベント</translation>
+  </message>
+  <message>
+    <source>Missed</source>
+    <translation>作業残し</translation>
+  </message>
+  <message>
+    <source>Passes</source>
+    <translation>行程</translation>
+  </message>
+  <message>
+    <source>Trajectory</source>
+    <translation>軌跡</translation>
+  </message>
+  <message>
+    <source>Worked</source>
+    <translation>作業した範囲</translation>
+  </message>
+  <message>
+    <source>Worked twice</source>
+    <translation>重複作業</translation>
+  </message>
+  <message>
+    <source>pass</source>
+    <translation>行程</translation>
+  </message>
+  <message>
     <source>{path} could not be written.</source>
     <translation>{path} に書き込めませんでした。</translation>
+  </message>
+  <message>
+    <source>▲ north</source>
+    <translation>▲ 北</translation>
   </message>
 </context>
 <context>
@@ -1269,10 +1414,6 @@
     <translation>圃場</translation>
   </message>
   <message>
-    <source>Found out</source>
-    <translation>分かったこと</translation>
-  </message>
-  <message>
     <source>From the ground below the middle of the rear axle to the antenna's phase centre: forward, to the left, up. A tape measure's centimetre is good enough. Unchecked: the antenna counts as there.</source>
     <translation>後車軸中央の真下の地面から、アンテナの位相中心まで：前、左、上の順。巻尺で 1 cm まで測れば十分です。チェックを外すと、アンテナがその位置にあるとみなします。</translation>
   </message>
@@ -1295,6 +1436,10 @@
   <message>
     <source>Polygons (*.geojson *.gpkg *.shp *.kml)</source>
     <translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation>
+  </message>
+  <message>
+    <source>Preview</source>
+    <translation>プレビュー</translation>
   </message>
   <message>
     <source>Recordings</source>
@@ -1323,10 +1468,6 @@
   <message>
     <source>The map's projected CRS in metres, in which everything is computed and written.</source>
     <translation>地図の投影 CRS（メートル単位）。計算も書き出しもこの座標系で行います。</translation>
-  </message>
-  <message>
-    <source>To be filled in</source>
-    <translation>記入が必要な項目</translation>
   </message>
   <message>
     <source>Tool</source>
@@ -1359,6 +1500,53 @@
   <message>
     <source>{path} cannot be written: {reason}.</source>
     <translation>{path} に書き込めません：{reason}。</translation>
+  </message>
+</context>
+<context>
+  <name>Stages</name>
+  <message>
+    <source>hashing inputs</source>
+    <translation>入力ファイルのハッシュ計算</translation>
+  </message>
+  <message>
+    <source>looking at scans</source>
+    <translation>スキャンの確認</translation>
+  </message>
+  <message>
+    <source>making surfaces</source>
+    <translation>地表面の作成</translation>
+  </message>
+  <message>
+    <source>matching scans</source>
+    <translation>スキャンの照合</translation>
+  </message>
+  <message>
+    <source>placing points</source>
+    <translation>点の配置</translation>
+  </message>
+  <message>
+    <source>reading positions</source>
+    <translation>測位の読み込み</translation>
+  </message>
+  <message>
+    <source>reading scans</source>
+    <translation>スキャンの読み込み</translation>
+  </message>
+  <message>
+    <source>work</source>
+    <translation>作業の計算</translation>
+  </message>
+  <message>
+    <source>writing cloud</source>
+    <translation>点群の書き出し</translation>
+  </message>
+  <message>
+    <source>writing layers</source>
+    <translation>レイヤーの書き出し</translation>
+  </message>
+  <message>
+    <source>writing the preview</source>
+    <translation>プレビューの書き出し</translation>
   </message>
 </context>
 <context>

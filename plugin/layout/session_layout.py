@@ -21,12 +21,15 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 from ..basemap import attribution_of
 from ..figures import figure_rows
+from ..results import tell_legend
 
 MAP_MM = (10.0, 22.0, 200.0, 176.0)
 SIDE_MM = (214.0, 22.0, 76.0)
 """Left, top and width of the column beside the map."""
 FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
 LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
+NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
+"""All pages are north up."""
 LEGEND = ("events", "trajectory", "misses", "overlaps", "coverage", "passes", "change")
 """What needs words beside the map."""
 MARGIN = 1.08
@@ -60,6 +63,7 @@ def session_layout(project, group, report):
     _label(layout, _figures(report), (*SIDE_MM, FIGURES_MM), rich=True)
     _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND])
     _scale(layout, page_map)
+    _label(layout, tr("▲ north"), NORTH_MM)
     _label(layout, attribution_of(shown), (MAP_MM[0], 200.0, MAP_MM[2], 6.0), size=7.0)
     if passes is not None and passes.featureCount():
         _atlas(layout, page_map, passes)
@@ -144,7 +148,9 @@ def _legend(layout, page_map, layers):
     tree = legend.model().rootGroup()
     tree.clear()
     for layer in layers:
-        tree.addLayer(layer)
+        node = tree.addLayer(layer)
+        node.setCustomProperty("legend/title-label", layer_title(layer.name()))
+        tell_legend(node)
     legend.setLegendFilterByMapEnabled(True)
     for name, size in LEGEND_FONTS.items():
         style = legend.rstyle(getattr(QgsLegendStyle.Style, name))
@@ -154,6 +160,20 @@ def _legend(layout, page_map, layers):
     legend.setSymbolHeight(3.0)
     legend.attemptMove(QgsLayoutPoint(SIDE_MM[0], LEGEND_AT_MM, Qgis.LayoutUnit.Millimeters))
     legend.adjustBoxSize()
+
+
+def layer_title(name):
+    """A layer's name in plain words, as the page has room for them."""
+    titles = {
+        "events": tr("Events"),
+        "trajectory": tr("Trajectory"),
+        "misses": tr("Missed"),
+        "overlaps": tr("Worked twice"),
+        "coverage": tr("Worked"),
+        "passes": tr("Passes"),
+        "change": tr("Change of the surface"),
+    }
+    return titles.get(name, name)
 
 
 def _figures(report):
@@ -178,7 +198,7 @@ def _atlas(layout, page_map, passes):
     """A page for each pass; the map follows, and the title says which."""
     atlas = layout.atlas()
     atlas.setCoverageLayer(passes)
-    atlas.setPageNameExpression("'pass ' || \"pass\"")
+    atlas.setPageNameExpression(f"'{tr('pass')} ' || \"pass\"")
     atlas.setSortFeatures(True)
     atlas.setSortExpression('"pass"')
     page_map.setAtlasDriven(True)

@@ -24,6 +24,7 @@ from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QIcon
 
 from ..interpreter import find_interpreter, is_usable
+from ..stages import stage_words
 from ..worker import WorkerCancelled, WorkerError, run_verb
 
 TAB = "furrowmap"
@@ -241,7 +242,7 @@ class _Listener:
         if kind == "progress":
             if message.get("stage") != self.stage:
                 self.stage = message.get("stage")
-                self.feedback.setProgressText(str(self.stage))
+                self.feedback.setProgressText(stage_words(self.stage))
             self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
         elif kind == "warning":
             self.feedback.pushWarning(str(message.get("text", "")))

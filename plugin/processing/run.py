@@ -7,10 +7,12 @@ from qgis.core import (
     QgsProcessingOutputFolder,
     QgsProcessingOutputNumber,
     QgsProcessingOutputString,
+    QgsProcessingParameterBoolean,
     QgsProcessingParameterFile,
     QgsProcessingParameterFolderDestination,
 )
 
+from ..previews import open_preview
 from ..results import open_results
 from .base import ARGUMENT, VerbAlgorithm
 from .shared import OPEN, add_open, add_overwrite
@@ -22,7 +24,7 @@ class Run(VerbAlgorithm):
     """From a session to its products."""
 
     ID, VERB = "run", ("run",)
-    SESSION, OUTPUT = "SESSION", "OUTPUT"
+    SESSION, PREVIEW, OUTPUT = "SESSION", "PREVIEW", "OUTPUT"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""
@@ -43,6 +45,14 @@ class Run(VerbAlgorithm):
             self.tr("The session.toml beside the recording; 'Begin a session' writes one."),
         )
         self.add(
+            QgsProcessingParameterBoolean(self.PREVIEW, self.tr("Only a preview"), defaultValue=False),
+            "--preview",
+            self.tr(
+                "In seconds: the track and a coarse surface of few scans, neither matched nor searched for the "
+                "implement. Products of a run stay as they are."
+            ),
+        )
+        self.add(
             QgsProcessingParameterFolderDestination(self.OUTPUT, self.tr("Folder for the products")),
             "--output",
             self.tr("Products of the same session in it are replaced."),
@@ -55,14 +65,15 @@ class Run(VerbAlgorithm):
             self.addOutput(QgsProcessingOutputNumber(name.upper(), name))
 
     def outputs(self, answer, parameters, context):
-        """The folder, the report and the figures."""
+        """The folder, the report and the figures; a preview has no report and no ground worked."""
         self.folder = answer["folder"]
+        self.previewed = self.parameterAsBool(parameters, self.PREVIEW, context)
         self.opened = self.parameterAsBool(parameters, OPEN, context)
         figures = answer.get("figures", {})
         return {
             "FOLDER": self.folder,
             self.OUTPUT: self.folder,
-            "REPORT": str(Path(self.folder) / "report.html"),
+            "REPORT": "" if self.previewed else str(Path(self.folder) / "report.html"),
             **{name.upper(): figures.get(name) for name in FIGURES},
         }
 
@@ -70,5 +81,5 @@ class Run(VerbAlgorithm):
         """Open the products, in the main thread."""
         folder = getattr(self, "folder", None)
         if folder and self.opened and not feedback.isCanceled() and context.project() is not None:
-            open_results(folder, context.project())
+            (open_preview if self.previewed else open_results)(folder, context.project())
         return {}

@@ -140,6 +140,7 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
         "inspect": run("inspect", FILES=[str(folder / "recording.pcap"), str(folder / "nothing.pcap")]),
         "init": run("init", RECORDINGS=[str(folder / "recording.pcap")], OUTPUT=folder / "begun.toml"),
         "run": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "result", OPEN=True),
+        "preview": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "look", PREVIEW=True, OPEN=True),
         "surface": run(
             "surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT=folder / "surfaces", GROUND="none", DST_CRS="EPSG:6677"
         ),
@@ -266,6 +267,14 @@ def test_run__gives_what_the_command_line_gives(told: dict[str, Any], folder: Pa
     assert told["run"]["outputs"]["POINTS"] == report["figures"]["points"]
     assert told["run"]["outputs"]["FOLDER"] == str(folder / "result")
     assert {"trajectory", "cloud"} <= set(told["run"]["layers"])
+
+
+def test_run__as_a_preview_opens_the_track(told: dict[str, Any], folder: Path) -> None:
+    """Where the session does not say how the scanner is mounted, there is no surface."""
+    assert told["preview"]["error"] is None
+    assert told["preview"]["layers"] == ["track"]
+    assert told["preview"]["outputs"]["REPORT"] == ""
+    assert not (folder / "look" / "report.json").exists()
 
 
 def same_products(folder: Path, other: Path) -> None:

@@ -106,6 +106,17 @@ def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, 
     assert "GNSS antenna" in seen["findings"]
 
 
+def test_preview__is_on_the_map_before_anything_is_filled_in(seen: dict[str, Any]) -> None:
+    """In a group of its own, which goes when the run's products come; its files are none of the drive's."""
+    assert seen["first_look"]["groups"] == {"Preview: loop, 圃場 1": ["track"]}
+    assert seen["first_look"]["words"].startswith("Preview on the map: 61 m driven in 60 s; 100%")
+    assert seen["first_look"]["files"] == ["boundary.geojson", "gnss.nmea", "recording.pcap.gz", "session.toml"]
+
+
+def test_preview__has_a_surface_as_soon_as_the_scanner_is_told(seen: dict[str, Any]) -> None:
+    assert seen["preview"] == {"Preview: North field": ["track", "coarse surface"]}
+
+
 def test_form__tells_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> None:
     assert seen["still_in_form"]
     assert "how wide the tool is" in seen["fault_told"]

@@ -63,6 +63,10 @@ def page(name: str) -> Callable[[], bool]:
     return lambda: plugin().dock.pages.currentWidget() is getattr(plugin().dock, name)
 
 
+def previewed() -> bool:
+    return bool(widget("furrowmapPreviewWords").text()) and not plugin().dock.previewer.busy
+
+
 def drawn() -> bool:
     return not iface.mapCanvas().isDrawing()  # noqa: F821
 
@@ -139,6 +143,9 @@ def new_session() -> Iterator[Any]:
     yield page("session")
     SEEN["findings"] = widget("furrowmapFindings").text()
     SEEN["proposed_crs"] = widget("furrowmapCrs").crs().authid()
+    yield previewed  # it begins by itself
+    SEEN["first_look"] = {"words": widget("furrowmapPreviewWords").text(), "groups": groups()}
+    SEEN["first_look"]["files"] = sorted(path.name for path in Path(RECORDINGS).iterdir())
     widget("furrowmapName").setText("North field")
     widget("furrowmapAntennaGroup").setChecked(True)
     widget("furrowmapImplementGroup").setChecked(True)
@@ -153,7 +160,10 @@ def new_session() -> Iterator[Any]:
     widget("furrowmapWidth").setValue(1.7)
     widget("furrowmapDepth").setValue(0.12)
     widget("furrowmapBoundary").setFilePath(f"{RECORDINGS}/boundary.geojson")
-    yield
+    click("furrowmapPreview")
+    yield previewed
+    yield drawn
+    SEEN["preview"] = groups()
     shot(f"{OUT}/session.png")  # noqa: F821
 
 

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Parts of the session's form."""
+
+from qgis.PyQt.QtCore import QSignalBlocker, Qt
+from qgis.PyQt.QtWidgets import QFormLayout, QGroupBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+
+def group_box(title, on_toggle=None):
+    """A titled group with a form in it; one that can be unchecked where `on_toggle` is told of that."""
+    group = QGroupBox(title)
+    if on_toggle is not None:
+        group.setCheckable(True)
+        group.toggled.connect(on_toggle)
+    form = QFormLayout(group)
+    form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+    return group, form
+
+
+def row_of(text, boxes):
+    """Boxes beside each other below their name."""
+    row = QWidget()
+    layout = QVBoxLayout(row)
+    layout.setContentsMargins(0, 0, 0, 0)
+    layout.addWidget(QLabel(text))
+    inside = QHBoxLayout()
+    for box in boxes:
+        box.setMinimumWidth(70)
+        inside.addWidget(box)
+    layout.addLayout(inside)
+    return row
+
+
+def small_words(name="", text=""):
+    """Words that explain, a little smaller, which can be copied."""
+    label = QLabel(text, objectName=name)
+    label.setWordWrap(True)
+    label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    font = label.font()
+    font.setPointSizeF(font.pointSizeF() * 0.9)
+    label.setFont(font)
+    return label
+
+
+def fill(boxes, values):
+    """Set boxes to values without their telling anybody; to 0 where there are none that fit."""
+    values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
+    for k, box in enumerate(boxes):
+        value = values[k]
+        blocker = QSignalBlocker(box)
+        box.setValue(float(value) if isinstance(value, (int, float)) else 0.0)
+        del blocker
+
+
+def values_of(boxes):
+    """What boxes show."""
+    return [round(box.value(), box.decimals()) for box in boxes]
+
+
+def texts_of(value):
+    """The items of a list as texts; none of what is no list."""
+    return [str(item) for item in value] if isinstance(value, list) else []
+
+
+def escaped(text):
+    """Plain text as rich text."""
+    return str(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Previews of sessions on the map: track and coarse surface, in a group of their own until the run's products come."""
+
+import json
+from pathlib import Path
+
+from qgis.core import Qgis, QgsProject, QgsRasterLayer, QgsVectorLayer
+from qgis.PyQt.QtCore import QCoreApplication
+
+from .styles import show_as_surface
+
+ACCOUNT = "preview.json"
+TRACK, SURFACE = "preview_track.gpkg", "preview_dsm.tif"
+PREVIEW_PROPERTY = "furrowmap/preview"
+"""Of a group in the layer tree: what session it is a preview of, as :func:`session_key` tells it."""
+
+
+def open_preview(folder, project=None):
+    """Open a preview as the project's topmost group; an earlier one of the same session goes.
+
+    Returns:
+        The layers, the track first; none where there is nothing that QGIS can open.
+    """
+    project = QgsProject.instance() if project is None else project
+    account = read_account(folder)
+    layers = [layer for layer in _files_opened(Path(folder)) if layer.isValid()]
+    if not layers:
+        return []
+    if all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values()):
+        project.setCrs(layers[0].crs())
+    remove_previews(project, account)
+    name = (account.get("session") or {}).get("name") or Path(folder).name
+    group = project.layerTreeRoot().insertGroup(0, tr("Preview: {name}").format(name=name))
+    group.setCustomProperty(PREVIEW_PROPERTY, session_key(account))
+    for layer in layers:
+        project.addMapLayer(layer, addToLegend=False)
+        group.addLayer(layer).setExpanded(False)
+    return layers
+
+
+def remove_previews(project, account):
+    """Take the previews of a session off the map.
+
+    Args:
+        project: that may show some.
+        account: the content of the session's `preview.json` or `report.json`.
+    """
+    root, key = project.layerTreeRoot(), session_key(account)
+    if not key:
+        return
+    for group in [group for group in root.findGroups() if group.customProperty(PREVIEW_PROPERTY) == key]:
+        project.removeMapLayers(group.findLayerIds())
+        root.removeChildNode(group)
+
+
+def session_key(account):
+    """By what a preview and a run are known to be of the same recordings: the files' names and sizes; "" for none."""
+    session = account.get("session") or {}
+    recording = session.get("recording") or {}
+    named = [name for kind in ("lidar", "gnss") for name in recording.get(kind) or []]
+    files = sorted(
+        [file.get("name"), file.get("bytes")]
+        for file in account.get("inputs") or []
+        if any(file.get("name") == name or str(file.get("name")).startswith(f"{name}/") for name in named)
+    )
+    return json.dumps(files) if files else ""
+
+
+def read_account(folder):
+    """The content of `preview.json`; empty where there is none that can be read."""
+    try:
+        account = json.loads((Path(folder) / ACCOUNT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return account if isinstance(account, dict) else {}
+
+
+def preview_words(account):
+    """What a preview tells, in a line: length, time, quality of the positions."""
+    figures = account.get("figures") or {}
+    used = (account.get("positions") or {}).get("used") or {}
+    count = sum(used.values())
+    parts = [
+        tr("{distance:,.0f} m driven in {time:,.0f} s").format(
+            distance=figures.get("distance_m", 0.0), time=figures.get("duration_s", 0.0)
+        )
+    ]
+    if count:
+        fixed = sum(n for quality, n in used.items() if quality == "fixed")
+        parts.append(tr("{share:.0%} of the positions fixed").format(share=fixed / count))
+    return "; ".join(parts)
+
+
+def _files_opened(folder):
+    """The layers of a preview that are there."""
+    track = QgsVectorLayer(f"{folder / TRACK}|layername=trajectory", tr("track"), "ogr")
+    if track.isValid():
+        track.loadDefaultStyle()
+        track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
+    yield track
+    if (folder / SURFACE).is_file():
+        surface = QgsRasterLayer(str(folder / SURFACE), tr("coarse surface"), "gdal")
+        if surface.isValid():
+            show_as_surface(surface, styled=True)
+        yield surface
+
+
+def tr(text):
+    """`text` in the user's language."""
+    return QCoreApplication.translate("Previews", text)

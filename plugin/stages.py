@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The worker's stages in the user's language."""
+
+from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
+
+STAGES = (
+    QT_TRANSLATE_NOOP("Stages", "reading positions"),
+    QT_TRANSLATE_NOOP("Stages", "reading scans"),
+    QT_TRANSLATE_NOOP("Stages", "looking at scans"),
+    QT_TRANSLATE_NOOP("Stages", "matching scans"),
+    QT_TRANSLATE_NOOP("Stages", "placing points"),
+    QT_TRANSLATE_NOOP("Stages", "hashing inputs"),
+    QT_TRANSLATE_NOOP("Stages", "writing cloud"),
+    QT_TRANSLATE_NOOP("Stages", "making surfaces"),
+    QT_TRANSLATE_NOOP("Stages", "writing layers"),
+    QT_TRANSLATE_NOOP("Stages", "writing the preview"),
+    QT_TRANSLATE_NOOP("Stages", "work"),
+)
+"""Those of a run, in their order. Others are shown as the worker tells them."""
+
+
+def stage_words(stage):
+    """A stage's name as the user reads it."""
+    return QCoreApplication.translate("Stages", str(stage))
