@@ -136,6 +136,15 @@ class Problem:
     last: Last | None = None
 
     @property
+    def loose(self) -> NDArray[np.bool_]:
+        """(knots,) those of chains in which there is no position."""
+        knot, _, inside = self.knots.at(self.positions.t_s)
+        with_position = np.bincount(knot[inside], minlength=len(self.knots)) > 0
+        return np.concatenate(
+            [np.full(c.count, not with_position[c.first : c.first + c.count].any()) for c in self.knots.chains]
+        )
+
+    @property
     def walls_correlated(self) -> float:
         """How many returns of a wall share an error, by the last step."""
         return (self.walls.scatter if self.walls is not None else Scatter()).correlated
@@ -267,14 +276,15 @@ def _window_step(problem: Problem, *, together: bool) -> float:
     walls = _window_walls(problem, placing, coarse)
     held = _hold(problem, [sums for sums, _ in found], walls, together=together)
     if coarse is None:
-        return _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
+        return _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
     for _, freed in found:
         equations.band[: len(freed.band)] += freed.band
         equations.right += freed.right
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
-    return _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
+    step = _solved(equations, coarse.touched(problem.loose))
+    return _move(problem, held, fine_step(coarse, centre, problem.state, step))
 
 
 def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> None:
@@ -296,7 +306,7 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
-        _move(problem, held, _solved(held.equations).reshape(-1, SIZE))
+        _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
         return
     centre = coarse.centres(problem.knots, problem.state)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
@@ -304,7 +314,8 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
-    _move(problem, held, fine_step(coarse, centre, problem.state, _solved(equations)))
+    step = _solved(equations, coarse.touched(problem.loose))
+    _move(problem, held, fine_step(coarse, centre, problem.state, step))
 
 
 def _window_walls(problem: Problem, placing: _Placing, coarse: CoarseKnots | None) -> WallSums:
@@ -502,20 +513,26 @@ def _hold(problem: Problem, parts: Sequence[Sums], walls: WallSums, *, together:
     )
 
 
-def _solved(equations: NormalEquations) -> FloatArray:
+def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> FloatArray:
     """The solution, damped as little as it takes (Levenberg 1944) where a chain has no positions to hold it.
+
+    Args:
+        equations: of knots.
+        loose: (knots,) which may be damped; the others are only where that is not enough.
 
     Raises:
         LinAlgError: if no damping makes the equations definite.
     """
     diagonal = equations.band[0].copy()
-    for damping in (0.0, *DAMPINGS):
-        # Of a chain of two or three knots some unknowns have no equation at all, and nothing to take a share of.
-        equations.band[0] = diagonal + damping * np.maximum(diagonal, LEAST_HOLD)
-        try:
-            return equations.solve().values
-        except np.linalg.LinAlgError:
-            continue
+    # Of a chain of two or three knots some unknowns have no equation at all, and nothing to take a share of.
+    most = np.maximum(diagonal, LEAST_HOLD)
+    for damped in (np.repeat(loose, SIZE) * most, most):
+        for damping in (0.0, *DAMPINGS):
+            equations.band[0] = diagonal + damping * damped
+            try:
+                return equations.solve().values
+            except np.linalg.LinAlgError:
+                continue
     raise np.linalg.LinAlgError("the poses' equations have no solution")
 
 

@@ -28,9 +28,10 @@ CORRELATED: Final = 10.0
 HUBER: Final = 2.5
 GATE: Final = 8.0
 """Residuals beyond HUBER standard deviations lose weight, beyond GATE they are not of the ground."""
-TRIM: Final = 4.5
+TRIM: Final = 6.0
 """Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, and would
-make true slopes of the noise that smooth soil shows everywhere else."""
+make true slopes of the noise that smooth soil shows everywhere else. Those of more than half as many count less and
+less, so that no single slope makes a difference by coming just below the limit."""
 LEAST_WEIGHT: Final = 1.5
 """Returns that each of the four nodes must hold before anything is matched to them."""
 UPPER: Final = 21
@@ -44,7 +45,7 @@ class Relief:
     Attributes:
         variance: of true slopes between nodes.
         noise: of slopes, as a multiple of what NOISE_M and the nodes' weights make of it.
-        trim: slopes of more standard deviations do not count in the next tally.
+        trim: slopes of more standard deviations do not count in the next tally, of more than half as many less.
     """
 
     variance: float = 0.005
@@ -306,12 +307,13 @@ def _agree(  # type: ignore[no-untyped-def]
         if normed < 3.0 and least_own >= LEAST_WEIGHT:
             again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
             again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
-            most_x, most_y = trim * np.sqrt(relief + noise * noise_x), trim * np.sqrt(relief + noise * noise_y)
-            if max(abs(slope_x), abs(again_x)) < most_x and max(abs(slope_y), abs(again_y)) < most_y:
-                tally[0] += 0.5 * (slope_x * again_x + slope_y * again_y)
-                tally[1] += 0.5 * (slope_x * slope_x + slope_y * slope_y)
-                tally[2] += 1
-                tally[3] += 0.5 * (noise_x + noise_y)
+            steep_x = max(slope_x * slope_x, again_x * again_x) / (relief + noise * noise_x)
+            steep_y = max(slope_y * slope_y, again_y * again_y) / (relief + noise * noise_y)
+            counts = _counts(np.sqrt(max(steep_x, steep_y)), trim)
+            tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
+            tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
+            tally[2] += counts
+            tally[3] += counts * 0.5 * (noise_x + noise_y)
         slope_x *= relief / (relief + noise * noise_x)
         slope_y *= relief / (relief + noise * noise_y)
         w = share / (spread * CORRELATED)
@@ -375,6 +377,15 @@ def _agree(  # type: ignore[no-untyped-def]
                 late[c, e] += late_share * entry
                 e += 1
     return out_place[:patches], out_interval[:patches], early[:patches], late[:patches], out_right[:patches]
+
+
+@numba.njit(cache=True, nogil=True)
+def _counts(steep, trim):  # type: ignore[no-untyped-def]
+    """How much a slope of so many standard deviations counts: wholly up to half of `trim`, smoothly less beyond."""
+    if steep <= 0.5 * trim:
+        return 1.0
+    left = max(0.0, 2.0 * (1.0 - steep / trim))
+    return left * left * (3.0 - 2.0 * left)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -62,6 +62,12 @@ class CoarseKnots:
             first += _intervals(chain, every) + 1
         return cls(tuple(grids), first, np.concatenate(before), np.concatenate(share))
 
+    def touched(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(count,) the coarse knots before and after one of the knots chosen (n,)."""
+        out = np.zeros(self.count, np.bool_)
+        out[self.before[chosen]] = out[self.before[chosen] + 1] = True
+        return out
+
     def centres(self, knots: Knots, state: State) -> FloatArray:
         """(count, 3) where the vehicle is at each coarse knot; a twist turns about that point."""
         out = []
@@ -156,24 +162,25 @@ def _project(band, right, before, share, xyz_m, centre_m, coarse_band, coarse_ri
     reach = width // SIZE
     count = len(centre_m)
     weights = np.empty((n, 2))
-    matrices = np.zeros((n, 2, SIZE, SIZE))
+    arm = np.empty((n, 2, 3))
     for j in range(n):
         weights[j, 0], weights[j, 1] = 1.0 - share[j], share[j]
         for e in range(2):
             c = min(before[j] + e, count - 1)
-            dx, dy, dz = xyz_m[j, 0] - centre_m[c, 0], xyz_m[j, 1] - centre_m[c, 1], xyz_m[j, 2] - centre_m[c, 2]
-            for a in range(SIZE):
-                matrices[j, e, a, a] = weights[j, e]
             w = weights[j, e]
-            matrices[j, e, 0, 4], matrices[j, e, 0, 5] = w * dz, -w * dy
-            matrices[j, e, 1, 3], matrices[j, e, 1, 5] = -w * dz, w * dx
-            matrices[j, e, 2, 3], matrices[j, e, 2, 4] = w * dy, -w * dx
+            for a in range(3):
+                arm[j, e, a] = xyz_m[j, a] - centre_m[c, a]
+            if w == 0.0:
+                continue
+            at = coarse_right[c * SIZE : (c + 1) * SIZE]
+            fine = right[j * SIZE : (j + 1) * SIZE]
             for a in range(SIZE):
-                if w == 0.0:
-                    continue
-                for b in range(SIZE):
-                    coarse_right[c * SIZE + b] += matrices[j, e, a, b] * right[j * SIZE + a]
-    block = np.empty((SIZE, SIZE))
+                at[a] += w * fine[a]
+            dx, dy, dz = arm[j, e]
+            at[3] += w * (dy * fine[2] - dz * fine[1])
+            at[4] += w * (dz * fine[0] - dx * fine[2])
+            at[5] += w * (dx * fine[1] - dy * fine[0])
+    block, left, product = np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
     for j in range(n):
         for step in range(reach):
             i = j + step
@@ -193,11 +200,24 @@ def _project(band, right, before, share, xyz_m, centre_m, coarse_band, coarse_ri
             for e in range(2):
                 if weights[i, e] == 0.0:
                     continue
-                left = matrices[i, e].T.copy() @ block
+                dx, dy, dz = arm[i, e]
+                for b in range(SIZE):
+                    for a in range(SIZE):
+                        left[a, b] = block[a, b]
+                    left[3, b] += dy * block[2, b] - dz * block[1, b]
+                    left[4, b] += dz * block[0, b] - dx * block[2, b]
+                    left[5, b] += dx * block[1, b] - dy * block[0, b]
                 for f in range(2):
-                    if weights[j, f] == 0.0:
+                    w = weights[i, e] * weights[j, f]
+                    if w == 0.0:
                         continue
-                    product = left @ matrices[j, f]
+                    dx, dy, dz = arm[j, f]
+                    for a in range(SIZE):
+                        for b in range(SIZE):
+                            product[a, b] = w * left[a, b]
+                        product[a, 3] += w * (dy * left[a, 2] - dz * left[a, 1])
+                        product[a, 4] += w * (dz * left[a, 0] - dx * left[a, 2])
+                        product[a, 5] += w * (dx * left[a, 1] - dy * left[a, 0])
                     _add_block(coarse_band, before[i] + e, before[j] + f, product, step > 0)
 
 
