@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final
 
@@ -41,17 +42,17 @@ def sigmas(
         centre_m: see :meth:`CoarseKnots.centres`.
         together: equations of the coarse knots with the ground free.
     """
-    dense = together.dense()
-    scale = 1.0 / np.sqrt(np.diag(dense))
-    slow = np.linalg.inv(dense * scale[:, None] * scale) * scale[:, None] * scale
-    quick = held.equations.solve().sigma().reshape(-1, SIZE)[:, :6] ** 2
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(lambda: held.equations.solve().sigma())
+        slow = together.inverse()
+        quick = beside.result().reshape(-1, SIZE)[:, :6] ** 2
     variance = _variances(
         np.ascontiguousarray(state.xyz_m),
         np.ascontiguousarray(state.rotation),
         coarse.before,
         coarse.share,
         centre_m,
-        slow,
+        np.ascontiguousarray(slow),
         quick,
     )
     out: FloatArray = np.sqrt(np.maximum(variance, 0.0))

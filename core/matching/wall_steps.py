@@ -95,8 +95,8 @@ def wall_columns(
     path = state.xyz_m[::20, :2]
     ring = np.arange(-FAR_M, FAR_M + AROUND_M, AROUND_M)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
-    around = np.unique(np.round((path[:, None] + aside).reshape(-1, 2) / AROUND_M), axis=0) * AROUND_M
-    columns: Columns = columns_over(around)
+    passed = np.unique(np.round(path / AROUND_M), axis=0) * AROUND_M
+    columns: Columns = columns_over((passed[:, None] + aside).reshape(-1, 2))
     for chain, part in blocks:
         placed = place(chain, part)
         columns = add_upright(columns, placed.xyz_m, placed.half)

@@ -40,11 +40,27 @@ class NormalEquations:
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""
-        n = len(self.right)
-        out = np.zeros((n, n))
-        for offset, diagonal in enumerate(self.band[:n]):
-            index = np.arange(n - offset)
-            out[index + offset, index] = out[index, index + offset] = diagonal[: n - offset]
+        out: FloatArray = _dense(self.band.T)
+        return out
+
+    def inverse(self) -> FloatArray:
+        """(n, n) the whole of N⁻¹.
+
+        N is scaled to ones on its diagonal before, since its unknowns have different units.
+
+        Raises:
+            LinAlgError: if N is not positive definite.
+        """
+        dense = self.dense()
+        scale = 1.0 / np.sqrt(np.diag(dense))
+        dense *= scale[:, None] * scale
+        factor, fault = scipy.linalg.lapack.dpotrf(dense.T, lower=1, overwrite_a=1)
+        if fault:
+            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {fault}")
+        half, _ = scipy.linalg.lapack.dpotri(factor, lower=1, overwrite_c=1)
+        _mirror(half.T)
+        out: FloatArray = half
+        out *= scale[:, None] * scale
         return out
 
     def solve(self) -> Solution:
@@ -85,6 +101,25 @@ def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-de
             right[begin + j] += scaled[k, j] * residual[k]
             for i in range(j, scaled.shape[1]):
                 columns[begin + j, i - j] += scaled[k, i] * scaled[k, j]
+
+
+@numba.njit("float64[:, ::1](float64[:, ::1])", cache=True, nogil=True)
+def _dense(columns):  # type: ignore[no-untyped-def]
+    """The symmetric matrix of the columns (n, width) of its lower band."""
+    n, width = columns.shape
+    out = np.zeros((n, n))
+    for j in range(n):
+        for offset in range(min(width, n - j)):
+            out[j, j + offset] = out[j + offset, j] = columns[j, offset]
+    return out
+
+
+@numba.njit("void(float64[:, ::1])", cache=True, nogil=True)
+def _mirror(matrix):  # type: ignore[no-untyped-def]
+    """Copy the upper triangle of a matrix to its lower one."""
+    for i in range(len(matrix)):
+        for j in range(i):
+            matrix[i, j] = matrix[j, i]
 
 
 @numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)
