@@ -61,8 +61,9 @@ def check(
     """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (CSV or GeoPackage).
 
     The height of a cloud is that of the plane through the returns around a point, of a surface bilinear between four
-    cells. RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the points' own accuracy included. A
-    class that is asked for and not met, or cannot be told, sets the exit status 4.
+    cells. RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the points' own accuracy included, and
+    precision within and between swaths. An RMSE that is asked for and not met, or cannot be told, sets the exit status
+    4; precision beyond that class is a warning.
     """
     from furrowmap.core.cloud_check import check_product
     from furrowmap.core.crs_change import crs_of
@@ -76,6 +77,7 @@ def check(
             targets=targets,
             diameter_m=diameter,
             sigma_m=points_sigma,
+            class_m=require_vertical,
             progress=progress,
         )
     for notice in found.notices:
@@ -92,16 +94,18 @@ def check(
         for name, rmse_m, least in asked
         if least is not None
     }
+    precision = accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
     answer = {
         "product": product,
         "kind": found.kind,
         "crs": found.crs.name,
         "accuracy": accuracy.plain(),
         "verdicts": verdicts,
+        "precision": precision,
         "points": point_rows(found),
         "warnings": found.notices,
     }
-    console.answer(answer, _words(found, point_rows(found)))
+    console.answer(answer, _words(found, point_rows(found), precision))
     for name, verdict in verdicts.items():
         if not verdict["met"]:
             put_error(_unmet(name, verdict["rmse_m"], verdict["required_m"]))
@@ -119,7 +123,14 @@ def _unmet(name: str, rmse_m: float | None, required_m: float) -> RefusedError:
     )
 
 
-def _words(found: Check, rows: list[dict[str, Any]]) -> str:
+def _verdict(verdict: dict[str, Any] | None) -> str:
+    """Whether a figure of internal precision stays within the class that was asked for."""
+    if verdict is None:
+        return ""
+    return f" ({'within' if verdict['met'] else 'beyond'} the {verdict['limit_m']:.3g} m of the class)"
+
+
+def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) -> str:
     accuracy = found.accuracy
     lines = [("product", f"{found.kind}, {printable(found.crs.name)}")]
     parts = (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing))
@@ -130,10 +141,12 @@ def _words(found: Check, rows: list[dict[str, Any]]) -> str:
         ("RMSE horizontal", "rmse_horizontal_m"),
         ("RMSE 3D", "rmse_3d_m"),
         ("within swath", "within_swath_m"),
+        ("within swath, greatest", "within_swath_max_m"),
         ("between swaths", "between_swath_m"),
+        ("between swaths, greatest", "between_swath_max_m"),
     ):
         if told[key] is not None:
-            lines.append((name, f"{told[key]:.4f} m"))
+            lines.append((name, f"{told[key]:.4f} m{_verdict(precision.get(key))}"))
     worst = sorted((row for row in rows if row["error_h_m"] is not None), key=lambda row: -abs(row["error_h_m"]))[:5]
     lines += [("largest", ", ".join(f"{printable(row['name'])} {row['error_h_m']:+.3f} m" for row in worst))]
     return table(lines)

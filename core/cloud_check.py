@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.clouds import MACHINE, NOISE, Clouds, open_clouds
+from furrowmap.core.internal_precision import UNSEEN, InternalPrecision, SwathHeights, Told, swath_numbers, told_by
+from furrowmap.core.local_plane import local_plane
 from furrowmap.core.positional_accuracy import FEWEST, Accuracy, Component
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.header import SIGNATURE
@@ -27,11 +29,14 @@ Targets = Literal["none", "intensity", "colour"]
 
 RADIUS_M: Final = 0.25
 """Returns up to so far from a point make the plane that it is compared with."""
-FEWEST_RETURNS: Final = 6
-OUTLIER_SIGMAS: Final = 3.5
-"""Returns farther from the plane, in robust standard deviations, are not of it."""
 STEEPEST: Final = 0.5
 """A steeper plane shows an edge, where a height depends on the place."""
+LABELS: Final = {
+    "within_swath_max_m": "greatest within a swath",
+    "between_swath_m": "RMS between swaths",
+    "between_swath_max_m": "greatest between swaths",
+}
+"""What the figures of internal precision are called."""
 SEARCH_DIAMETERS: Final = 3.0
 """A target is looked for up to so many of its diameters away."""
 
@@ -46,8 +51,7 @@ class PointCheck:
         found_m: of the product; nan where it shows none, easting and northing without a target.
         returns: that made the height; 0 for a surface.
         slope: of the plane; nan for a surface.
-        spread_m: RMS of the returns above their plane, swath by swath; nan where there are too few.
-        swaths: height of each swath's plane at the point, by `point_source_id`.
+        swaths: what each swath says of the place.
         why_not: why its height was not compared; empty where it was.
     """
 
@@ -56,8 +60,7 @@ class PointCheck:
     found_m: tuple[float, float, float]
     returns: int = 0
     slope: float = float("nan")
-    spread_m: float = float("nan")
-    swaths: tuple[tuple[int, float], ...] = ()
+    swaths: SwathHeights = UNSEEN
     why_not: str = ""
 
     @property
@@ -93,6 +96,7 @@ def check_product(
     targets: Targets = "none",
     diameter_m: float = 0.3,
     sigma_m: float | None = None,
+    class_m: float | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
@@ -104,6 +108,7 @@ def check_product(
         targets: by what of the returns discs are looked for, which show the horizontal error.
         diameter_m: of the discs.
         sigma_m: standard deviation of the survey along each axis, where the file states none.
+        class_m: the vertical accuracy class that is asked for; None for none.
         progress: is told of the share of the cloud that was read.
 
     Raises:
@@ -119,20 +124,25 @@ def check_product(
         )
     with product.open("rb") as file:
         is_cloud = file.read(4) == SIGNATURE
+    told: Told = "nothing"
     if is_cloud:
         clouds = open_clouds([product])
         survey = read_points(points_file, clouds.crs, points_crs)
         reach = max(RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
-        near = _near(clouds, survey, reach, progress)
+        (cloud,) = clouds.files
+        own = cloud.header.software.startswith("furrowmap")
+        near = _near(clouds, survey, reach, progress, own=own)
+        told = _told_by(near, own=own)
         checks = tuple(
-            _at_cloud(survey, k, batch, targets, diameter_m) for k, batch in enumerate(_by_point(near, survey, reach))
+            _at_cloud(survey, k, batch, targets, diameter_m)
+            for k, batch in enumerate(_by_point(near, survey, reach, told, own=own))
         )
         crs, notices = clouds.crs, [*clouds.notices, *survey.notices]
     else:
         crs, checks, survey = _at_surface(product, points_file, points_crs)
         notices = list(survey.notices)
     stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
-    accuracy = _accuracy(checks, stated)
+    accuracy = _accuracy(checks, stated, told)
     if accuracy.vertical is None:
         raise InputError(
             f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
@@ -141,7 +151,9 @@ def check_product(
             "See in a GIS whether points and product lie together; name the points' CRS with --crs if it is another.",
             code="check-nowhere",
         )
-    notices += _notices(checks, accuracy, targets)
+    notices += _notices(checks, accuracy, targets, class_m)
+    if is_cloud:
+        notices += _precision_notices(accuracy.precision, class_m)
     return Check("cloud" if is_cloud else "surface", crs, checks, accuracy, tuple(notices))
 
 
@@ -175,13 +187,13 @@ def _at_surface(
     return crs, tuple(checks), survey
 
 
-def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Progress) -> list[CloudBatch]:
+def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Progress, *, own: bool) -> list[CloudBatch]:
     """The returns up to `reach_m` from any point, in metres and the clouds' CRS."""
     (file,) = clouds.files
     tree = cKDTree(survey.xyz_m[:, :2])
     cells = np.unique(_cells(survey.xyz_m[:, :2], reach_m, around=True))
     low, high = survey.xyz_m[:, :2].min(axis=0) - reach_m, survey.xyz_m[:, :2].max(axis=0) + reach_m
-    unwanted = [*NOISE, *(MACHINE if file.header.software.startswith("furrowmap") else ())]
+    unwanted = [*NOISE, *(MACHINE if own else ())]
     out, done = [], 0
     for batch in _batches(file, (float(low[0]), float(low[1]), float(high[0]), float(high[1]))):
         done += len(batch)
@@ -213,12 +225,29 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
     return np.concatenate([((column + i) << 32) + row + j for i in shift for j in shift])
 
 
-def _by_point(near: list[CloudBatch], survey: SurveyedPoints, reach_m: float) -> Iterator[dict[str, Any]]:
+def _told_by(near: list[CloudBatch], *, own: bool) -> Told:
+    """What tells the swaths of the returns around all points apart."""
+    if not near:
+        return "nothing"
+    source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
+    return told_by(source, t_s, own=own)
+
+
+def _seconds(near: list[CloudBatch]) -> FloatArray | None:
+    """Times of returns, counted from no matter when; None where any has none."""
+    times = [part.gps_time for part in near]
+    known = [t_s for t_s in times if t_s is not None]
+    return np.concatenate(known) if len(known) == len(times) else None
+
+
+def _by_point(
+    near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, told: Told, *, own: bool
+) -> Iterator[dict[str, Any]]:
     """For each point the returns around it, relative to it: place, brightness, swath."""
     if near:
         xyz = np.concatenate([part.xyz_m for part in near])
         intensity = np.concatenate([part.intensity for part in near]).astype(np.float64)
-        swath = np.concatenate([part.point_source_id for part in near])
+        source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
         colours = [part.rgb for part in near]
         coloured = [colour for colour in colours if colour is not None]
         rgb = np.concatenate(coloured).astype(np.float64) if len(coloured) == len(near) else None
@@ -228,7 +257,9 @@ def _by_point(near: list[CloudBatch], survey: SurveyedPoints, reach_m: float) ->
         yield {
             "xyz": xyz[index] - place if near else np.empty((0, 3)),
             "intensity": intensity[index] if near else np.empty(0),
-            "swath": swath[index] if near else np.empty(0, np.uint16),
+            "swath": swath_numbers(source[index], t_s[index] if t_s is not None else None, told, own=own)
+            if near
+            else np.empty(0, np.int64),
             "colour": rgb[index] if near and rgb is not None else None,
         }
 
@@ -246,66 +277,66 @@ def _at_cloud(survey: SurveyedPoints, k: int, near: dict[str, Any], targets: Tar
     at = middle if middle is not None else np.zeros(2)
     close = np.hypot(*(near["xyz"][:, :2] - at).T) <= RADIUS_M
     xyz, swath = near["xyz"][close] - np.array([*at, 0.0]), near["swath"][close]
-    plane = _plane(xyz)
+    plane = local_plane(xyz)
     if plane is None:
         why = f"has {len(xyz)} returns within {RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
         return PointCheck(survey.name[k], place, (east, north, np.nan), len(xyz), why_not=why)
-    slope = float(np.hypot(plane[1], plane[2]))
-    if slope > STEEPEST:
-        found = (east, north, np.nan)
-        return PointCheck(survey.name[k], place, found, len(xyz), slope, why_not="lies on an edge or a steep slope")
-    heights, squares, freedom = [], 0.0, 0
-    for number in np.unique(swath).tolist():
-        own = _plane(xyz[swath == number])
-        if own is not None:
-            heights.append((int(number), place[2] + float(own[0])))
-            squares, freedom = squares + own[3], freedom + int(own[4])
-    spread = float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")
-    found = (east, north, place[2] + float(plane[0]))
-    return PointCheck(survey.name[k], place, found, len(xyz), slope, spread, tuple(heights))
+    if plane.steepness > STEEPEST:
+        found, why = (east, north, np.nan), "lies on an edge or a steep slope"
+        return PointCheck(survey.name[k], place, found, len(xyz), plane.steepness, why_not=why)
+    found = (east, north, place[2] + plane.height_m)
+    return PointCheck(survey.name[k], place, found, len(xyz), plane.steepness, _swath_heights(xyz, swath, place[2]))
 
 
-def _plane(xyz_m: FloatArray) -> tuple[float, float, float, float, int] | None:
-    """Height at 0, 0, slopes to the east and north, sum of squares above the plane and its degrees of freedom.
-
-    None with too few returns, or where they do not lie around the place. Returns far from the plane are left out once.
-    """
-    keep = np.ones(len(xyz_m), bool)
-    for _ in range(2):
-        if keep.sum() < FEWEST_RETURNS:
-            return None
-        x, y, z = xyz_m[keep].T
-        matrix = np.column_stack([np.ones(len(x)), x, y])
-        (height, east, north), _, rank, _ = np.linalg.lstsq(matrix, z, rcond=1e-6)
-        if rank < 3 or min(x.max(), -x.min(), y.max(), -y.min()) <= 0.0:
-            return None
-        above = xyz_m[:, 2] - height - east * xyz_m[:, 0] - north * xyz_m[:, 1]
-        scatter = 1.4826 * float(np.median(np.abs(above[keep])))
-        squares, freedom = float(np.sum(above[keep] ** 2)), int(keep.sum()) - 3
-        keep = np.abs(above) <= max(OUTLIER_SIGMAS * scatter, 1e-3)
-    return float(height), float(east), float(north), squares, freedom
+def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -> SwathHeights:
+    """What each swath says of a place."""
+    planes = [(number, local_plane(xyz_m[swath == number])) for number in np.unique(swath).tolist()]
+    known = [(number, plane) for number, plane in planes if plane is not None]
+    if not known:
+        return UNSEEN
+    freedom = sum(plane.freedom for _, plane in known)
+    squares = sum(float(np.sum(plane.above_m**2)) for _, plane in known)
+    return SwathHeights(
+        tuple((number, base_m + plane.height_m) for number, plane in known),
+        float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan"),
+        max(plane.range_m for _, plane in known),
+    )
 
 
-def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray) -> Accuracy:
+def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, told: Told) -> Accuracy:
     error = np.array([check.error_m for check in checks])
     parts: list[Component | None] = []
     for axis in range(3):
         known = np.isfinite(error[:, axis])
         parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
-    spread = np.array([check.spread_m for check in checks])
-    differences = [a[1] - b[1] for check in checks for i, a in enumerate(check.swaths) for b in check.swaths[:i]]
-    known = np.isfinite(spread)
-    return Accuracy(
-        vertical=parts[2],
-        easting=parts[0],
-        northing=parts[1],
-        within_swath_m=float(np.sqrt(np.mean(spread[known] ** 2))) if known.any() else float("nan"),
-        between_swath_m=float(np.sqrt(np.mean(np.square(differences)))) if differences else float("nan"),
-        swath_pairs=len(differences),
-    )
+    precision = InternalPrecision.of((check.swaths for check in checks), told)
+    return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)
 
 
-def _notices(checks: tuple[PointCheck, ...], accuracy: Accuracy, targets: Targets) -> list[Notice]:
+def _precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:
+    if precision.told_by == "nothing":
+        nothing = (
+            "Nothing in the cloud tells its swaths apart, neither times of its points nor their sources, so how well "
+            "it agrees with itself is not known."
+        )
+        return [Notice("check-swaths-unknown", nothing)]
+    if not precision.swath_pairs:
+        once = "No point was seen by two swaths, so how well swaths agree is not known."
+        return [Notice("check-swaths-single", once)]
+    beyond = [
+        f"{LABELS[name]} {verdict['found_m']:.3f} m of {verdict['limit_m']:.3g} m"
+        for name, verdict in (precision.verdicts(class_m) if class_m is not None else {}).items()
+        if verdict["met"] is False
+    ]
+    if not beyond or class_m is None:
+        return []
+    apart = f"The cloud's internal precision is not that of the class of {100 * class_m:g} cm: {', '.join(beyond)}."
+    return [Notice("check-precision", apart)]
+
+
+def _notices(
+    checks: tuple[PointCheck, ...], accuracy: Accuracy, targets: Targets, class_m: float | None
+) -> list[Notice]:
     assert accuracy.vertical is not None
     notices = []
     unused = [check for check in checks if check.why_not]
@@ -325,6 +356,12 @@ def _notices(checks: tuple[PointCheck, ...], accuracy: Accuracy, targets: Target
             "it is not in the figures as the standard asks for."
         )
         notices.append(Notice("check-survey-unknown", text))
+    elif class_m is not None and accuracy.vertical.survey_m > 0.5 * class_m:
+        coarse = (
+            f"The points' heights are good to {accuracy.vertical.survey_m:.3f} m; the standard asks for points twice "
+            f"as accurate as the class of {100 * class_m:g} cm."
+        )
+        notices.append(Notice("check-survey-coarse", coarse))
     for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
         if part is not None and part.biased:
             text = f"The mean error in {name} is {part.mean_m:+.3f} m, more than scatter explains: look for its cause."

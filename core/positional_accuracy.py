@@ -13,6 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.internal_precision import InternalPrecision
+
 FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 30
@@ -83,17 +85,13 @@ class Accuracy:
     Attributes:
         vertical: None where no point could be compared.
         easting, northing: None where no target was found.
-        within_swath_m: RMS of the returns of one swath above their own plane; nan where unknown.
-        between_swath_m: RMS of the differences in height of two swaths at one point; nan where unknown.
-        swath_pairs: number of such differences.
+        precision: how well the product agrees with itself.
     """
 
     vertical: Component | None
     easting: Component | None
     northing: Component | None
-    within_swath_m: float
-    between_swath_m: float
-    swath_pairs: int
+    precision: InternalPrecision
 
     @property
     def horizontal_m(self) -> float | None:
@@ -117,9 +115,12 @@ class Accuracy:
             "rmse_vertical_m": _rounded(self.vertical.rmse_m) if self.vertical is not None else None,
             "rmse_horizontal_m": _rounded(self.horizontal_m),
             "rmse_3d_m": _rounded(self.spatial_m),
-            "within_swath_m": _rounded(self.within_swath_m),
-            "between_swath_m": _rounded(self.between_swath_m),
-            "swath_pairs": self.swath_pairs,
+            "within_swath_m": _rounded(self.precision.within_swath_m),
+            "within_swath_max_m": _rounded(self.precision.within_swath_max_m),
+            "between_swath_m": _rounded(self.precision.between_swath_m),
+            "between_swath_max_m": _rounded(self.precision.between_swath_max_m),
+            "swath_pairs": self.precision.swath_pairs,
+            "swaths_told_by": self.precision.told_by,
         }
 
 

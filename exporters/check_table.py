@@ -47,7 +47,7 @@ def _row(point: PointCheck) -> dict[str, Any]:
     error = [_known(value, 4) for value in point.error_m.tolist()]
     values = (
         point.name, *(round(value, 4) for value in point.surveyed_m), *error, point.returns, _known(point.slope, 3),
-        _known(point.spread_m, 4), len(point.swaths), point.why_not,
+        _known(point.swaths.spread_m, 4), len(point.swaths.height_m), point.why_not,
     )  # fmt: skip
     return dict(zip(COLUMNS, values, strict=True))
 

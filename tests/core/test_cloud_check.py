@@ -54,6 +54,8 @@ def write_cloud(
     intensity: NDArray[Any] | int = 20,
     swath: NDArray[Any] | int = 1,
     crs: str = "EPSG:6677",
+    t_s: NDArray[np.float64] | None = None,
+    software: str = "",
 ) -> Path:
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales, header.offsets = np.full(3, 1e-4), np.array([E, N, 0.0])
@@ -62,6 +64,10 @@ def write_cloud(
     las.x, las.y, las.z = xyz.T
     las.intensity = np.full(len(xyz), intensity) if np.isscalar(intensity) else intensity
     las.point_source_id = np.full(len(xyz), swath) if np.isscalar(swath) else swath
+    if t_s is not None:
+        las.gps_time = t_s
+    if software:
+        las.header.generating_software = software
     las.return_number = las.number_of_returns = np.ones(len(xyz), np.uint8)
     las.write(path)
     return path
@@ -83,13 +89,82 @@ def test_cloud__a_shift_of_two_swaths_is_found_to_a_millimetre(tmp_path: Path) -
     )
     accuracy, vertical = found.accuracy, found.accuracy.vertical
     assert vertical is not None
-    assert (found.kind, vertical.n, accuracy.swath_pairs) == ("cloud", 36, 36)
+    assert (found.kind, vertical.n, accuracy.precision.swath_pairs) == ("cloud", 36, 36)
     assert vertical.mean_m == pytest.approx(0.04, abs=1.5e-3)
     assert vertical.fit_m**2 == pytest.approx(vertical.mean_m**2 + vertical.sigma_m**2 * 35 / 36, rel=1e-9)
     assert vertical.rmse_m == pytest.approx(np.hypot(vertical.fit_m, 0.01), rel=1e-9)
-    assert accuracy.within_swath_m == pytest.approx(0.02, abs=1e-3)
-    assert accuracy.between_swath_m == pytest.approx(0.02, abs=4e-3)
+    assert accuracy.precision.within_swath_m == pytest.approx(0.02, abs=1e-3)
+    assert accuracy.precision.between_swath_m == pytest.approx(0.02, abs=4e-3)
     assert [notice.code for notice in found.notices if notice.code.startswith("check")] == ["check-bias"]
+
+
+@pytest.mark.parametrize(
+    ("own", "timed", "numbered", "told", "codes"),
+    [
+        (True, True, True, "times", set()),
+        (True, False, True, "nothing", {"check-swaths-unknown"}),
+        (False, True, False, "times", set()),
+        (False, False, True, "sources", set()),
+        (False, False, False, "nothing", {"check-swaths-unknown"}),
+    ],
+)
+def test_precision__swaths_are_told_apart_by_what_the_cloud_has(
+    tmp_path: Path, own: bool, timed: bool, numbered: bool, told: str, codes: set[str]
+) -> None:
+    """Two visits a minute apart, the second 3 cm higher. In furrowmap's clouds sources are passes, which change midway.
+
+    RMS and greatest of the differences are those 3 cm; planes through 20 returns of 1 cm differ by 3 mm more.
+    """
+    xyz = returns()
+    visit = np.arange(len(xyz)) % 2
+    xyz[:, 2] += 0.03 * visit + np.random.default_rng(3).normal(0.0, 0.01, len(xyz))
+    source = np.where(np.random.default_rng(4).random(len(xyz)) < 0.5, 0, 7) if own else 1 + visit
+    t_s = 3e8 + 60.0 * visit + np.random.default_rng(5).uniform(0.0, 5.0, len(xyz))
+    cloud = write_cloud(
+        tmp_path / "a.las", xyz, swath=source if numbered else 0, t_s=t_s if timed else None,
+        software="furrowmap 0.1" if own else "another",
+    )  # fmt: skip
+    found = check_product(cloud, write_points(tmp_path / "p.csv", places(), 0.005))
+    precision = found.accuracy.precision
+    assert precision.told_by == told
+    assert {notice.code for notice in found.notices if "swaths" in notice.code} == codes
+    if told == "nothing":
+        assert precision.swath_pairs == 0
+        assert np.isnan(precision.between_swath_max_m)
+        return
+    assert precision.swath_pairs == 36
+    assert precision.between_swath_m == pytest.approx(np.hypot(0.03, 0.0032), abs=2e-3)
+    assert 0.03 < precision.between_swath_max_m < 0.045
+    assert precision.within_swath_m == pytest.approx(0.01, abs=3e-4)
+    assert 0.03 < precision.within_swath_max_m < 0.07
+
+
+def test_precision__is_judged_by_the_limits_of_the_class(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """0.60, 0.80 and 1.60 of the class: with differences of 3 cm, a class of 3.75 cm, not one of 3 cm."""
+    xyz = returns()
+    visit = np.arange(len(xyz)) % 2
+    xyz[:, 2] += 0.03 * visit - 0.015
+    cloud = write_cloud(tmp_path / "a.las", xyz, swath=1 + visit)
+    points = write_points(tmp_path / "p.csv", places(), 0.004)
+    assert cli("check", cloud, points, "--require-vertical", "0.03", "--json", "-q") == 0
+    answer = json.loads(capsys.readouterr().out)
+    verdict = answer["precision"]["between_swath_m"]
+    assert (verdict["found_m"], verdict["limit_m"]) == (pytest.approx(0.03, abs=1e-4), pytest.approx(0.024))
+    met = {name: one["met"] for name, one in answer["precision"].items()}
+    assert met == {"within_swath_max_m": True, "between_swath_m": False, "between_swath_max_m": True}
+    assert "check-precision" in {notice["code"] for notice in answer["warnings"]}
+    assert cli("check", cloud, points, "--require-vertical", "0.038") == 0
+    told = capsys.readouterr()
+    assert "(within the 0.0304 m of the class)" in told.out
+    assert "precision" not in told.err
+    write_points(tmp_path / "p.csv", places(), 0.02)
+    assert cli("check", cloud, points, "--require-vertical", "0.038") == 0
+    assert "twice as accurate as the class of 3.8 cm" in capsys.readouterr().err
+
+
+def test_precision__one_visit_says_nothing_of_others(tmp_path: Path) -> None:
+    found = check_product(write_cloud(tmp_path / "a.las", returns()), write_points(tmp_path / "p.csv", places(), 0.005))
+    assert "check-swaths-single" in {notice.code for notice in found.notices}
 
 
 def test_cloud__noise_and_edges_and_empty_places_are_told(tmp_path: Path) -> None:

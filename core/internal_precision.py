@@ -1,0 +1,124 @@
+"""How well a cloud agrees with itself: within each swath, and between swaths over the same ground.
+
+ASPRS Positional Accuracy Standards, Edition 2 (2023), section 7.14; the limits of a vertical accuracy class are those
+of its section 7.4 and table 7.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Told = Literal["times", "sources", "nothing"]
+
+APART_S: Final = 20.0
+"""A place that was not seen for so long is seen anew, by another swath."""
+LIMITS: Final = {"within_swath_max_m": 0.60, "between_swath_m": 0.80, "between_swath_max_m": 1.60}
+"""What the standard lets each figure be, in parts of a class's RMSE."""
+
+
+@dataclass(frozen=True)
+class SwathHeights:
+    """What the swaths say of one place.
+
+    Attributes:
+        height_m: of each swath's plane there, by its number.
+        spread_m: RMS of returns above their own swath's plane; nan where there are too few.
+        range_m: greatest difference of neighbouring returns of one swath above its plane; nan likewise.
+    """
+
+    height_m: tuple[tuple[int, float], ...] = ()
+    spread_m: float = float("nan")
+    range_m: float = float("nan")
+
+    @property
+    def differences_m(self) -> list[float]:
+        """Of each pair."""
+        heights = [height for _, height in self.height_m]
+        return [a - b for i, a in enumerate(heights) for b in heights[:i]]
+
+
+UNSEEN: Final = SwathHeights()
+"""A place of which no swath says anything."""
+
+
+@dataclass(frozen=True)
+class InternalPrecision:
+    """Of a cloud, nan where unknown.
+
+    Attributes:
+        within_swath_m: RMS of the returns of one swath above their own plane.
+        within_swath_max_m: greatest difference between neighbouring returns of one swath.
+        between_swath_m: RMS of the differences in height of two swaths at one place.
+        between_swath_max_m: greatest of these differences.
+        swath_pairs: number of them.
+        told_by: what tells the swaths apart.
+    """
+
+    within_swath_m: float
+    within_swath_max_m: float
+    between_swath_m: float
+    between_swath_max_m: float
+    swath_pairs: int
+    told_by: Told
+
+    @classmethod
+    def of(cls, places: Iterable[SwathHeights], told_by: Told) -> InternalPrecision:
+        """What all places say together; swaths that nothing tells apart say nothing."""
+        seen = list(places) if told_by != "nothing" else []
+        spread = np.array([place.spread_m for place in seen])
+        ranges = np.array([place.range_m for place in seen])
+        differences = np.array([difference for place in seen for difference in place.differences_m])
+        return cls(
+            _rms(spread[np.isfinite(spread)]),
+            float(np.nanmax(ranges)) if np.isfinite(ranges).any() else float("nan"),
+            _rms(differences),
+            float(np.abs(differences).max()) if len(differences) else float("nan"),
+            len(differences),
+            told_by,
+        )
+
+    def verdicts(self, class_m: float) -> dict[str, dict[str, Any]]:
+        """Each figure against the limit of a vertical accuracy class; `met` is None where it is unknown."""
+        out: dict[str, dict[str, Any]] = {}
+        for name, share in LIMITS.items():
+            found, limit = float(getattr(self, name)), share * class_m
+            known = bool(np.isfinite(found))
+            out[name] = {
+                "found_m": round(found, 5) if known else None,
+                "limit_m": round(limit, 6),
+                "met": found <= limit if known else None,
+            }
+        return out
+
+
+def told_by(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> Told:
+    """What tells the swaths of returns (n,) apart.
+
+    Args:
+        source: point source of each.
+        t_s: seconds of each; None, or all alike, where the cloud has no times.
+        own: whether it is a cloud of furrowmap's, in which sources are passes of the implement and no swaths.
+    """
+    if t_s is not None and np.isfinite(t_s).any() and np.nanmax(t_s) > np.nanmin(t_s):
+        return "times"
+    return "sources" if not own and source.any() else "nothing"
+
+
+def swath_numbers(source: NDArray[np.uint16], t_s: FloatArray | None, told: Told, *, own: bool) -> NDArray[np.int64]:
+    """Number of the swath of each return (n,) at one place; of a foreign cloud, one a source and visit."""
+    number = np.zeros(len(source), np.int64)
+    if told == "times" and t_s is not None and len(t_s):
+        order = np.argsort(t_s)
+        visit = np.cumsum(np.diff(t_s[order], prepend=t_s[order[0]]) > APART_S)
+        number[order] = visit
+    return number if own else number + (source.astype(np.int64) << 32)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -1,0 +1,79 @@
+"""The plane through the returns around a place, and how far they lie from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+FEWEST_RETURNS: Final = 6
+OUTLIER_SIGMAS: Final = 3.5
+"""Returns farther from the plane, in robust standard deviations, are not of it."""
+SPACINGS: Final = 2.0
+"""Side of the cells in which single returns are compared with each other, in mean distances between them."""
+
+
+@dataclass(frozen=True)
+class LocalPlane:
+    """A plane through returns.
+
+    Attributes:
+        height_m: at the place.
+        slope: metres a metre to the east and north.
+        xy_m: (n, 2) of the returns of the plane, from the place.
+        above_m: (n,) above the plane.
+    """
+
+    height_m: float
+    slope: tuple[float, float]
+    xy_m: FloatArray
+    above_m: FloatArray
+
+    @property
+    def steepness(self) -> float:
+        """Metres a metre along the steepest way."""
+        return float(np.hypot(*self.slope))
+
+    @property
+    def freedom(self) -> int:
+        """Returns that are not needed to make the plane."""
+        return len(self.above_m) - 3
+
+    @property
+    def range_m(self) -> float:
+        """Greatest difference of returns above the plane within a cell of two mean spacings a side.
+
+        So the smoothness of a surface is measured: over so small a cell only noise makes a difference.
+        """
+        radius_m = float(np.hypot(*self.xy_m.T).max())
+        side_m = SPACINGS * radius_m * np.sqrt(np.pi / len(self.above_m))
+        column, row = np.floor(self.xy_m / side_m).astype(np.int64).T
+        cell = np.unique(column * (1 << 32) + row, return_inverse=True)[1]
+        low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
+        np.minimum.at(low, cell, self.above_m)
+        np.maximum.at(high, cell, self.above_m)
+        return float((high - low).max())
+
+
+def local_plane(xyz_m: FloatArray) -> LocalPlane | None:
+    """The plane through returns (n, 3) around 0, 0.
+
+    None with too few returns, or where they do not lie on all sides. Returns far from the plane are left out once.
+    """
+    keep = np.ones(len(xyz_m), bool)
+    for _ in range(2):
+        if keep.sum() < FEWEST_RETURNS:
+            return None
+        x, y, z = xyz_m[keep].T
+        (height, east, north), _, rank, _ = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x, y]), z, rcond=1e-6)
+        if rank < 3 or min(x.max(), -x.min(), y.max(), -y.min()) <= 0.0:
+            return None
+        above = xyz_m[:, 2] - height - east * xyz_m[:, 0] - north * xyz_m[:, 1]
+        used = keep
+        scatter = 1.4826 * float(np.median(np.abs(above[keep])))
+        keep = np.abs(above) <= max(OUTLIER_SIGMAS * scatter, 1e-3)
+    return LocalPlane(float(height), (float(east), float(north)), xyz_m[used, :2], above[used])
