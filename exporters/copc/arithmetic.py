@@ -1,0 +1,173 @@
+"""Adaptive arithmetic coding as LAZ has it, in kernels that others inline.
+
+Said, "Introduction to arithmetic coding: theory and practice" (HP Labs report HPL-2004-76, 2004): 32-bit intervals,
+models of symbols whose probabilities follow their counts from time to time. Isenburg, "LASzip: lossless compression of
+LiDAR data" (PE&RS 79(2), 2013) fixes constants and the coding of integers; his published source decides what the
+papers leave open, since a decoder has to follow each step.
+
+A **coder** is a tuple (base, length, at): the interval, and where in the output its next byte goes; base and length are
+below 2^32. A **table** is an int32 array of models side by side, all noughts at first. A **model** of n symbols takes
+``2 n + 3`` of its numbers: symbols until the next update (0 in a model not used yet), symbols between updates, symbols
+counted; n cumulative probabilities in units of 2^-15; n counts.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from itertools import accumulate
+from typing import Final
+
+import numba
+
+kernel: Final = partial(numba.njit, cache=True, nogil=True, _nrt=False)
+"""Compiles what neither makes arrays nor keeps them: references to them are not counted, which would take three
+quarters of the time. So all memory comes from the caller."""
+inlined: Final = partial(kernel, forceinline=True)
+
+LENGTH_BITS: Final = 15
+"""Precision of a symbol's probability."""
+BIT_LENGTH_BITS: Final = 13
+"""Precision of a single bit's probability."""
+LEAST_LENGTH: Final = 1 << 24
+"""Below it, an interval gives its first byte away."""
+HEAD: Final = 3
+"""Numbers of a model before its probabilities."""
+BIT_MODEL: Final = 5
+"""Numbers of a model of a single bit: bits until its update, bits between updates, bits, noughts, their probability."""
+MOST_BITS_BETWEEN: Final = 64
+MOST_RAW_BITS: Final = 19
+
+
+def model_size(symbols: int) -> int:
+    """Numbers that a model takes in its table."""
+    return HEAD + 2 * symbols
+
+
+def ends_of(*sizes: int) -> list[int]:
+    """Where each of some models begins that stand side by side in a table, and last where they end."""
+    return [0, *accumulate(sizes)]
+
+
+@kernel()
+def carried(out, base, at):  # type: ignore[no-untyped-def]
+    """The base without its overflow, which has been added to the bytes before."""
+    if base >> 32:
+        i = at - 1
+        while out[i] == 255:
+            out[i] = 0
+            i -= 1
+        out[i] += 1
+    return base & 0xFFFFFFFF
+
+
+@inlined()
+def settled(out, base, length, at):  # type: ignore[no-untyped-def]
+    """The coder after what is certain of its interval has gone to the output."""
+    base = carried(out, base, at)
+    # All bytes that there may be are put there, and as many kept as are certain: nothing to guess for the processor.
+    out[at] = base >> 24
+    out[at + 1] = base >> 16
+    out[at + 2] = base >> 8
+    certain = (length < LEAST_LENGTH) + (length < LEAST_LENGTH >> 8) + (length < LEAST_LENGTH >> 16)
+    return (base << (8 * certain)) & 0xFFFFFFFF, length << (8 * certain), at + certain
+
+
+@inlined()
+def coder_at(at):  # type: ignore[no-untyped-def]
+    """A coder whose first byte goes to `at`."""
+    return 0, 0xFFFFFFFF, at
+
+
+@inlined()
+def encode(out, coder, table, model, symbols, symbol):  # type: ignore[no-untyped-def]
+    """The coder after a symbol below `symbols`; the model, which starts at `model`, has counted it."""
+    base, length, at = coder
+    if table[model] == 0:
+        refresh(table, model, symbols)
+    table[model] -= 1
+    k = model + HEAD + symbol
+    table[k + symbols] += 1
+    share = length >> LENGTH_BITS
+    low = table[k] * share
+    # What rounding leaves over is the last symbol's.
+    top = length if symbol == symbols - 1 else table[k + 1] * share
+    return settled(out, base + low, top - low, at)
+
+
+@kernel()
+def refresh(table, model, symbols):  # type: ignore[no-untyped-def]
+    """Make a model's probabilities follow its counts; in one not used yet, all symbols are as probable."""
+    counts = model + HEAD + symbols
+    new = table[model + 1] == 0
+    if new:
+        table[counts : counts + symbols] = 1
+        table[model + 1], table[model + 2] = symbols, 0
+    total = table[model + 2] + table[model + 1]
+    if total > 1 << LENGTH_BITS:
+        total = 0
+        for k in range(counts, counts + symbols):
+            table[k] = (table[k] + 1) >> 1
+            total += table[k]
+    scale = (1 << 31) // total
+    seen = 0
+    for k in range(symbols):
+        table[model + HEAD + k] = (scale * seen) >> (31 - LENGTH_BITS)
+        seen += table[counts + k]
+    cycle = (symbols + 6) >> 1 if new else min((5 * table[model + 1]) >> 2, (symbols + 6) << 3)
+    table[model], table[model + 1], table[model + 2] = cycle, cycle, total
+
+
+@inlined()
+def encode_bit(out, coder, table, model, bit):  # type: ignore[no-untyped-def]
+    """The coder after a bit; its model has counted it."""
+    base, length, at = coder
+    if table[model] == 0:
+        refresh_bit(table, model)
+    table[model] -= 1
+    table[model + 3] += 1 - bit
+    low = table[model + 4] * (length >> BIT_LENGTH_BITS)
+    return settled(out, base + bit * low, length - low if bit else low, at)
+
+
+@kernel()
+def refresh_bit(table, model):  # type: ignore[no-untyped-def]
+    """Make a bit model's probability follow its counts; in one not used yet, both are as probable."""
+    if table[model + 1] == 0:
+        cycle, bits, noughts = 4, 2, 1
+    else:
+        cycle = min((5 * table[model + 1]) >> 2, MOST_BITS_BETWEEN)
+        bits, noughts = table[model + 2] + table[model + 1], table[model + 3]
+        if bits > 1 << BIT_LENGTH_BITS:
+            bits, noughts = (bits + 1) >> 1, (noughts + 1) >> 1
+            bits += noughts == bits
+    table[model], table[model + 1], table[model + 2], table[model + 3] = cycle, cycle, bits, noughts
+    table[model + 4] = (noughts * ((1 << 31) // bits)) >> (31 - BIT_LENGTH_BITS)
+
+
+@inlined()
+def write_bits(out, coder, bits, value):  # type: ignore[no-untyped-def]
+    """The coder after a number of up to 32 bits as it is."""
+    if bits > MOST_RAW_BITS:
+        base, length, at = coder
+        length >>= 16
+        coder = settled(out, base + (value & 0xFFFF) * length, length, at)
+        value >>= 16
+        bits -= 16
+    base, length, at = coder
+    length >>= bits
+    return settled(out, base + value * length, length, at)
+
+
+@inlined()
+def finish(out, coder):  # type: ignore[no-untyped-def]
+    """Where the output ends once all of it has been written."""
+    base, length, at = coder
+    if length > 2 * LEAST_LENGTH:
+        base, length, noughts = base + LEAST_LENGTH, LEAST_LENGTH >> 1, 3
+    else:
+        base, length, noughts = base + (LEAST_LENGTH >> 1), LEAST_LENGTH >> 9, 2
+    _, _, at = settled(out, base, length, at)
+    for _ in range(noughts):
+        out[at] = 0
+        at += 1
+    return at
