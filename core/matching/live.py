@@ -33,6 +33,7 @@ from furrowmap.core.matching.sliding import (
     ways_m,
 )
 from furrowmap.core.matching.surface import add_returns, layers, passage_of
+from furrowmap.core.trajectory.coordinates import brought_track
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.positions import Positions, positions_of, sigmas_m, white_noise_m
@@ -116,13 +117,18 @@ class LiveMatching:
         self._window: _Window | None = None
 
     def hear(self, track: GnssTrack) -> None:
-        """Take positions that have come."""
+        """Take positions that have come, as the receiver gave them: they are brought to the map's epoch and heights.
+
+        Raises:
+            InputError: if parameters or geoid do not cover a position, or parameters are of another time.
+        """
         use = np.isin(track.fix, self._fixes) & np.isfinite(track.lon_deg) & np.isfinite(track.height_m)
         if self._track is not None:
             use &= track.t_s > self._track.t_s[-1]
         if not use.any():
             return
-        track = track[use] if self._track is None else _joined(self._track, track[use])
+        came, _ = brought_track(track[use], self._frame)
+        track = came if self._track is None else _joined(self._track, came)
         track = track[track.t_s >= track.t_s[-1] - TRACK_KEPT_S]
         en = np.column_stack(self._frame.project(track.lon_deg, track.lat_deg))
         self._track = track

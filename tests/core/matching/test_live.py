@@ -12,17 +12,18 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.matching.live import LiveMatching, LivePose
 from furrowmap.core.pipeline import open_positions
 from furrowmap.core.readers.reader import GivesTrack
-from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Crs
 
 FloatArray = NDArray[np.float64]
 
 
-def live_poses(recording, scans: Iterable[Scan], track: GnssTrack) -> list[LivePose]:
+def live_poses(recording, scans: Iterable[Scan], track: GnssTrack, frame: MapFrame | None = None) -> list[LivePose]:
     session = recording.session
-    live = LiveMatching(session.lidar.mounting, session.antenna.xyz_m, None, map_frame(session.crs))
+    live = LiveMatching(session.lidar.mounting, session.antenna.xyz_m, None, frame or map_frame(session.crs))
     poses, heard = [], 0
     for scan in scans:
         now = int(np.searchsorted(track.t_s, scan.t_s[-1], side="right"))
@@ -63,6 +64,19 @@ def test_gives_a_pose_for_every_scan_once_the_heading_shows(poses, straight) -> 
     assert len(poses) > 30
     assert np.diff(times[:-1]) == pytest.approx(0.1, abs=0.02)
     assert times[-1] > straight.truth.span_s[1] - 1.0
+
+
+def test_positions_are_brought_to_the_maps_heights(straight, track, poses) -> None:
+    """Above a geoid each pose is lower by the geoid's height there, and nothing else is changed by a millimetre."""
+    frame = map_frame(Crs(map=straight.session.crs.map, heights="JPGEO2024"))
+    soon_s = poses[5].t_s
+    some = live_poses(straight, (scan for scan in straight.scans() if scan.t_s[0] < soon_s), track, frame)
+    assert len(some) >= 5
+    for low, high in zip(some, poses, strict=False):
+        lon, lat = frame.to_lon_lat(high.xyz_m[:1], high.xyz_m[1:2])
+        assert low.t_s == high.t_s
+        assert low.xyz_m[2] - high.xyz_m[2] == pytest.approx(-frame.heights.geoid_m(lon, lat)[0], abs=2e-3)
+        np.testing.assert_allclose(low.xyz_m[:2], high.xyz_m[:2], atol=2e-3)
 
 
 def test_is_near_to_the_truth(poses, straight) -> None:
