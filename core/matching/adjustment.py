@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
-from furrowmap.core.matching.equations import Held, hold, position_trust
+from furrowmap.core.matching.equations import Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
 from furrowmap.core.matching.stance import Stance, stance
@@ -272,9 +272,11 @@ def _window_step(problem: Problem, *, together: bool) -> float:
                 free_patches(freed, [patches], WINDOW_PATCH_M, centre)
         return sums, freed
 
-    found = _in_threads(work, windows)
-    walls = _window_walls(problem, placing, coarse)
-    held = _hold(problem, [sums for sums, _ in found], walls, together=together)
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(lambda: (_hold_blind(problem), _window_walls(problem, placing, coarse)))
+        found = _in_threads(work, windows)
+        held, walls = beside.result()
+    _add_seen(problem, held, [sums for sums, _ in found], walls, together=together)
     if coarse is None:
         return _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
@@ -293,16 +295,18 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     coarse = CoarseKnots.over(problem.knots, every, SESSION_PATCH_M) if together else None
     placing = _Placing.of(problem)
     blocks = _blocks(problem, thin)
-    surface = _session_surface(placing, blocks, cell_m)
 
     def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, list[Patches]]:
         sums = Sums.of(len(problem.knots))
         patches = [_agree(problem, c, placing.returns(c, part), surface, 1.0, sums, coarse) for c, part in share]
         return sums, patches
 
-    found = _in_threads(work, blocks)
-    walls = _session_walls(problem, placing, thin, coarse)
-    held = _hold(problem, [sums for sums, _ in found], walls, together=together)
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(lambda: (_hold_blind(problem), _session_walls(problem, placing, thin, coarse)))
+        surface = _session_surface(placing, blocks, cell_m)
+        found = _in_threads(work, blocks)
+        held, walls = beside.result()
+    _add_seen(problem, held, [sums for sums, _ in found], walls, together=together)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
@@ -494,23 +498,20 @@ def _in_threads(work: Callable[[Sequence[tuple[int, slice]]], Found], items: lis
         return list(pool.map(work, shares))
 
 
-def _hold(problem: Problem, parts: Sequence[Sums], walls: WallSums, *, together: bool) -> Held:
-    """The equations of all knots from what the threads have summed up, which the problem keeps."""
+def _hold_blind(problem: Problem) -> Held:
+    """The equations of all knots without what the scans see."""
+    p = problem
+    return hold_blind(p.knots, p.state, p.positions, p.origin_m, p.lever_m, p.position_trust)
+
+
+def _add_seen(problem: Problem, held: Held, parts: Sequence[Sums], walls: WallSums, *, together: bool) -> None:
+    """Add to the equations of all knots what the threads have summed up, which the problem keeps."""
     sums = parts[0]
     for other in parts[1:]:
         sums = sums.plus(other)
     problem.sums, problem.relief = sums, sums.relief()
     seen = sums.plus(walls.sums)
-    return hold(
-        problem.knots,
-        problem.state,
-        seen,
-        seen.right_all if together else seen.right,
-        problem.positions,
-        problem.origin_m,
-        problem.lever_m,
-        problem.position_trust,
-    )
+    add_slices(held.equations, problem.knots, seen.normal, seen.right_all if together else seen.right)
 
 
 def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> FloatArray:

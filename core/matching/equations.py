@@ -71,8 +71,16 @@ def hold(
         lever_m: (3,) the antenna in the vehicle frame.
         trust: (m,) weights of the positions, 1 for a whole one.
     """
+    held = hold_blind(knots, state, positions, origin_m, lever_m, trust)
+    add_slices(held.equations, knots, sums.normal, right)
+    return held
+
+
+def hold_blind(
+    knots: Knots, state: State, positions: Positions, origin_m: FloatArray, lever_m: FloatArray, trust: FloatArray
+) -> Held:
+    """What :func:`hold` gives without any returns: :func:`add_slices` adds them."""
     equations = NormalEquations(len(knots) * SIZE, 3 * SIZE)
-    _add_ground(equations, knots, sums, right)
     misfit = _add_positions(equations, knots, state, positions, origin_m, lever_m, trust)
     _add_drift(equations, knots, state, positions)
     _add_inertia(equations, knots, state)
@@ -87,9 +95,16 @@ def position_trust(misfit: FloatArray) -> FloatArray:
     return np.where(known > HUBER, HUBER / np.maximum(known, HUBER), 1.0)
 
 
-def _add_ground(equations: NormalEquations, knots: Knots, sums: Sums, right: FloatArray) -> None:
-    """A slice's pose is the mean of those of its two knots."""
-    _add_slices(equations.band, equations.right, knots.linked, sums.normal, np.ascontiguousarray(right))
+def add_slices(equations: NormalEquations, knots: Knots, normal: FloatArray, right: FloatArray) -> None:
+    """Add what returns say of the slices between knots: a slice's pose is the mean of those of its two knots.
+
+    Args:
+        equations: of all knots; changed.
+        knots: whose poses are sought.
+        normal: (n, 21) see :class:`~furrowmap.core.matching.agreement.Sums`.
+        right: (n, 6) one of its right-hand sides.
+    """
+    _add_slices(equations.band, equations.right, knots.linked, normal, np.ascontiguousarray(right))
 
 
 @numba.njit(cache=True, nogil=True)
