@@ -19,8 +19,8 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]
 
-PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX = (
-    0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215,
+PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX, RELPOSNED = (
+    0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215, 0x013C,
 )  # fmt: skip
 """Class and id of the messages that are read."""
 LAYOUTS: Final = {
@@ -43,11 +43,15 @@ LAYOUTS: Final = {
         second=(18, "u1"), valid=(19, "u1"),
     ),
     RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
+    RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
 }  # fmt: skip
 """What is read of each message: the part that all protocol versions have."""
 
 AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 120, 120, 120], np.float64)
 """Age of corrections by its class in NAV-PVT: the end of the class, and 120 s for all beyond."""
+_FIXED_HEADING: Final = 0b1_0011_1101, 0b1_0011_0101
+"""Flags of NAV-RELPOSNED, and what they are where a moving base shows a heading with ambiguities fixed: heading and
+position valid, moving, carrier solution 2, fix within the receiver's limits."""
 LEAST_SHARE: Final = 0.02
 """Share of UBX bytes from which on a file without positions is told to be a UBX log."""
 _DEAD_RECKONING, _2D, _3D, _COMBINED = 1, 2, 3, 4
@@ -58,8 +62,10 @@ class UbxLog(ReceiverLog):
     """The positions in a log of u-blox messages.
 
     NAV-PVT makes the epoch; NAV-HPPOSLLH adds digits, NAV-COV standard deviations, NAV-DOP the dilution, each joined by
-    its equal time of the week. Without NAV-COV the horizontal accuracy estimate is shared by east and north. A log with
-    NAV-HPPOSLLH alone has no date, and no kind of fix but by NAV-STATUS. Heights are above the ellipsoid.
+    its equal time of the week. NAV-RELPOSNED gives the heading of two antennas, from a base that moves along to the
+    rover whose log it is, where its ambiguities are fixed; where on the vehicle they stand it does not know. Without
+    NAV-COV the horizontal accuracy estimate is shared by east and north. A log with NAV-HPPOSLLH alone has no date, and
+    no kind of fix but by NAV-STATUS. Heights are above the ellipsoid.
     """
 
     format: ClassVar[str] = "ubx"
@@ -272,6 +278,10 @@ def _refine(
     stated = (cov.values["valid"] == 1) & np.isfinite(cov.values["nn"]) & np.isfinite(cov.values["ee"])
     for column, field in (("sigma_e_m", "ee"), ("sigma_n_m", "nn"), ("sigma_h_m", "dd")):
         take(column, COV, np.sqrt(np.abs(cov.column(field))), stated)
+    columns["heading_deg"] = np.full(len(key), np.nan)
+    base = records[RELPOSNED]
+    shown = (base.values["version"] >= 1) & ((base.values["flags"] & _FIXED_HEADING[0]) == _FIXED_HEADING[1])
+    take("heading_deg", RELPOSNED, base.column("heading", 1e-5) % 360.0, shown)
     dop = records[DOP]
     take("hdop", DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
     alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())

@@ -54,6 +54,37 @@ def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> N
     assert (facts["first"], facts["last"]) == (first, last)
 
 
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ({"isMoving": 1, "carrSoln": 2}, True),
+        ({"isMoving": 0, "carrSoln": 2}, False),  # the bearing of a base beside the field
+        ({"isMoving": 1, "carrSoln": 1}, False),
+        ({"isMoving": 1, "carrSoln": 2, "relPosHeadingValid": 0}, False),
+        ({"isMoving": 1, "carrSoln": 2, "gnssFixOK": 0}, False),
+    ],
+)
+def test_track__heading_is_that_of_a_moving_base_with_its_ambiguities_fixed(
+    tmp_path: Path, shared_data: Path, flags: dict[str, int], told: bool
+) -> None:
+    """Beside each NAV-PVT of a log a NAV-RELPOSNED, written by pyubx2, but at the third epoch."""
+    with (shared_data / "gnss/ubx/f9p_rtk_float_1hz.ubx").open("rb") as stream:
+        parsed = list(pyubx2.UBXReader(stream, protfilter=2, quitonerror=0))
+    stated = {"gnssFixOK": 1, "relPosValid": 1, "relPosHeadingValid": 1, **flags}
+    with (tmp_path / "rover.ubx").open("wb") as log:
+        number = 0
+        for raw, message in parsed:
+            log.write(raw)
+            if message.identity == "NAV-PVT":
+                if number != 2:
+                    values = {"version": 1, "iTOW": message.iTOW, "relPosHeading": 350.0 + 2.5 * number}
+                    log.write(pyubx2.UBXMessage("NAV", "NAV-RELPOSNED", pyubx2.GET, **values, **stated).serialize())
+                number += 1
+    heading = track_of(tmp_path / "rover.ubx").heading_deg
+    expected = np.array([(350.0 + 2.5 * k) % 360.0 if told and k != 2 else np.nan for k in range(10)])
+    np.testing.assert_allclose(heading, expected, atol=1e-5)
+
+
 def test_inspect__weak_reception(shared_data: Path) -> None:
     facts = UbxLog([shared_data / "gnss/ubx/m8_weak_2d_3d_nofix_300s.ubx"], ReadOptions()).inspect().facts
     assert facts["kinds_of_fix"] == {"none": 8, "2D": 169, "3D": 122}
