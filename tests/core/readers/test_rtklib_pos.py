@@ -65,6 +65,30 @@ def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> N
     assert track_of(path).service == service
 
 
+@pytest.mark.parametrize(
+    ("program", "mode", "service"),
+    [
+        ("RTKLIB ver.2.4.2", "ppp-rtk", "ppp-rtk"),  # as CLASLIB heads its files
+        ("CLASLIB ver.0.8.2", "ppp-rtk", "clas"),
+        ("MADOCALIB ver.2.0", "ppp-kinematic", "madoca"),
+        ("RTKLIB ver.2.4.3 b34", "ppp-static", "ppp"),
+        ("RTKLIB ver.2.4.3 b34", "kinematic", "rtk"),
+        ("RTKLIB ver.2.4.3 b34", "single", ""),
+    ],
+)
+def test_track__whose_corrections_by_the_processors_words(
+    tmp_path: Path, program: str, mode: str, service: str
+) -> None:
+    """The quality is that of RTKLIB's numbers in all of them."""
+    head = f"% program   : {program}\n% pos mode  : {mode}\n" + HEAD.format(scale="GPST")
+    rows = "".join(
+        f"2026/06/11 00:00:{q:02d}.000  36.100000000 140.100000000 60.0000 {q} 11 0.01 0.01 0.02\n" for q in range(1, 7)
+    )
+    track = track_of(written(tmp_path, head + rows))
+    assert track.service == service
+    assert track.fix.tolist() == [Fix.FIXED, Fix.FLOAT, Fix.DGPS, Fix.DGPS, Fix.SINGLE, Fix.PPP]
+
+
 def test_track__is_what_pandas_reads(shared_data: Path) -> None:
     path = shared_data / "gnss/car_reference/rover_1Hz_rtk.pos"
     table = pd.read_csv(path, sep=r"\s+", comment="%", header=None)
