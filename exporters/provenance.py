@@ -33,6 +33,11 @@ class Origin:
     parameters: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def measured_epoch(self) -> str | None:
+        """When the first measurement was made, as a decimal year; None where unknown."""
+        return f"{decimal_year(self.span_s[0]):.3f}" if self.span_s is not None else None
+
+    @property
     def told(self) -> dict[str, str]:
         """Names, in capitals, and texts: title, software, session, times and epoch, parameters, inputs."""
         told = {"TITLE": self.title, "SOFTWARE": f"furrowmap {version('furrowmap')}"}
@@ -40,7 +45,7 @@ class Origin:
             told["SESSION"] = self.session
         if self.span_s is not None:
             told["TIME_START"], told["TIME_END"] = map(iso_utc, self.span_s)
-            told["MEASURED_EPOCH"] = f"{decimal_year(self.span_s[0]):.3f}"
+            told["MEASURED_EPOCH"] = str(self.measured_epoch)
         told |= {key.upper(): value for key, value in self.parameters.items()}
         return told | {
             f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)

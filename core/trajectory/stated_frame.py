@@ -40,7 +40,8 @@ class StatedFrame:
         """The projection of a map's CRS, on this frame; its name says frame and epoch in every format."""
         conversion = flat.coordinate_operation
         assert conversion is not None
-        return ProjectedCRS(conversion, f"{self.name} / {conversion.name}", geodetic_crs=self.frame)
+        # As a plain CRS: a ProjectedCRS of pyproj has no way to two dimensions.
+        return CRS(ProjectedCRS(conversion, f"{self.name} / {conversion.name}", geodetic_crs=self.frame))
 
 
 def stated_frame(text: str) -> StatedFrame | None:

@@ -22,6 +22,7 @@ REPORT = "report.json"
 
 class _Crs(msgspec.Struct):
     map: str
+    coordinates: str
 
 
 class _Session(msgspec.Struct):
@@ -37,6 +38,11 @@ class _Figures(msgspec.Struct):
     bounds_m: tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
+class _Coordinates(msgspec.Struct):
+    frame: str | None
+    epoch: float | None
+
+
 class _Report(msgspec.Struct):
     """What is needed of a report."""
 
@@ -44,6 +50,7 @@ class _Report(msgspec.Struct):
     session: _Session
     inputs: list[dict[str, Any]]
     figures: _Figures
+    coordinates: _Coordinates
     products: list[str]
 
 
@@ -69,18 +76,7 @@ class Result:
     @property
     def origin(self) -> Origin:
         """Where what is passed on comes from."""
-        report, crs = self.report, self.report["session"]["crs"]
-        first, last = (dt.datetime.fromisoformat(report["figures"][key]).timestamp() for key in ("start", "end"))
-        return Origin(
-            self.name,
-            self.name,
-            [(record["name"], record["sha256"]) for record in report["inputs"]],
-            (first, last),
-            {
-                "result_of": f"furrowmap {report['furrowmap']}",
-                **{key: str(value) for key, value in crs.items() if value},
-            },
-        )
+        return result_origin(self.report, self.name)
 
     def layer(self, name: str) -> gpd.GeoDataFrame:
         """The features of a layer in the session's CRS.
@@ -101,6 +97,29 @@ class Result:
             return gpd.read_file(self.folder / FIELD, layer=name)
         except (OSError, RuntimeError, ValueError) as error:
             raise _unreadable(self.folder / FIELD, error) from None
+
+
+def result_origin(report: dict[str, Any], name: str = "") -> Origin:
+    """Where the products of a run come from, by their `report.json`.
+
+    Args:
+        report: its content.
+        name: of the session, if another one than the report's is to be told.
+    """
+    name = name or str(report["session"]["name"])
+    first, last = (dt.datetime.fromisoformat(report["figures"][key]).timestamp() for key in ("start", "end"))
+    told = {**report["session"]["crs"], "frame": report["coordinates"]["frame"]}
+    told["coordinate_epoch"] = report["coordinates"]["epoch"]
+    return Origin(
+        name,
+        name,
+        [(record["name"], record["sha256"]) for record in report["inputs"]],
+        (first, last),
+        {
+            "result_of": f"furrowmap {report['furrowmap']}",
+            **{key: str(value) for key, value in told.items() if value},
+        },
+    )
 
 
 def open_result(folder: Path) -> Result:

@@ -1,6 +1,6 @@
 """STAC: a run's products as an item, and many runs as a collection, for catalogues of geodata.
 
-STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and file 2.1; the schemas' names stand in each item.
+STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and processing 1.1; the schemas' names stand in each item.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.crs_change import crs_change
+from furrowmap.core.trajectory.stated_frame import stated_frame
 from furrowmap.core.values.errors import InputError
-from furrowmap.exporters.exchange.result import Result
+from furrowmap.exporters.exchange.result import Result, result_origin
 from furrowmap.exporters.json_text import json_text
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 ITEM: Final = "item.json"
 COLLECTION: Final = "collection.json"
+PROCESSING: Final = "https://stac-extensions.github.io/processing/v1.1.0/schema.json"
 LICENCE: Final = "other"
 """Nobody but the owner of the recording can say under which licence its products are."""
 _KINDS: Final = {  # media type, title, roles
@@ -53,7 +55,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
 
     figures = report["figures"]
     (west, south, low), (east, north, high) = figures["bounds_m"]
-    crs = CRS.from_user_input(report["session"]["crs"]["map"]).to_2d()
+    crs, origin = _crs(report), result_origin(report)
     ring = _footprint(crs, (west, south, east, north))
     lon, lat = zip(*ring, strict=True)
     item = pystac.Item(
@@ -66,9 +68,12 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         properties={
             "title": report["session"]["name"] or "Session without a name",
             "instruments": [report["session"]["lidar"].get("model") or ("lidar" if figures["points"] else "gnss")],
-            "furrowmap:version": report["furrowmap"],
-            "furrowmap:inputs": [{key: record[key] for key in ("name", "sha256")} for record in report["inputs"]],
+            "processing:software": {"furrowmap": report["furrowmap"]},
+            "furrowmap:measured_epoch": origin.measured_epoch,
+            "furrowmap:parameters": dict(origin.parameters),
+            "furrowmap:inputs": [{"name": name, "sha256": digest} for name, digest in origin.inputs],
         },
+        stac_extensions=[PROCESSING],
     )
     projection = ProjectionExtension.ext(item, add_if_missing=True)
     authority = crs.to_authority()
@@ -144,6 +149,13 @@ def write_collection(folder: Path, results: Sequence[Result], target: Path) -> N
         (folder / f"{item.id}.json").write_text(json_text(value), encoding="utf-8")
     whole = collection.to_dict(include_self_link=False, transform_hrefs=False)
     (folder / COLLECTION).write_text(json_text(whole), encoding="utf-8")
+
+
+def _crs(report: dict[str, Any]) -> CRS:
+    """The map's, on the frame in which the coordinates are stated to be."""
+    told = report["session"]["crs"]
+    flat, stated = CRS.from_user_input(told["map"]).to_2d(), stated_frame(told["coordinates"])
+    return stated.map_crs(flat) if stated is not None else flat
 
 
 def _way(path: Path, start: Path) -> str:

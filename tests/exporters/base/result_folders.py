@@ -61,6 +61,7 @@ def write_result(
             "passes": 3,
             "duration_s": 79.8,
         },
+        "coordinates": {"frame": crs.geodetic_crs.name, "epoch": None},
         "products": ["field.gpkg", "report.json", "session.toml"],
         "warnings": [],
     }

@@ -44,10 +44,11 @@ def write_report(folder: Path, name: str) -> None:
         "furrowmap": "0.1.0",
         "session": {
             "name": name,
-            "crs": {"map": "EPSG:6677"},
+            "crs": {"map": "EPSG:6677", "heights": "ellipsoidal", "coordinates": "as-recorded"},
             "lidar": {"model": "VLP-16"},
             "implement": {"kind": "tiller", "width_m": 1.7, "xy_m": [-1.5, 0.0]},
         },
+        "coordinates": {"frame": "JGD2011", "epoch": None},
         "inputs": [{"name": "recording.pcap", "bytes": 5, "sha256": "00ff"}],
         "figures": {
             "start": "2026-06-11T01:23:40.937Z",
@@ -225,6 +226,41 @@ def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) ->
     on_map = shapely.transform(footprint, lambda xy: np.column_stack(to_map.transform(*xy.T)))
     assert on_map.symmetric_difference(shapely.box(16_600, 96_500, 16_700, 96_600)).area < 1.0
     assert footprint.exterior.is_ccw
+
+
+def test_stac__tells_software_parameters_and_epoch(result: Path, tmp_path: Path) -> None:
+    export([result], "stac", tmp_path / "farm")
+    item = next(iter(pystac.Collection.from_file(str(tmp_path / "farm" / "collection.json")).get_items()))
+    assert item.properties["processing:software"] == {"furrowmap": "0.1.0"}
+    assert "https://stac-extensions.github.io/processing/v1.1.0/schema.json" in item.stac_extensions
+    assert item.properties["furrowmap:measured_epoch"] == "2026.441"
+    assert item.properties["furrowmap:parameters"]["heights"] == "ellipsoidal"
+    assert item.properties["furrowmap:inputs"] == [{"name": "recording.pcap", "sha256": "00ff"}]
+
+
+def test_stac__is_in_the_frame_in_which_coordinates_are_stated(result: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "today"
+    folder.mkdir()
+    (folder / "field.gpkg").write_bytes((result / "field.gpkg").read_bytes())
+    write_report(folder, "today")
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    report["session"]["crs"]["coordinates"] = "ITRF2020@2026.4"
+    report["coordinates"] = {"frame": "ITRF2020", "epoch": 2026.4}
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    export([folder], "stac", tmp_path / "farm")
+    item = next(iter(pystac.Collection.from_file(str(tmp_path / "farm" / "collection.json")).get_items()))
+    projection = ProjectionExtension.ext(item)
+    assert projection.code is None  # no EPSG code is of that frame
+    assert projection.projjson is not None
+    told = CRS.from_json_dict(projection.projjson)
+    assert told.geodetic_crs is not None
+    assert told.geodetic_crs.to_epsg() == 9990  # ITRF2020
+    to_map = Transformer.from_crs("EPSG:9990", told, always_xy=True)
+    on_map = shapely.transform(
+        shapely.geometry.shape(item.geometry), lambda xy: np.column_stack(to_map.transform(*xy.T))
+    )
+    assert on_map.symmetric_difference(shapely.box(16_600, 96_500, 16_700, 96_600)).area < 1.0
+    assert item.properties["furrowmap:parameters"]["coordinate_epoch"] == "2026.4"
 
 
 def test_stac__of_the_same_session_twice_is_refused(result: Path, tmp_path: Path) -> None:

@@ -40,11 +40,12 @@ def products(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "session_file": "session.toml",
         "session": {
             "name": "圃場 & <field>",
-            "crs": {"map": "EPSG:6677"},
+            "crs": {"map": "EPSG:6677", "heights": "ellipsoidal", "coordinates": "as-recorded"},
             "lidar": {},
             "field": {"boundary": None},
             "implement": {"width_m": TILLER.width_m, "xy_m": list(TILLER.xy_m), "kind": "tiller"},
         },
+        "coordinates": {"frame": "JGD2011", "epoch": None},
         "inputs": [],
         "figures": {
             "start": "2025-06-15T15:06:40.000Z",
