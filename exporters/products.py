@@ -30,7 +30,8 @@ from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session, load_session
 from furrowmap.core.work.sweep import pass_numbers
-from furrowmap.exporters.copc.points import PointBatch, Records
+from furrowmap.exporters.copc.chunk import Columns
+from furrowmap.exporters.copc.points import PointBatch
 from furrowmap.exporters.copc.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.field_rasters import BEFORE, CHANGE, DSM, SWATHS, RasterFigures, style_of, write_rasters
@@ -190,7 +191,7 @@ class _Cloud:
         """Take the points of one scan."""
         assert self._writer is not None
         scan = placed.scan
-        self._watch.add(placed.xyz_m[placed.kept])
+        self._watch.add(placed.xyz_m, placed.kept)
         self._writer.append(
             PointBatch(
                 placed.xyz_m,
@@ -208,13 +209,13 @@ class _Cloud:
         assert self._writer is not None
         ground = self._watch.ground()
 
-        # The few passes are turned into the records' time, not the many records into the passes'.
+        # The few passes are turned into the points' time, not the many points into the passes'.
         passes = [replace(when, begin_s=_las(when.begin_s), end_s=_las(when.end_s)) for when in work.passes]
 
-        def mark(records: Records) -> None:
-            ground.classify(records["X"], records["Y"], records["Z"], SCALE_M, records["classification"])
+        def mark(points: Columns) -> None:
+            ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
             if passes:
-                records["point_source_id"] = np.minimum(pass_numbers(passes, records["gps_time"]), MOST_PASSES)
+                points.point_source_id[:] = np.minimum(pass_numbers(passes, points.gps_time), MOST_PASSES)
 
         return self._writer.close(progress, mark, description)
 

@@ -27,6 +27,8 @@ IntArray = NDArray[np.int64]
 
 SIZE: Final = 9
 """Unknowns of a knot: position, rotation vector, drift of the GNSS positions."""
+THREADED: Final = 5_000
+"""Fewer patches are done sooner than two threads have begun."""
 RIDGE: Final = 1e-8
 """Holds what a patch's returns do not: place and yaw of smooth ground, the tilt of a single line of returns. A share of
 what holds its height."""
@@ -136,6 +138,9 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
             equations.right,
         )  # fmt: skip
 
+    if len(order) < THREADED:
+        reduce(0, len(centre_m))
+        return
     middle = int(np.median(interval)) + 1  # each thread has its own columns, so they share no number they write
     with ThreadPoolExecutor(2) as pool:
         for half in [pool.submit(reduce, 0, middle), pool.submit(reduce, middle, len(centre_m))]:

@@ -64,17 +64,23 @@ class GroundWatch:
         self._counts = np.zeros((16, TILE_CELLS, TILE_CELLS), np.int32)
         self._base_m = np.zeros(16)
 
-    def add(self, xyz_m: NDArray[np.float64]) -> None:
-        """Take note of the points (n, 3) of a scan that may be land: finite, without the machine and stray returns."""
-        if not len(xyz_m):
+    def add(self, xyz_m: FloatArray, kept: NDArray[np.bool_]) -> None:
+        """Take note of the points of a scan.
+
+        Args:
+            xyz_m: (n, 3).
+            kept: (n,) which of them may be land: they are finite, and neither the machine's nor stray returns.
+        """
+        xyz_m = np.ascontiguousarray(xyz_m)
+        middle_m = _middle(xyz_m, kept)
+        if np.isnan(middle_m[0]):
             return
-        middle_m = np.median(xyz_m[:: 1 + len(xyz_m) // 100], axis=0)
         corner = np.floor(middle_m[:2] / TILE_M).astype(np.int64) - _FAR_TILES
         window = np.full((2 * _FAR_TILES + 1,) * 2, -1, np.int64)
-        _mark(xyz_m, corner, window)
+        _mark(xyz_m, kept, corner, window)
         for column, row in np.argwhere(window == 0).tolist():
             window[column, row] = self._slot((int(corner[0]) + column, int(corner[1]) + row), float(middle_m[2]))
-        _draw(xyz_m, corner, window, self._base_m, self._samples, self._counts)
+        _draw(xyz_m, kept, corner, window, self._base_m, self._samples, self._counts)
 
     def ground(self) -> LocalGround:
         """The ground of all points so far."""
@@ -165,9 +171,30 @@ def _doubled(held: NDArray[Any]) -> NDArray[Any]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _mark(xyz_m, corner, window):  # type: ignore[no-untyped-def]
+def _middle(xyz_m, kept):  # type: ignore[no-untyped-def]
+    """The median (3,) of about a hundred of the points kept; nan if there are none."""
+    every = 1 + np.count_nonzero(kept) // 100
+    some = np.empty((1 + len(kept) // every, 3))
+    seen = taken = 0
+    for i in range(len(kept)):
+        if kept[i]:
+            if seen % every == 0:
+                some[taken] = xyz_m[i]
+                taken += 1
+            seen += 1
+    out = np.full(3, np.nan)
+    if taken > 0:
+        for a in range(3):
+            out[a] = np.median(some[:taken, a])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
     """Put 0 for the tiles of a window in which there are points."""
     for i in range(len(xyz_m)):
+        if not kept[i]:
+            continue
         a = int(np.floor(xyz_m[i, 0] / TILE_M)) - corner[0]
         b = int(np.floor(xyz_m[i, 1] / TILE_M)) - corner[1]
         if 0 <= a < window.shape[0] and 0 <= b < window.shape[1]:
@@ -175,9 +202,11 @@ def _mark(xyz_m, corner, window):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _draw(xyz_m, corner, window, base_m, samples, counts):  # type: ignore[no-untyped-def]
+def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore[no-untyped-def]
     """Keep each height with the chance that its cell's number of returns leaves it."""
     for i in range(len(xyz_m)):
+        if not kept[i]:
+            continue
         u, v = xyz_m[i, 0] / CELL_M, xyz_m[i, 1] / CELL_M
         column = int(np.floor(u)) - corner[0] * TILE_CELLS
         row = int(np.floor(v)) - corner[1] * TILE_CELLS
@@ -196,7 +225,7 @@ def _draw(xyz_m, corner, window, base_m, samples, counts):  # type: ignore[no-un
             mixed = np.uint64((column * TILE_CELLS + row) * 2654435761 + place) * np.uint64(0x9E3779B97F4A7C15)
             mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-            place = np.int64((mixed >> np.uint64(33)) % np.uint64(place + 1))
+            place = np.int64(((mixed >> np.uint64(32)) * np.uint64(place + 1)) >> np.uint64(32))
         if place < SAMPLES:
             samples[slot, column, row, place] = np.int16(steps)
 

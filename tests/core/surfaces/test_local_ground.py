@@ -50,7 +50,7 @@ def watch() -> GroundWatch:
     low = np.column_stack([xyz[:30, :2], xyz[:30, 2] - 3.0])
     every = np.concatenate([xyz, wall, low])
     for part in np.array_split(every[np.random.default_rng(4).permutation(len(every))], 100):
-        watch.add(part)
+        watch.add(part, np.ones(len(part), bool))
     return watch
 
 
@@ -85,5 +85,19 @@ def test_classify__knows_nothing_of_land_not_seen(watch: GroundWatch) -> None:
 
 def test_add__a_stray_return_far_away_costs_nothing() -> None:
     watch = GroundWatch()
-    watch.add(np.concatenate([[[1e8, -1e8, 0.0]], [[1.0, 1.0, 1e7]], land(9)]))
+    points = np.concatenate([[[1e8, -1e8, 0.0]], [[1.0, 1.0, 1e7]], land(9)])
+    watch.add(points, np.ones(len(points), bool))
     assert (classified(watch, land(10, 5000)) == GROUND).mean() > 0.995
+
+
+def test_add__takes_no_note_of_points_not_kept(watch: GroundWatch) -> None:
+    points = land(11, 30_000)
+    above = points + np.array([0.0, 0.0, 5.0])
+    mixed = np.stack([points, above], axis=1).reshape(-1, 3)
+    other = GroundWatch()
+    other.add(mixed, np.tile([True, False], len(points)))
+    other.add(above, np.zeros(len(above), bool))
+    alone = GroundWatch()
+    alone.add(points, np.ones(len(points), bool))
+    probe = land(12, 5000)
+    np.testing.assert_array_equal(classified(other, probe), classified(alone, probe))
