@@ -18,17 +18,16 @@ from furrowmap.core.clouds import MACHINE, NOISE, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import Box, CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.surfaces.accompanied import REACH_M, Outliers
 from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
-from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outliers
+from furrowmap.core.surfaces.outliers import UsualDistances, mean_neighbour_distance, radius_outliers
 from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
-Outliers = Literal["none", "radius", "statistical"]
 
 SMRF: Final = Smrf()
-OUTLIER_REACH_M: Final = 5.0
 ACROSS: Final = 8
 """Squares a side of the largest block: the 128 m in which :func:`classify_ground` works."""
 BLOCK_POINTS: Final = 2_000_000
@@ -43,11 +42,13 @@ POINT: Final = np.dtype(
         ("classification", "u1"),
         ("return_number", "u1"),
         ("returns", "u1"),
+        ("apart_m", "<f4"),
         ("noise", "?"),
         ("machine", "?"),
     ]
 )
-"""A point with all that is passed on; `t_s` is UTC or nan; noise and the machine are never ground."""
+"""A point with all that is passed on; `t_s` is UTC or nan; noise and the machine are never ground; `apart_m` is how far
+it is from its neighbours, where that is asked, infinite for one that is alone in any case."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +117,16 @@ def cleaned(
             corner = flat if cleaning.voxel_m is None else np.floor(flat / cleaning.voxel_m) * cleaning.voxel_m
             spool.add(squares_of(corner), records)
         blocks = _blocks(spool.count)
+        usual = UsualDistances()
+        if cleaning.outliers != "none":
+            for number, block in enumerate(blocks, 1):
+                _measure(spool, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
+                progress("looking for noise", number / len(blocks))
+        if cleaning.ground != "none":
+            for square in spool.count:
+                _add_lows(_told(spool.read([square]), usual), square, lows)
         for number, block in enumerate(blocks, 1):
-            _find_noise(spool, block, cleaning.outliers, cleaning.voxel_m or 0.0)
-            if cleaning.ground != "none":
-                _add_lows(spool, block, lows)
-            progress("looking for noise", number / len(blocks))
-        for number, block in enumerate(blocks, 1):
-            records = spool.read(block)
+            records = _told(spool.read(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE)] = PointClass.NOISE
             if cleaning.ground != "none":
                 _tell_ground(records, block, lows, cleaning.ground)
@@ -196,40 +200,50 @@ def _around(block: list[Square], reach_m: float) -> Iterable[Square]:
     return (square for square in near if square not in own)
 
 
-def _find_noise(spool: RecordSpool, block: list[Square], outliers: Outliers, slack_m: float) -> None:
-    """Note which points of a block are alone; squares may reach `slack_m` beyond their borders."""
-    if outliers == "none":
-        return
+def _measure(
+    spool: RecordSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
+) -> None:
+    """Note how far each point of a block is from its neighbours; squares may reach `slack_m` beyond their borders."""
     records = spool.read(block)
     known = ~records["noise"]
     own = records["xyz_m"][known]
     if not len(own):
         return
     around = [np.zeros((0, 3))]
-    low, high = own[:, :2].min(axis=0) - OUTLIER_REACH_M, own[:, :2].max(axis=0) + OUTLIER_REACH_M
-    for square in _around(block, OUTLIER_REACH_M + slack_m):
+    low, high = own[:, :2].min(axis=0) - REACH_M, own[:, :2].max(axis=0) + REACH_M
+    for square in _around(block, REACH_M + slack_m):
         others = spool.read([square])
-        # Of a neighbour that has been looked at already, what was alone counts as well: the order plays no part.
-        xyz = others["xyz_m"][~np.isin(others["classification"], NOISE)]
+        xyz = others["xyz_m"][~others["noise"]]
         around.append(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] <= high), axis=1)])
     xyz = np.concatenate([own, *around]) - own[0]
-    alone = radius_outliers(xyz) if outliers == "radius" else statistical_outliers(xyz, reach_m=OUTLIER_REACH_M)
-    records["noise"][known] = alone[: len(own)]
+    if outliers == "radius":
+        apart_m = np.where(radius_outliers(xyz)[: len(own)], np.inf, 0.0)
+    else:
+        apart_m = mean_neighbour_distance(xyz, reach_m=REACH_M)[: len(own)]
+    records["apart_m"][known] = apart_m
+    usual.add(own, records["apart_m"][known].astype(np.float64))
     spool.write(block, records)
 
 
-def _add_lows(spool: RecordSpool, block: list[Square], lows: RecordSpool) -> None:
-    """Keep of each square the lowest points of its cells, all that the filter sees of land around a block."""
-    for square in block:
-        records = spool.read([square])
-        xyz = _ground_like(records)
-        column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
-        order = np.lexsort([xyz[:, 2], row, column])
-        first = np.ones(len(order), bool)
-        first[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
-        lowest = xyz[order[first]]
-        middle = np.array(square) * SQUARE_M + 0.5 * SQUARE_M
-        lows.add(np.broadcast_to(squares_of(middle[None]), len(lowest)), lowest)
+def _told(records: Records, usual: UsualDistances) -> Records:
+    """The records with those as noise that are farther from their neighbours than is usual."""
+    known = ~records["noise"]
+    apart_m = records["apart_m"][known].astype(np.float64)
+    if apart_m.any():
+        records["noise"][known] = usual.exceeded(records["xyz_m"][known], apart_m)
+    return records
+
+
+def _add_lows(records: Records, square: Square, lows: RecordSpool) -> None:
+    """Keep of a square the lowest points of its cells, all that the filter sees of land around a block."""
+    xyz = _ground_like(records)
+    column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
+    order = np.lexsort([xyz[:, 2], row, column])
+    first = np.ones(len(order), bool)
+    first[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
+    lowest = xyz[order[first]]
+    middle = np.array(square) * SQUARE_M + 0.5 * SQUARE_M
+    lows.add(np.broadcast_to(squares_of(middle[None]), len(lowest)), lowest)
 
 
 def _ground_like(records: Records) -> FloatArray:

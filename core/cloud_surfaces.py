@@ -20,11 +20,11 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from furrowmap.core.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.surfaces.accompanied import AccompaniedPoints, Outliers
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
-from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
@@ -35,15 +35,12 @@ Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 Key = tuple[int, int]
 GroundMethod = Literal["smrf", "csf", "class", "none"]
-Outliers = Literal["none", "radius", "statistical"]
 
 GROUND_CELL_M: Final = 0.5
 BLOCK_M: Final = 128.0
 SMRF: Final = Smrf()
 REACH_M: Final = 10.0
 """Heights above ground are told up to so far from ground that was seen."""
-OUTLIER_REACH_M: Final = 5.0
-OUTLIER_RADIUS_M: Final = 0.5
 CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 POINTS_A_CELL: Final = 4.0
 ALMOST: Final = 0.9
@@ -188,10 +185,14 @@ def cloud_tiles(
     lows = _Lows(source, set(source.tiles))
     done = 0
     with ThreadPoolExecutor(2) as pool:
+        points, of_ground = (
+            AccompaniedPoints.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
+            for spool in (spooled.points, spooled.ground)
+        )
         for block in blocks:
             ground = _ground(block, lows, method) if method != "none" else None
             yield from pool.map(
-                lambda key, ground=ground: _tile(spooled, key, ground, method, statistic, outliers), block
+                lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic), block
             )
             done += len(block)
             lows.forget_above(block)
@@ -337,14 +338,14 @@ def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> N
 
 
 def _tile(
-    spooled: SpooledClouds,
+    all_points: AccompaniedPoints,
+    ground_points: AccompaniedPoints,
     key: Key,
     ground: _Ground | None,
     method: GroundMethod,
     statistic: Statistic,
-    outliers: Outliers,
 ) -> CloudTile:
-    points = _accompanied(spooled.points, key, outliers)
+    points = all_points.tile(key)
     dsm = _surface(points, statistic)
     if method == "none":
         return CloudTile(points.grid, dsm, None, None)
@@ -353,7 +354,7 @@ def _tile(
         return CloudTile(points.grid, dsm, _surface(nothing, MEDIAN), np.full(points.grid.shape, np.nan, np.float32))
     height, limit, far = _over(points.grid, ground)
     if method == "class":
-        of_ground = _accompanied(spooled.ground, key, outliers)
+        of_ground = ground_points.tile(key)
     else:
         above = points.height_m + points.base_m - height.ravel()[points.cell]
         of_ground = points.part(np.abs(above) <= limit.ravel()[points.cell])
@@ -371,37 +372,6 @@ def _over(grid: Grid, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[
     limit = map_coordinates(ground.limit_m, at, order=1, mode="nearest")
     far = map_coordinates(ground.far, at, order=0, mode="nearest")
     return height, limit, np.asarray(far, bool)
-
-
-def _accompanied(spool: PointSpool, key: Key, outliers: Outliers) -> TilePoints:
-    """The points of a tile without those that are alone."""
-    own = spool.tile(key)
-    if outliers == "none" or not len(own.cell):
-        return own
-    reach_m = OUTLIER_REACH_M
-    tiles = math.ceil(reach_m / (TILE * spool.cell_m))
-    around = [
-        _places(spool.tile((key[0] + i, key[1] + j)), own.grid, reach_m)
-        for i in range(-tiles, tiles + 1)
-        for j in range(-tiles, tiles + 1)
-        if i or j
-    ]
-    xyz = np.concatenate([_places(own, own.grid, reach_m), *around])
-    if outliers == "radius":
-        alone = radius_outliers(xyz, max(OUTLIER_RADIUS_M, 1.5 * spool.cell_m))
-    else:
-        alone = statistical_outliers(xyz, reach_m=reach_m)
-    return own.part(~alone[: len(own.cell)])
-
-
-def _places(points: TilePoints, near: Grid, reach_m: float) -> FloatArray:
-    """Places (n, 3) of points that lie in a tile or up to so far from it, seen from its corner."""
-    row, column = np.divmod(points.cell.astype(np.int64), points.grid.columns)
-    x = (points.grid.west - near.west + column + 0.5) * near.cell_m
-    y = (points.grid.north - near.north - row - 0.5) * near.cell_m
-    width, height = near.columns * near.cell_m, near.rows * near.cell_m
-    inside = (x >= -reach_m) & (x <= width + reach_m) & (y >= -height - reach_m) & (y <= reach_m)
-    return np.column_stack([x, y, points.height_m])[inside]
 
 
 def _surface(points: TilePoints, statistic: Statistic) -> Surface:

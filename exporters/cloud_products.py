@@ -16,10 +16,11 @@ from pyproj import CRS
 from rasterio.windows import Window
 from scipy.ndimage import distance_transform_edt
 
-from furrowmap.core.cloud_surfaces import GroundMethod, Outliers, SpooledClouds, cell_for, cloud_tiles, spool_clouds
+from furrowmap.core.cloud_surfaces import GroundMethod, SpooledClouds, cell_for, cloud_tiles, spool_clouds
 from furrowmap.core.clouds import Clouds, open_clouds
 from furrowmap.core.crs_change import name_of
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.surfaces.accompanied import Outliers
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
@@ -320,7 +321,7 @@ class _Work:
         with cog_output(self.folder / LOW_SPOTS, coarse, self.clouds.crs, [Band("depth of water")], origin) as put:
             put(coarse, [spots.depth_m])
         if len(spots):
-            _write_outlines(self.folder / LOW_SPOT_OUTLINES, spots, self.clouds.crs)
+            _write_outlines(self.folder / LOW_SPOT_OUTLINES, spots, self.clouds.crs, origin)
         if factor == 1:
             return spots, None
         text = (
@@ -406,7 +407,7 @@ def _common(own: Grid, there: Grid) -> tuple[tuple[slice, slice], tuple[slice, s
     return rows, (slice(left - own.west, right - own.west), slice(left - there.west, right - there.west))
 
 
-def _write_outlines(path: Path, spots: Depressions, crs: CRS) -> None:
+def _write_outlines(path: Path, spots: Depressions, crs: CRS, origin: Origin) -> None:
     import geopandas
 
     frame = geopandas.GeoDataFrame(
@@ -419,7 +420,7 @@ def _write_outlines(path: Path, spots: Depressions, crs: CRS) -> None:
         geometry=spots.polygons(),
         crs=crs,
     )
-    frame.to_file(path, layer="low_spots", driver="GPKG")
+    frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.told)
 
 
 def _method(settings: CloudSettings, spooled: SpooledClouds) -> GroundMethod:

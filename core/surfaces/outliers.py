@@ -10,7 +10,15 @@ from scipy.spatial import cKDTree
 
 from furrowmap.core.surfaces.tiles import tiles
 
+FloatArray = NDArray[np.float64]
+
 TILE_M: Final = 32.0
+NEIGHBOURS: Final = 8
+"""Whose mean distance tells how alone a point is, statistically."""
+MULTIPLIER: Final = 2.0
+"""Of the standard deviation, beyond which a distance is not usual."""
+AROUND_M: Final = 16.0
+"""What is usual is told of a square of this side and the eight round it."""
 
 
 def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) -> NDArray[np.bool_]:
@@ -31,13 +39,9 @@ def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) ->
 
 
 def statistical_outliers(
-    xyz_m: ArrayLike, neighbours: int = 8, multiplier: float = 2.0, reach_m: float = 5.0
+    xyz_m: ArrayLike, neighbours: int = NEIGHBOURS, multiplier: float = MULTIPLIER, reach_m: float = 5.0
 ) -> NDArray[np.bool_]:
-    """Which points are farther from their nearest neighbours than is usual.
-
-    R. B. Rusu, Z. C. Marton, N. Blodow, M. Dolha, M. Beetz (2008), Towards 3D point cloud based object maps for
-    household environments, Robotics and Autonomous Systems 56, 927-941: the mean distance to the nearest neighbours is
-    more than its mean over all points and `multiplier` times its standard deviation.
+    """Which points are farther from their nearest neighbours than is usual around them, see :class:`UsualDistances`.
 
     Args:
         xyz_m: (n, 3); points with a coordinate that is no number are outliers.
@@ -48,16 +52,62 @@ def statistical_outliers(
     Returns:
         (n,) bool.
     """
-    mean_m: NDArray[np.float64] = _neighbour_distances(np.asarray(xyz_m, np.float64), neighbours, reach_m).mean(axis=1)
-    near = np.isfinite(mean_m)
-    if not near.any():
-        return ~near
-    limit_m = mean_m[near].mean() + multiplier * mean_m[near].std()
-    out: NDArray[np.bool_] = ~(mean_m <= float(limit_m))
-    return out
+    xyz = np.asarray(xyz_m, np.float64)
+    mean_m = mean_neighbour_distance(xyz, neighbours, reach_m)
+    usual = UsualDistances()
+    usual.add(xyz, mean_m)
+    return usual.exceeded(xyz, mean_m, multiplier)
 
 
-def _neighbour_distances(xyz_m: NDArray[np.float64], neighbours: int, reach_m: float) -> NDArray[np.float64]:
+def mean_neighbour_distance(xyz_m: FloatArray, neighbours: int = NEIGHBOURS, reach_m: float = 5.0) -> FloatArray:
+    """Mean distance (n,) of points (n, 3) from their nearest neighbours; infinite where there are fewer in reach."""
+    mean_m: FloatArray = _neighbour_distances(xyz_m, neighbours, reach_m).mean(axis=1)
+    return mean_m
+
+
+class UsualDistances:
+    """What distances from neighbours are usual in a place, summed up as points come.
+
+    R. B. Rusu, Z. C. Marton, N. Blodow, M. Dolha, M. Beetz (2008), Towards 3D point cloud based object maps for
+    household environments, Robotics and Autonomous Systems 56, 927-941: a point is an outlier whose mean distance to
+    the nearest neighbours is more than its mean over all points and a multiple of its standard deviation. Here "all"
+    are those of the squares of 16 m round the point, counted from the CRS's 0: a scanner's points lie ten times as far
+    apart at thirty metres as at three, and what is usual must not depend on how a cloud is cut up for the work.
+    """
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[float, float], FloatArray] = {}
+
+    def add(self, xy_m: FloatArray, mean_m: FloatArray) -> None:
+        """Take note of the mean distances (n,) of points (n, 2 or 3); infinite ones do not count."""
+        near = np.isfinite(mean_m)
+        squares, number = self._squares(xy_m[near])
+        of_each = [np.bincount(number, mean_m[near] ** power, len(squares)) for power in (0, 1, 2)]
+        for square, sums in zip(squares, np.column_stack(of_each), strict=True):
+            self._sums[square] = self._sums.get(square, 0.0) + sums
+
+    def exceeded(self, xy_m: FloatArray, mean_m: FloatArray, multiplier: float = MULTIPLIER) -> NDArray[np.bool_]:
+        """Which of these distances (n,) are more than is usual round their points (n, 2 or 3)."""
+        near = np.isfinite(mean_m)
+        squares, number = self._squares(xy_m[near])
+        out = ~near
+        out[near] = ~(mean_m[near] <= np.array([self._limit_m(square, multiplier) for square in squares])[number])
+        return out
+
+    def _limit_m(self, square: tuple[float, float], multiplier: float) -> float:
+        around = ((square[0] + i, square[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+        count, total, of_squares = sum((self._sums[key] for key in around if key in self._sums), np.zeros(3))
+        mean_m = total / count
+        return float(mean_m + multiplier * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
+
+    @staticmethod
+    def _squares(xy_m: FloatArray) -> tuple[list[tuple[float, float]], NDArray[np.intp]]:
+        """The squares in which points lie, and the number of its square for each point."""
+        there, number = np.unique(np.floor(xy_m[:, :2] / AROUND_M), axis=0, return_inverse=True)
+        return [(column, row) for column, row in there.tolist()], number.ravel()
+
+
+def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float) -> FloatArray:
     """Distances (n, neighbours) to the nearest other points; infinite beyond the reach or without a place."""
     if neighbours < 1 or not 0.0 < reach_m <= TILE_M:
         raise ValueError(f"{neighbours} neighbours within {reach_m} m (at most {TILE_M} m)")

@@ -115,10 +115,15 @@ def test_cloud__ground_and_noise(clouds: list[Path], tmp_path: Path, capsys: pyt
     assert np.array_equal(laspy.read(again).points.array, laspy.read(made).points.array)
 
 
+@pytest.mark.parametrize("outliers", ["radius", "statistical"])
 def test_cloud__small_blocks_make_no_difference(
-    clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    clouds: list[Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    outliers: str,
 ) -> None:
-    options = ["--outliers", "radius", "--ground", "smrf", "--voxel", "0.3"]
+    options = ["--outliers", outliers, "--ground", "smrf", "--voxel", "0.3"]
     assert told(capsys, "cloud", *clouds, "-o", tmp_path / "large.copc.laz", *options)[0] == 0
     monkeypatch.setattr(cloud_cleaning, "BLOCK_POINTS", 1)
     assert told(capsys, "cloud", *clouds, "-o", tmp_path / "small.copc.laz", *options)[0] == 0

@@ -7,7 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from furrowmap.core.surfaces.outliers import radius_outliers, statistical_outliers
+from furrowmap.core.surfaces.outliers import (
+    UsualDistances,
+    mean_neighbour_distance,
+    radius_outliers,
+    statistical_outliers,
+)
 
 
 @settings(deadline=None)
@@ -37,3 +42,22 @@ def test_outliers__are_points_without_a_place() -> None:
         assert np.flatnonzero(find(xyz)).tolist() == [3]
         assert find(np.full((4, 3), np.nan)).all()
         assert find(np.zeros((0, 3))).shape == (0,)
+
+
+def test_what_is_usual__does_not_depend_on_how_the_land_is_cut_up() -> None:
+    rng = np.random.default_rng(5)
+    near, far = rng.uniform(0.0, 60.0, (20_000, 3)), rng.uniform(0.0, 30.0, (150, 3)) + (90.0, 0.0, 0.0)
+    xyz = np.concatenate([near, far]) * (1.0, 0.5, 0.01)
+    mean_m = mean_neighbour_distance(xyz)
+    whole, parts = UsualDistances(), UsualDistances()
+    whole.add(xyz, mean_m)
+    west = xyz[:, 0] < 37.3
+    for part in (west, ~west):
+        parts.add(xyz[part], mean_m[part])
+    found = whole.exceeded(xyz, mean_m)
+    assert np.array_equal(
+        found, np.concatenate([parts.exceeded(xyz[k : k + 7], mean_m[k : k + 7]) for k in range(0, len(xyz), 7)])
+    )
+    sparse = xyz[:, 0] > 60.0  # far apart, as points are there, and farther than is usual in all the land
+    assert found[sparse].mean() < 0.1
+    assert (mean_m[sparse] > mean_m.mean() + 2.0 * mean_m.std()).all()

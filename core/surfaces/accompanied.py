@@ -1,0 +1,95 @@
+"""The points of a spool's tiles without those that are alone, told with what lies in the tiles around."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.outliers import UsualDistances, mean_neighbour_distance, radius_outliers
+from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
+
+FloatArray = NDArray[np.float64]
+Key = tuple[int, int]
+Outliers = Literal["none", "radius", "statistical"]
+
+REACH_M: Final = 5.0
+RADIUS_M: Final = 0.5
+RADIUS_CELLS: Final = 1.5
+"""Where cells are so coarse that more is needed: points lie in the middles of their cells here."""
+
+
+@dataclass(frozen=True)
+class AccompaniedPoints:
+    """Gives the points of tiles that are not alone.
+
+    Attributes:
+        spool: of the points.
+        outliers: how those that are alone are told.
+        usual: distances of all points from their neighbours, for "statistical".
+    """
+
+    spool: PointSpool
+    outliers: Outliers
+    usual: UsualDistances
+
+    @classmethod
+    def of(
+        cls, spool: PointSpool, outliers: Outliers, pool: Executor, told: Callable[[float], None]
+    ) -> AccompaniedPoints:
+        """Those of a spool; "statistical" goes through all of them first, and `told` is told the share done."""
+        usual = UsualDistances()
+        keys = spool.tiles if outliers == "statistical" else []
+        for number, (xy_m, mean_m) in enumerate(pool.map(lambda key: _measured(spool, key), keys), start=1):
+            usual.add(xy_m, mean_m)
+            told(number / len(keys))
+        return cls(spool, outliers, usual)
+
+    def tile(self, key: Key) -> TilePoints:
+        """The points of a tile without those that are alone. Threads may ask for several at once."""
+        own = self.spool.tile(key)
+        if self.outliers == "none" or not len(own.cell):
+            return own
+        if self.outliers == "radius":
+            xyz = _surroundings(self.spool, key, own)
+            alone = radius_outliers(xyz, max(RADIUS_M, RADIUS_CELLS * self.spool.cell_m))[: len(own.cell)]
+        else:
+            alone = self.usual.exceeded(*_measured(self.spool, key))
+        return own.part(~alone)
+
+
+def _measured(spool: PointSpool, key: Key) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 2) of a tile's points, and their mean distances (n,) from their neighbours."""
+    own = spool.tile(key)
+    xyz = _surroundings(spool, key, own)
+    mean_m = mean_neighbour_distance(xyz, reach_m=REACH_M)[: len(own.cell)]
+    west, _, _, north = own.grid.bounds_m
+    return xyz[: len(own.cell), :2] + (west, north), mean_m
+
+
+def _surroundings(spool: PointSpool, key: Key, own: TilePoints) -> FloatArray:
+    """Places (m, 3) of a tile's own points, from its north-west corner, and after them of those within reach of it."""
+    tiles = math.ceil(REACH_M / (TILE * spool.cell_m))
+    around = [
+        _places(spool.tile((key[0] + i, key[1] + j)), own.grid)
+        for i in range(-tiles, tiles + 1)
+        for j in range(-tiles, tiles + 1)
+        if i or j
+    ]
+    return np.concatenate([_places(own, own.grid), *around])
+
+
+def _places(points: TilePoints, near: Grid) -> FloatArray:
+    """Places (n, 3) of points that lie in a tile or within reach of it."""
+    row, column = np.divmod(points.cell.astype(np.int64), points.grid.columns)
+    x = (points.grid.west - near.west + column + 0.5) * near.cell_m
+    y = (points.grid.north - near.north - row - 0.5) * near.cell_m
+    width, height = near.columns * near.cell_m, near.rows * near.cell_m
+    inside = (x >= -REACH_M) & (x <= width + REACH_M) & (y >= -height - REACH_M) & (y <= REACH_M)
+    return np.column_stack([x, y, points.height_m])[inside]
