@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.kernels import keep_blas_single, keep_kernels
+from furrowmap.cli.kernels import keep_blas_single, keep_freed_memory, keep_kernels
 
 FILE = click.Path(path_type=Path)
 """A path as it is typed: whether it is there and what it holds is told by who reads it, in three lines."""
@@ -33,6 +33,7 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
         _start_log(verbose, log_file)
         keep_kernels()
         keep_blas_single()
+        keep_freed_memory()
         verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called

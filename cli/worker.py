@@ -34,7 +34,7 @@ import msgspec
 
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.cli.kernels import compilation_told, keep_blas_single, keep_kernels
+from furrowmap.cli.kernels import compilation_told, keep_blas_single, keep_freed_memory, keep_kernels
 from furrowmap.cli.main import attempt
 from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
 from furrowmap.core.values.progress import Progress
@@ -64,6 +64,7 @@ def worker() -> None:
     """
     keep_kernels()
     keep_blas_single()
+    keep_freed_memory()
     # Unbuffered: a thread that waits for input would hold a buffer's lock when the process wants to end.
     with open(0, "rb", buffering=0, closefd=False) as orders:
         sys.exit(work(orders, _own_output()))

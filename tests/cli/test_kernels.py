@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 from importlib.metadata import version
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_kernels
+from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_freed_memory, keep_kernels
 
 CODE = """
 import os, sys
@@ -87,3 +88,24 @@ def test_command__says_so_before_numpy_is_there(tmp_path: Path) -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "False\n"
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries than glibc have no mallopt")
+def test_freed_memory__is_used_again() -> None:
+    code = """
+import resource, sys
+import numpy as np
+from furrowmap.cli.kernels import keep_freed_memory
+if sys.argv[1] == "kept":
+    keep_freed_memory()
+faults = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(200):
+    held = [np.ones(300_000, np.uint8) for _ in range(10)]
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults)
+"""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    kept, given_back = (
+        int(subprocess.run([sys.executable, "-c", code, how], env=environment, capture_output=True, check=True).stdout)
+        for how in ("kept", "given back")
+    )
+    assert kept < 0.2 * given_back
