@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_freed_memory, keep_kernels
+from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
