@@ -17,6 +17,7 @@ from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.examination import likely_offset
 from furrowmap.core.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
 from furrowmap.core.matching.adjustment import Tool
+from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.matched import Matched, match
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.readers.reader import (
@@ -81,6 +82,7 @@ class Located:
         antenna: the positions themselves; None for a trajectory from a file.
         matching: what the report tells about scan matching; None where the scans were not matched.
         mounting: of the sensor as matching found it; None for the session's.
+        ranges: what the sensor's lasers measure too long, as matching found it; None where it did not.
         brought: how the recorded coordinates came to the map.
     """
 
@@ -91,6 +93,7 @@ class Located:
     antenna: Positions | None = None
     matching: dict[str, Any] | None = None
     mounting: Mounting | None = None
+    ranges: LaserRanges | None = None
     brought: Brought = AS_IT_WAS
 
 
@@ -150,7 +153,8 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     lidar = open_lidar(inputs, session, near_s)
     placer = placer_of(located, session)
     sink.begin(frame, placer.origin_m)
-    scans = watched(ahead(implement.following(lidar.scans()), SCANS_AHEAD), lidar, progress, "placing points")
+    followed = implement.following(_with_ranges(lidar.scans(), located.ranges))
+    scans = watched(ahead(followed, SCANS_AHEAD), lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
         tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
@@ -285,6 +289,7 @@ def matched_to_ground(
         notices=(*located.notices, *matched.notices),
         matching=matched.figures,
         mounting=matched.mounting,
+        ranges=matched.ranges,
     )
 
 
@@ -330,6 +335,11 @@ def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
 
 
 _GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
+
+
+def _with_ranges(scans: Iterator[Scan], ranges: LaserRanges | None) -> Iterator[Scan]:
+    """The scans without what their lasers measure too long, as far as the ground showed it."""
+    return scans if ranges is None else map(ranges.corrected, scans)
 
 
 def placer_of(located: Located, session: Session) -> Placer:

@@ -22,6 +22,7 @@ from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums,
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
 from furrowmap.core.matching.equations import Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
+from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
 from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import (
@@ -45,6 +46,7 @@ from furrowmap.core.matching.wall_steps import (
 from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter
 from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +58,7 @@ WINDOW_THIN: Final = 4
 """Windows are matched with every fourth return."""
 WALL_WINDOW_THIN: Final = 3
 """What stands is matched in windows with every third return."""
-WINDOW_ROUNDS: Final = (3, 14)
+WINDOW_ROUNDS: Final = (2, 14)
 """At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
 TURNED: Final = np.radians(0.4)
 SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
@@ -69,6 +71,8 @@ WINDOW_PATCH_M: Final = 1.0
 SESSION_PATCH_M: Final = 2.0
 BLOCK_S: Final = 20.0
 STANCE_THIN: Final = 4
+RANGES_ROUND: Final = (0.15, 3)
+"""Cells in metres, and how many returns to one, from which the lasers' constants are taken."""
 REMOUNTS: Final = 2
 """A mounting that is off is corrected so many times at most, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
 REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
@@ -110,7 +114,9 @@ class Problem:
         trust: (n,) uint8 weights of the returns in the surface, 255 for a whole one; set by rounds that match them all.
         position_trust: (m,) weights of the positions.
         sensor_m: (3,) the sensor in the vehicle frame.
+        sensor_axis: (3,) unit vector along its axis, upwards, in the vehicle frame.
         mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
+        ranges: the lasers' constants; None before the last round, and where the ground does not show them.
         stance: how the vehicle stands on the ground at the end; None before.
         relief: what the surface's slopes are worth.
         sums: of the ground's returns in the last step; None before the first.
@@ -128,7 +134,9 @@ class Problem:
     trust: NDArray[np.uint8]
     position_trust: FloatArray
     sensor_m: FloatArray
+    sensor_axis: FloatArray
     mounting_turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    ranges: LaserRanges | None = None
     stance: Stance | None = None
     relief: Relief = field(default_factory=Relief)
     sums: Sums | None = None
@@ -172,7 +180,7 @@ def problem_of(
     trajectory: Trajectory,
     positions: Positions,
     lever_m: tuple[float, float, float],
-    sensor_m: tuple[float, float, float],
+    mounting: Mounting,
     tool: Tool | None,
 ) -> Problem:
     """The problem at its start."""
@@ -188,7 +196,8 @@ def problem_of(
         start_from(trajectory, knots, origin),
         np.full(len(returns), 255, np.uint8),
         np.ones(len(positions.t_s)),
-        np.asarray(sensor_m, np.float64),
+        np.asarray(mounting.xyz_m, np.float64),
+        np.ascontiguousarray(mounting.rotation[:, 2]),
     )
 
 
@@ -218,6 +227,8 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
     rounds: tuple[tuple[float, int], ...] = SESSION_ROUNDS
     for remount in range(REMOUNTS + 1):
         for cell_m, thin in rounds:
+            if thin == 1 and problem.ranges is None:
+                problem.ranges = _laser_ranges(problem)
             for together in (True, False):
                 _session_step(problem, cell_m, thin, together=together)
                 step_done()
@@ -229,6 +240,32 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         rounds = REMOUNT_ROUNDS
         steps += 2 * len(rounds)
     progress(1.0)
+
+
+def _laser_ranges(problem: Problem) -> LaserRanges | None:
+    """What the lasers measure too long, by the ground as it is now."""
+    if len(problem.returns.laser) != len(problem.returns):
+        return None
+    placing, knots, state = _Placing.of(problem), problem.knots, problem.state
+    cell_m, thin = RANGES_ROUND
+    blocks = _blocks(problem, thin)
+    surface = _session_surface(placing, blocks, cell_m)
+    turned = problem.mounting_turn @ problem.sensor_axis
+    sensor_m, axis = state.xyz_m + state.rotation @ problem.sensor_m, state.rotation @ turned
+
+    def work(share: Sequence[tuple[int, slice]]) -> LaserSums:
+        sums = LaserSums.none()
+        for c, part in share:
+            placed = placing.returns(c, part)
+            k = knots.at(placed.t_s)[0]
+            laser = np.array(problem.returns.laser[part])
+            sums = sums.plus(laser_sums(placed.xyz_m, placed.layer, placed.half, laser, surface, sensor_m[k], axis[k]))
+        return sums
+
+    sums = LaserSums.none()
+    for part in _in_threads(work, blocks):
+        sums = sums.plus(part)
+    return sums.ranges()
 
 
 def _stance(problem: Problem) -> Stance:
@@ -423,7 +460,10 @@ class _Placing:
     def returns(self, chain: int, part: slice) -> _Placed:
         """Returns of the ground."""
         source = self.problem.returns
-        t, xyz = self._placed(chain, source.t_s[part], source.xyz_m[part])
+        xyz_m, ranges = source.xyz_m[part], self.problem.ranges
+        if ranges is not None:
+            xyz_m = shortened(xyz_m, source.laser[part], self.problem.sensor_m, ranges.offset_m)
+        t, xyz = self._placed(chain, source.t_s[part], xyz_m)
         layer = layers(t, xyz, self.passage, GUARD_S)
         # Of all returns a view, in which :func:`agree` leaves their weights for the next surface; else a copy.
         trust = np.ascontiguousarray(self.problem.trust[part])

@@ -15,6 +15,7 @@ from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
 from furrowmap.core.matching.certainty import held_by, sigmas
 from furrowmap.core.matching.clock_offset import clock_offset
 from furrowmap.core.matching.knots import STEP_S
+from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
 from furrowmap.core.matching.stance import Stance
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
@@ -44,6 +45,7 @@ class Matched:
     Attributes:
         trajectory: of the vehicle frame.
         mounting: of the sensor: the session's, unless the vehicle's stance shows that it is off.
+        ranges: the lasers' constants, which its trajectory goes with; None where the ground does not show them.
         stance: how the vehicle stands on the ground with that mounting.
         clock_offset_s: what the scanner's clock seems ahead of the receiver's, and its standard deviation.
         figures: for the report.
@@ -52,6 +54,7 @@ class Matched:
 
     trajectory: Trajectory
     mounting: Mounting
+    ranges: LaserRanges | None
     stance: Stance
     clock_offset_s: tuple[float, float]
     figures: dict[str, Any]
@@ -86,7 +89,7 @@ def match(
     """
     if len(returns) < LEAST_RETURNS:
         return None
-    problem = problem_of(returns, start, positions, lever_m, mounting.xyz_m, tool)
+    problem = problem_of(returns, start, positions, lever_m, mounting, tool)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
     solve(problem, progress)
@@ -98,7 +101,7 @@ def match(
     clock = clock_offset(problem.knots, problem.state, problem.positions, problem.origin_m, problem.lever_m)
     figures = _figures(problem, used) | {"clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock]}
     notices = [*_mounting_notices(problem.stance, mounting, used), *_clock_notices(*clock)]
-    return Matched(trajectory, used, problem.stance, clock, figures, tuple(notices))
+    return Matched(trajectory, used, problem.ranges, problem.stance, clock, figures, tuple(notices))
 
 
 def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
@@ -216,9 +219,18 @@ def _figures(problem: Problem, mounting: Mounting) -> dict[str, Any]:
         "relief_slope_rms": round(float(np.sqrt(problem.relief.variance)), 4),
         "body_footprint_m2": round(float(problem.returns.body.sum()) * PIXEL_M**2, 2),
         "mounting_rpy_deg": [round(angle, 3) for angle in mounting.rpy_deg],
+        "laser_ranges_m": _range_figures(problem.ranges),
         "stance": _stance_figures(problem.stance),
         "positions_doubted": int((problem.position_trust < 1.0).sum()),
     }
+
+
+def _range_figures(ranges: LaserRanges | None) -> dict[str, list[float]] | None:
+    """By how much each laser's ranges are too long, and its standard deviation, by its number from the lowest."""
+    if ranges is None:
+        return None
+    seen = np.flatnonzero(np.isfinite(ranges.sigma_m)).tolist()
+    return {str(k): [round(float(ranges.offset_m[k]), 5), round(float(ranges.sigma_m[k]), 5)] for k in seen}
 
 
 def _stance_figures(stance: Stance | None) -> dict[str, Any] | None:

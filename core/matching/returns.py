@@ -56,6 +56,7 @@ class GroundReturns:
         body: (80, 80) bool: the vehicle's own footprint, rows to the left, columns forward, 0.2 m a pixel, the
             vehicle's origin in the middle.
         upright: returns of what stands on it, off the vehicle's body as well.
+        laser: (n,) uint8 which laser measured a return; none of them where that is not known.
     """
 
     t_s: FloatArray
@@ -63,6 +64,7 @@ class GroundReturns:
     half: NDArray[np.uint8]
     body: NDArray[np.bool_]
     upright: UprightReturns = field(default_factory=no_upright)
+    laser: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -118,10 +120,11 @@ def ground_returns(
             stride = max(1, round(candidates / (RATE_HZ * duration_s)))
             upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
             for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
-                scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8))
+                scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
         body = grown(seen >= max(1.0, BODY_SHARE * count))
-        what_stands = UprightReturns(*_without_body(upright.stored(), body))
-        return GroundReturns(*_without_body(ground.stored(), body), body, what_stands)
+        what_stands = UprightReturns(*_without_body(upright.stored(), body)[:3])
+        times, places, halves, lasers = _without_body(ground.stored(), body)
+        return GroundReturns(times, places, halves, body, what_stands, lasers)
 
 
 def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatArray) -> float:
@@ -144,8 +147,8 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
     return height if abs(height) > HEIGHT_TRUSTED_M else 0.0
 
 
-_Fields = tuple[FloatArray, NDArray[np.float32], NDArray[np.uint8]]
-"""Times (n,), places in the vehicle frame (n, 3) and halves (n,) of returns."""
+_Fields = tuple[FloatArray, NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]
+"""Times (n,), places in the vehicle frame (n, 3), halves (n,) and lasers (n,) of returns."""
 
 
 class _Scratch:
@@ -157,35 +160,38 @@ class _Scratch:
 
     def __enter__(self) -> Self:
         enter = self._stack.enter_context
-        self._files = [enter(tempfile.TemporaryFile(prefix="furrowmap-")) for _ in range(3)]  # noqa: SIM115
+        self._files = [enter(tempfile.TemporaryFile(prefix="furrowmap-")) for _ in range(4)]  # noqa: SIM115
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def add(self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8]) -> None:
+    def add(
+        self, t_s: FloatArray, xyz_m: NDArray[np.float32], half: NDArray[np.uint8], laser: NDArray[np.uint8]
+    ) -> None:
         """Append returns."""
-        for file, column in zip(self._files, (t_s, xyz_m, half), strict=True):
+        for file, column in zip(self._files, (t_s, xyz_m, half, laser), strict=True):
             file.write(np.ascontiguousarray(column).data)
         self._count += len(t_s)
 
     def stored(self) -> _Fields:
         """All that was added; it may be used after the files are closed."""
         if not self._count:
-            return np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
+            return np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8), np.zeros(0, np.uint8)
         for file in self._files:
             file.flush()
-        t_s, xyz_m, half = self._files
+        t_s, xyz_m, half, laser = self._files
         return (
             np.memmap(t_s, np.float64, "r", shape=(self._count,)),
             np.memmap(xyz_m, np.float32, "r", shape=(self._count, 3)),
             np.memmap(half, np.uint8, "r", shape=(self._count,)),
+            np.memmap(laser, np.uint8, "r", shape=(self._count,)),
         )
 
 
 def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
     """Those of the returns that are off the body, in the order of time."""
-    times, places, halves = found
+    times, places, halves, lasers = found
     with _Scratch() as scratch:
         for begin in range(0, len(times), STEP_RETURNS):
             part = slice(begin, begin + STEP_RETURNS)
@@ -194,7 +200,7 @@ def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
             # Packets may come a little out of order; what follows relies on time.
             if np.any(np.diff(t_s) < 0):
                 kept = kept[np.argsort(t_s[kept], kind="stable")]
-            scratch.add(t_s[kept], xyz_m[kept], halves[part][kept])
+            scratch.add(t_s[kept], xyz_m[kept], halves[part][kept], lasers[part][kept])
         return scratch.stored()
 
 
