@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -20,6 +21,7 @@ from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.exporters.cog import cog_output, surface_arrays, surface_bands, with_heights
 from furrowmap.exporters.field_rasters import style_of
 from furrowmap.exporters.geopackage import write_field
@@ -33,6 +35,8 @@ TRACK: Final = "preview_track.gpkg"
 SURFACE: Final = "preview_dsm.tif"
 ACCOUNT: Final = "preview.json"
 CELL_M: Final = 0.25
+MOST_KNOTS: Final = 20_000
+"""Of the track: more take a map seconds to draw and show nothing more."""
 LOW: Final = Statistic.parse("p10")
 """Of a cell's returns: those of the vehicle itself, which a preview does not tell apart, lie above it."""
 
@@ -58,7 +62,7 @@ def write_preview(session_file: Path, folder: Path, progress: Progress = silent)
             if found.session.lidar.mounting != Mounting():  # at the origin and upright: nobody has said
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
-        write_field(staging / TRACK, knot_poses(found.located.trajectory), frame.wkt, words=frame.words, origin=origin)
+        write_field(staging / TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
@@ -86,6 +90,13 @@ class _Sink:
     def add(self, placed: PlacedScan) -> None:
         """Take the points of a scan."""
         self._land.add(placed)
+
+
+def _track(found: Run) -> ScanPoses:
+    """The trajectory's knots, evenly fewer where there are very many."""
+    knots = knot_poses(found.located.trajectory)
+    some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
+    return ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
 
 
 def _figures(found: Run) -> dict[str, Any]:

@@ -14,9 +14,9 @@ def figure_rows(report):
         (tr("Worked twice"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
         (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
         (tr("Passes"), _number(figures.get("passes"), "{:.0f}")),
-        (tr("Way driven"), _number(figures.get("distance_m"), "{:,.0f} m")),
-        (tr("Duration"), _number(figures.get("duration_s"), "{:,.0f} s")),
-        (tr("Points"), _number(figures.get("points"), "{:,.0f}")),
+        (tr("Way driven"), _way(figures.get("distance_m"))),
+        (tr("Duration"), _duration(figures.get("duration_s"))),
+        (tr("Points"), _number(figures.get("points") or None, "{:,.0f}")),
         (tr("Accuracy across the ground"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
         (tr("Accuracy of heights"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
         (tr("Accuracy of heading"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
@@ -33,6 +33,19 @@ def _local_time(text):
 
 def _number(value, form):
     return form.format(value) if isinstance(value, (int, float)) else None
+
+
+def _way(metres):
+    """A length in metres, above ten kilometres in kilometres."""
+    return _number(metres, "{:,.0f} m") if not metres or metres < 1e4 else f"{metres / 1e3:,.1f} km"
+
+
+def _duration(seconds):
+    """Seconds, above ten minutes hours and minutes."""
+    if not isinstance(seconds, (int, float)) or seconds < 600:
+        return _number(seconds, "{:,.0f} s")
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"{hours} h {minutes:02d} min"
 
 
 def _area(figures, key, sigma_key):

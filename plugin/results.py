@@ -33,6 +33,8 @@ SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zon
 """What a map shows at first; the rest is a click away."""
 MEASURED = ("trajectory", "events", "tool_path")
 """Layers whose heights are measured: in profiles and in 3D they are where they say."""
+WAY_FROM_SCALE = 2000.0
+"""Farther out the positions lie side by side, hide the passes, and take seconds to draw; `tool_path` shows the way."""
 FOLDER_PROPERTY = "furrowmap/folder"
 """Of a group in the layer tree: the folder of the run whose layers are in it."""
 
@@ -138,6 +140,9 @@ def field_layers(folder):
         layer.loadDefaultStyle()  # again: at its birth a layer takes the symbols of its style, but not its times
         if layer.name() in MEASURED:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
+        if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:
+            layer.setMinimumScale(WAY_FROM_SCALE)
+            layer.setScaleBasedVisibility(True)
         yield layer
 
 
