@@ -13,11 +13,12 @@ import pyproj
 from numpy.typing import NDArray
 from pyproj.crs import CompoundCRS
 
-from furrowmap.core.crs_change import CrsChange, crs_change, name_of
+from furrowmap.core.crs_change import CrsChange, crs_change
 from furrowmap.core.crs_choice import choose_crs
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.point_classes import PointClass
 

@@ -13,6 +13,7 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
@@ -138,12 +139,6 @@ def crs_of(text: str) -> CRS:
             'Write an EPSG code such as "EPSG:4326", or a WKT text.',
             code="crs-unknown",
         ) from None
-
-
-def name_of(crs: CRS) -> str:
-    """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
-    authority = crs.to_authority()
-    return ":".join(authority) if authority else crs.name
 
 
 def _better(accuracy_m: float, group: TransformerGroup) -> bool:

@@ -112,6 +112,9 @@ class SiteCoordinates:
 
     def _heights(self) -> str:
         move = self.brought.heights
+        system = self.frame.heights
+        if move is None and system.vertical is not None:
+            return f"stay as they are stated: they are taken as heights above {system.name} ({system.source})"
         if move is None:
             return f"stay above the ellipsoid{self._above_the_sea()}"
         low_m, high_m = move.geoid_m

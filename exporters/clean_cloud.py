@@ -15,11 +15,11 @@ from pyproj import CRS
 from furrowmap.core.cloud_cleaning import Cleaning, cleaned
 from furrowmap.core.cloud_spool import Records
 from furrowmap.core.clouds import Clouds, open_clouds
-from furrowmap.core.crs_change import name_of
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.cloud_products import box_in, nothing_left

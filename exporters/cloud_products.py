@@ -18,7 +18,6 @@ from scipy.ndimage import distance_transform_edt
 
 from furrowmap.core.cloud_surfaces import GroundMethod, SpooledClouds, cell_for, cloud_tiles, spool_clouds
 from furrowmap.core.clouds import Clouds, open_clouds
-from furrowmap.core.crs_change import name_of
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.surfaces.accompanied import Outliers
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
@@ -27,6 +26,7 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.cog import FILLED, Band, Bands, cog_output, surface_arrays, surface_bands

@@ -8,9 +8,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.trajectory.datum_guard import expect_datum_of_today
 from furrowmap.core.trajectory.height_system import JAPAN, height_system
 from furrowmap.core.trajectory.projection import MapFrame, middle_deg
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
@@ -24,6 +26,8 @@ FAR_DEG: Final = 1.0
 """Positions so far from the middle of all are a receiver's mistakes and no part of the drive: they stay as they are."""
 OF_TODAY: Final = frozenset({"clas", "madoca", "ppp", "ppp-rtk"})
 """Services whose positions are in the satellites' frame, at the epoch of the day."""
+DEGREES_OF_A_DRIVE: Final = 0.5
+"""Eastings and northings that vary by less than this and could be degrees are told to be."""
 EPOCH_APART: Final = 1.0
 """Years between a stated epoch and the recording, beyond which it is said."""
 
@@ -120,6 +124,7 @@ def brought_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Brought
 
     Raises:
         InputError: if parameters or geoid do not cover a position, or parameters are of another year.
+        RefusedError: if the map's datum is none in which satellites give positions.
     """
     lon, lat, height, done = _brought(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
     done = replace(done, notices=(*_of_today(frame, track), *done.notices))
@@ -131,8 +136,16 @@ def brought_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Brought
 
     Raises:
         InputError: as :func:`brought_track`.
+        RefusedError: likewise.
     """
     if track.projected:
+        en = track.position[:, :2]
+        if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
+            degrees = (
+                f"{track.source} states eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
+                "degrees, name the columns lon_deg and lat_deg."
+            )
+            return track, Brought(notices=(Notice("coordinates-look-like-degrees", degrees),))
         if frame.parameters is None and frame.heights.vertical is None:
             return track, AS_IT_WAS
         unmoved = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
@@ -152,7 +165,9 @@ def _brought(
         known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
         known &= np.abs(lat_deg - middle[1]) < FAR_DEG
     lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
-    notices = [*_epoch_notices(frame, t_s[known])]
+    notices = [*_unused_heights(frame), *_epoch_notices(frame, t_s[known])]
+    if frame.stated is None:
+        notices += expect_datum_of_today(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
     epoch = None
     if frame.parameters is not None:
         _expect_year(frame, t_s[known])
@@ -174,6 +189,18 @@ def _brought(
     for column, values in zip(out, (lon, lat, height), strict=True):
         column[known] = values
     return out[0], out[1], out[2], Brought(epoch, heights, tuple(notices))
+
+
+def _unused_heights(frame: MapFrame) -> list[Notice]:
+    """What is to be said of a map's CRS that names heights which the session does not ask for."""
+    if frame.unused is None:
+        return []
+    code = name_of(frame.unused)
+    beside = (
+        f"The map's CRS names heights ({frame.unused.name}), and they stay above the ellipsoid, tens of metres beside: "
+        f'write `heights = "{code}"` under [crs] for those.'
+    )
+    return [Notice("heights-not-asked-for", beside)]
 
 
 def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:

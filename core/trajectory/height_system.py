@@ -26,6 +26,8 @@ JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
 """Japan's geoid models, and the survey results with whose heights above the ellipsoid each belongs."""
 VERTICAL: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
 """Geoid models of the world, and the vertical CRS of each."""
+_JGD2011: Final = 6695
+"""EPSG code of JGD2011's heights, to which GSIGEO2011 leads."""
 _JGD2024_NAME: Final = "JGD2024 (vertical) height"
 _JGD2024: Final = (
     f'VERTCRS["{_JGD2024_NAME}",VDATUM["Japanese Geodetic Datum 2024 (vertical)"],CS[vertical,1],'
@@ -81,6 +83,8 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
     if name.upper() in JAPAN:
         return _japan(name.upper())
     vertical = _vertical(name)
+    if grid is None and vertical == CRS.from_epsg(_JGD2011):
+        return _japan("GSIGEO2011")
     geoid_m, source = _from_grid(grid) if grid is not None else _from_proj(name, vertical, base)
     return HeightSystem(name, vertical, source, geoid_m)
 
@@ -94,7 +98,7 @@ def _japan(name: str) -> HeightSystem:
     import japan_geoid
 
     if name == "GSIGEO2011":
-        model, vertical = japan_geoid.load_embedded_gsigeo2011(), CRS.from_epsg(6695)
+        model, vertical = japan_geoid.load_embedded_gsigeo2011(), CRS.from_epsg(_JGD2011)
         source = "GSIGEO2011 of the Geospatial Information Authority of Japan"
     else:
         model, vertical = japan_geoid.load_embedded_jpgeo2024_hrefconv2024(), _jgd2024()

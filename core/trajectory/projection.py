@@ -15,8 +15,9 @@ from pyproj.exceptions import CRSError
 from furrowmap.core.trajectory.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
 from furrowmap.core.trajectory.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.trajectory.stated_frame import StatedFrame, stated_frame
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, Crs, resolve
+from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs, resolve
 
 FloatArray = NDArray[np.float64]
 
@@ -40,6 +41,7 @@ class MapFrame:
         stated: the frame and epoch in which coordinates are said to be, on which `crs` then stands.
         heights: what the map's heights are counted from.
         named: the CRS that the session names where `crs` is its projection on a stated frame.
+        unused: heights that the session's CRS names, and that it does not ask for under `heights`.
     """
 
     crs: CRS
@@ -47,6 +49,7 @@ class MapFrame:
     stated: StatedFrame | None = None
     heights: HeightSystem = ABOVE_ELLIPSOID
     named: CRS | None = None
+    unused: CRS | None = None
 
     @cached_property
     def _transformer(self) -> Transformer:
@@ -82,8 +85,7 @@ class MapFrame:
     @property
     def name(self) -> str:
         """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
-        authority = self.crs.to_authority()
-        return ":".join(authority) if authority else self.crs.name
+        return name_of(self.crs)
 
     def project(self, lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(easting, northing) in metres, each (n,), of longitudes and latitudes (n,) in degrees.
@@ -161,7 +163,8 @@ def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
             or a file that belongs to them is missing or of another kind.
         RefusedError: if they cannot be had without a guess.
     """
-    flat = _projected(crs)
+    flat, vertical = _projected(crs)
+    unused = vertical if crs.heights == ELLIPSOIDAL else None
     parameters = _parameters(crs, flat, session_file)
     stated = stated_frame(crs.coordinates)
     if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
@@ -175,12 +178,12 @@ def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
     grid = resolve(session_file, crs.geoid_grid) if crs.geoid_grid is not None and session_file is not None else None
     heights = height_system(crs.heights, base, grid)
     if stated is not None:
-        return MapFrame(stated.map_crs(flat), None, stated, heights, flat)
-    return MapFrame(flat, parameters, None, heights)
+        return MapFrame(stated.map_crs(flat), None, stated, heights, flat, unused)
+    return MapFrame(flat, parameters, None, heights, None, unused)
 
 
-def _projected(crs: Crs) -> CRS:
-    """The horizontal CRS of the map."""
+def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
+    """The horizontal CRS of the map, and the vertical one that is named with it."""
     try:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
@@ -190,7 +193,7 @@ def _projected(crs: Crs) -> CRS:
             'Write an EPSG code such as "EPSG:6677", or a WKT text.',
             code="crs-unknown",
         ) from None
-    flat = whole.sub_crs_list[0] if whole.is_compound else whole.to_2d()
+    flat, *vertical = whole.sub_crs_list if whole.is_compound else [whole.to_2d()]
     units = {axis.unit_name for axis in flat.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
@@ -200,7 +203,7 @@ def _projected(crs: Crs) -> CRS:
             "Choose a projected CRS of the place; `furrowmap init` proposes one.",
             code="crs-not-projected",
         )
-    return flat
+    return flat, vertical[0] if vertical else None
 
 
 def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile | None:

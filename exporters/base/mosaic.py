@@ -17,8 +17,9 @@ from rasterio.enums import Resampling
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from furrowmap.core.crs_change import crs_change, name_of
+from furrowmap.core.crs_change import crs_change
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from psycopg.sql import SQL, Composable, Composed, Identifier
 from pyproj import CRS
 
-from furrowmap.core.crs_change import name_of
+from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.exporters.base.connection import connected, public_parameters, shown
 from furrowmap.exporters.base.edit import KNOWN_COLUMNS, SCHEMA, SETTINGS, STYLE_BY, KnownSession, row_of

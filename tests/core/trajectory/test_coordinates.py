@@ -406,6 +406,78 @@ def test_stated_frames_are_read_whatever_their_case(epoch: float, frame: str) ->
 
 
 @pytest.mark.parametrize(
+    ("epsg", "lon", "lat", "least_m"),
+    [
+        (27700, -1.5, 52.5, 100),
+        (28992, 5.6, 52.0, 100),
+        (30169, *TSUKUBA, 400),
+        (31467, 9.2, 48.8, 100),
+        (2056, 7.5, 47.0, 100),
+        (26715, -93.6, 42.0, 10),
+    ],
+)
+def test_a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
+    epsg: int, lon: float, lat: float, least_m: float
+) -> None:
+    """British, Dutch, Japan's and Germany's old ones, the Swiss, NAD27: 10 to 450 m beside, as textbooks have them."""
+    frame = map_frame(Crs(map=f"EPSG:{epsg}"))
+    with pytest.raises(RefusedError, match=r"lie \d+ m beside") as refused:
+        brought_track(track(lon=lon, lat=lat), frame)
+    assert refused.value.code == "crs-datum"
+    assert int(refused.value.lines[0].split(" lie ")[1].split()[0]) > least_m
+    base = frame.crs.geodetic_crs
+    assert base is not None
+    stated = map_frame(Crs(map=f"EPSG:{epsg}", coordinates=f"{base.name}@2023.4"))
+    assert brought_track(track(lon=lon, lat=lat), stated)[1].account(stated)["moves"] == []
+
+
+@pytest.mark.parametrize(
+    ("epsg", "lon", "lat"),
+    [
+        (6677, *TSUKUBA), (25832, 10.0, 52.0), (2180, 20.9, 52.3), (26915, -93.6, 42.0), (6344, -93.6, 42.0),
+        (28355, 147.0, -35.0), (7855, 147.0, -35.0), (2193, 172.0, -43.0), (31982, -51.0, -20.0), (2154, 3.0, 46.5),
+        (5186, 127.0, 37.0), (3826, 121.0, 24.0), (32736, 35.2, -15.8), (2048, 19.0, -30.0),
+    ],
+)  # fmt: skip
+def test_datums_of_today_are_taken(epsg: int, lon: float, lat: float) -> None:
+    assert brought_track(track(lon=lon, lat=lat), map_frame(Crs(map=f"EPSG:{epsg}")))[1].notices == ()
+
+
+def test_jgd2000_is_told_to_be_superseded() -> None:
+    frame = map_frame(Crs(map="EPSG:2451"))
+    assert [notice.code for notice in brought_track(track("2011-10-01"), frame)[1].notices] == []
+    assert [notice.code for notice in brought_track(track("2023-06-11"), frame)[1].notices] == ["datum-superseded"]
+
+
+@pytest.mark.parametrize(("heights", "told"), [("ellipsoidal", True), ("EPSG:6695", False)])
+@pytest.mark.parametrize("name", ["EPSG:6677+6695", "EPSG:10170"])
+def test_heights_that_the_maps_crs_names_and_nobody_asks_for_are_told(name: str, heights: str, told: bool) -> None:
+    frame = map_frame(Crs(map=name, heights=heights))
+    notices = brought_track(track(), frame)[1].notices
+    assert [notice.code for notice in notices] == (["heights-not-asked-for"] if told else [])
+    if told:
+        assert '`heights = "EPSG:6695"`' in notices[0].text
+
+
+def test_heights_of_jgd2011_by_their_code_are_above_gsigeo2011() -> None:
+    by_code, by_name = (map_frame(Crs(map="EPSG:6677", heights=heights)) for heights in ("EPSG:6695", "GSIGEO2011"))
+    assert by_code.whole_crs == by_name.whole_crs
+    np.testing.assert_array_equal(
+        brought_track(track(), by_code)[0].height_m, brought_track(track(), by_name)[0].height_m
+    )
+
+
+def test_degrees_in_the_columns_of_eastings_and_northings_are_told() -> None:
+    position = np.column_stack([np.full(3, TSUKUBA[0]), TSUKUBA[1] + 1e-5 * np.arange(3), np.full(3, 70.0)])
+    zeros = np.zeros(3)
+    poses = PoseTrack(
+        1_686_000_000.0 + np.arange(3), position, True, zeros, zeros, zeros, False, np.full((3, 6), np.nan), "p.csv"
+    )
+    (told,) = brought_poses(poses, map_frame(Crs(map="EPSG:6677")))[1].notices
+    assert told.code == "coordinates-look-like-degrees"
+
+
+@pytest.mark.parametrize(
     ("service", "fix", "coordinates", "told"),
     [
         ("clas", Fix.FIXED, "as-recorded", True),

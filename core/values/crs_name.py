@@ -1,0 +1,11 @@
+"""How a CRS is called in words for users."""
+
+from __future__ import annotations
+
+from pyproj import CRS
+
+
+def name_of(crs: CRS) -> str:
+    """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
+    authority = crs.to_authority()
+    return ":".join(authority) if authority else crs.name
