@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[3]
 UTM = CRS.from_epsg(6691)
 DETAILS = ("events", "tool_path", "misses", "overlaps", "passes", "coverage", "zones")
-KILLS = 15
+KILLS = int(os.environ.get("KILLS", "15"))
 HOSTILE = '\'; DROP TABLE "sessions"; --圃場'
 
 
