@@ -57,6 +57,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     folder = tmp_path_factory.mktemp("north field 圃場")
     shutil.copyfile(shared_data / "velodyne" / "vlp16_single_gps.pcap", folder / "recording.pcap")
     shutil.copyfile(shared_data / "isoxml" / "other" / "single_dpd.zip", folder / "tasks.zip")
+    for name in ("gnss.nmea", "reference.nmea"):
+        shutil.copyfile(shared_data / "tractor_loop" / name, folder / name)
     rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
     (folder / "drive.csv").write_text("time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n" + rows)
     (folder / "session.toml").write_text(
@@ -154,6 +156,16 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
         "base_mosaic": run("base_mosaic", BASE=base, OUTPUT=folder / "farm.vrt"),
         "base_remove": run("base_remove", BASE=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
+        "crs": run("crs", SESSION=folder / "session.toml"),
+        "gnss_evaluate": run(
+            "gnss_evaluate",
+            TEST=folder / "gnss.nmea",
+            REFERENCE=folder / "reference.nmea",
+            OUTPUT=folder / "evaluation",
+        ),
+        "check": run(
+            "check", PRODUCT=cloud, POINTS=folder / "points.csv", VERTICAL=1.0, TABLE=folder / "errors.csv", SIGMA=0.01
+        ),
         "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
         "cancel": {**run("simulate", OUTPUT=folder / "cancelled"), "cancel_after_s": 0.3},
         "options": {
@@ -183,8 +195,11 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
 
 
 @pytest.fixture(scope="module")
-def told(qgis: QgisRoot, worker: str, folder: Path) -> dict[str, Any]:
+def told(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[str, Any]:
     """What QGIS answered to each job."""
+    returns = laspy.read(by_hand / "cloud.copc.laz").xyz[::1000]
+    rows = "".join(f"P{number},{e:.3f},{n:.3f},{h:.3f}\n" for number, (e, n, h) in enumerate(returns))
+    (folder / "points.csv").write_text("name,e_m,n_m,h_m\n" + rows)
     jobs = jobs_in(folder, worker)
     (folder / "jobs.json").write_text(json.dumps(list(jobs.values())), encoding="utf-8")
     kept = "XDG_CACHE_HOME=/opt/furrowmap/cache"  # of the root, so that kernels are compiled once
@@ -330,6 +345,50 @@ def test_exchange__gives_files_and_layers(told: dict[str, Any], folder: Path) ->
     assert told["fields"]["outputs"]["WORKED_AREA_M2"] == pytest.approx(299.4, abs=1.0)
     assert told["fields"]["loaded"]
     assert all(valid for _, valid, _ in told["fields"]["loaded"].values())
+
+
+def answer_of(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
+    """What the command line answers."""
+    capsys.readouterr()
+    assert command_line([*map(str, words), "--json", "--quiet"]) == 0
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return answer
+
+
+def test_crs__tells_what_the_command_line_tells(
+    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert told["crs"]["error"] is None
+    assert json.loads(told["crs"]["outputs"]["FINDINGS"]) == answer_of(capsys, "crs", folder / "session.toml")
+
+
+def test_gnss_evaluate__tells_what_the_command_line_tells(
+    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert told["gnss_evaluate"]["error"] is None
+    by_hand = answer_of(capsys, "gnss", "evaluate", folder / "gnss.nmea", folder / "reference.nmea")
+    findings = json.loads(told["gnss_evaluate"]["outputs"]["FINDINGS"])
+    assert {key: findings[key] for key in by_hand if key not in ("output", "products")} == {
+        key: value for key, value in by_hand.items() if key not in ("output", "products")
+    }
+    assert "<html" in Path(told["gnss_evaluate"]["outputs"]["PAGE"]).read_text(encoding="utf-8")
+
+
+def test_check__tells_what_the_command_line_tells(
+    told: dict[str, Any], folder: Path, by_hand: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert told["check"]["error"] is None
+    points = ("check", by_hand / "cloud.copc.laz", folder / "points.csv", "--points-sigma=0.01")
+    answer = answer_of(capsys, *points, "--require-vertical=1.0")
+    assert json.loads(told["check"]["outputs"]["FINDINGS"])["accuracy"] == answer["accuracy"]
+    assert told["check"]["outputs"]["RMSE_VERTICAL_M"] == answer["accuracy"]["rmse_vertical_m"]
+    assert told["check"]["outputs"]["MET"] is answer["verdicts"]["vertical"]["met"]
+    assert (folder / "errors.csv").read_text(encoding="utf-8").count("\n") > 10
+
+
+def test_algorithms__have_all_been_asked_to_work(told: dict[str, Any]) -> None:
+    asked = {name for name in told["describe"] if name in told or name == "simulate"}
+    assert asked == set(told["describe"])
 
 
 def test_base__takes_lists_and_gives_back_sessions(told: dict[str, Any], folder: Path) -> None:
