@@ -13,7 +13,8 @@ import argparse
 import multiprocessing
 import resource
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
@@ -27,7 +28,8 @@ from furrowmap.core.pipeline import run
 from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.exporters.copc.file import las_header
 from furrowmap.exporters.copc.octree import Key, Limits, Octree
-from furrowmap.exporters.copc.points import PointBatch, Records, pack
+from furrowmap.exporters.copc.points import PointBatch, pack
+from furrowmap.exporters.copc.records import Chosen, Records, gathered
 from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
@@ -93,23 +95,18 @@ class CopclibNodes:
         scale, offset = copclib.Vector3(0.001, 0.001, 0.001), copclib.Vector3(*cloud.origin_m)
         config = copclib.CopcConfigWriter(6, scale, offset, cloud.wkt, copclib.EbVlr(4))
         self._writer = copclib.FileWriter(str(path), config)
-        self._last: tuple[Key, Records] | None = None
 
-    def room(self, key: Key, points: int) -> Records:
-        """Write the node before, and give room for this one."""
-        self._write_last()
-        self._last = key, np.empty(points, LAYOUT)
-        return self._last[1]
+    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[None]:
+        """Write a node."""
+        records = np.concatenate([gathered(part.records, part.members) for part in parts])
+        self._writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
+        done: Future[None] = Future()
+        done.set_result(None)
+        return done
 
     def close(self) -> None:
-        """Write the last node and the hierarchy."""
-        self._write_last()
+        """Write the hierarchy."""
         self._writer.Close()
-
-    def _write_last(self) -> None:
-        if self._last is not None:
-            key, records = self._last
-            self._writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
 
 
 def write_copclib(path: Path, cloud: Collected) -> None:

@@ -18,6 +18,7 @@ from itertools import accumulate
 from typing import Final
 
 import numba
+import numpy as np
 
 kernel: Final = partial(numba.njit, cache=True, nogil=True, _nrt=False)
 """Compiles what neither makes arrays nor keeps them: references to them are not counted, which would take three
@@ -65,9 +66,9 @@ def settled(out, base, length, at):  # type: ignore[no-untyped-def]
     """The coder after what is certain of its interval has gone to the output."""
     base = carried(out, base, at)
     # All bytes that there may be are put there, and as many kept as are certain: nothing to guess for the processor.
-    out[at] = base >> 24
-    out[at + 1] = base >> 16
-    out[at + 2] = base >> 8
+    out[np.uint64(at)] = base >> 24
+    out[np.uint64(at + 1)] = base >> 16
+    out[np.uint64(at + 2)] = base >> 8
     certain = (length < LEAST_LENGTH) + (length < LEAST_LENGTH >> 8) + (length < LEAST_LENGTH >> 16)
     return (base << (8 * certain)) & 0xFFFFFFFF, length << (8 * certain), at + certain
 
@@ -82,15 +83,18 @@ def coder_at(at):  # type: ignore[no-untyped-def]
 def encode(out, coder, table, model, symbols, symbol):  # type: ignore[no-untyped-def]
     """The coder after a symbol below `symbols`; the model, which starts at `model`, has counted it."""
     base, length, at = coder
-    if table[model] == 0:
+    head = np.uint64(model)  # Of a signed index, numba looks whether it counts from the end: a tenth of the time.
+    left = table[head]
+    if left == 0:
         refresh(table, model, symbols)
-    table[model] -= 1
+        left = table[head]
+    table[head] = left - 1
     k = model + HEAD + symbol
-    table[k + symbols] += 1
+    table[np.uint64(k + symbols)] += 1
     share = length >> LENGTH_BITS
-    low = table[k] * share
+    low = table[np.uint64(k)] * share
     # What rounding leaves over is the last symbol's.
-    top = length if symbol == symbols - 1 else table[k + 1] * share
+    top = length if symbol == symbols - 1 else table[np.uint64(k + 1)] * share
     return settled(out, base + low, top - low, at)
 
 

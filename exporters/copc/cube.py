@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.exporters.copc.points import Records, rows_of
+from furrowmap.exporters.copc.records import Records, rows_of
 
 DEPTH: Final = 7
 """A cube is divided at most so often in one go: 128 cells a side, 2 million in all."""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+import os
 import struct
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -19,12 +22,17 @@ from laspy.vlrs.known import LasZipVlr, WktCoordinateSystemVlr
 from laspy.vlrs.vlrlist import VLRList
 from numpy.typing import NDArray
 
+from furrowmap.exporters.copc.chunk import Columns, compressed
 from furrowmap.exporters.copc.cube import Cube
 from furrowmap.exporters.copc.octree import Key
-from furrowmap.exporters.copc.points import Extent, Records
+from furrowmap.exporters.copc.points import Extent
+from furrowmap.exporters.copc.records import Chosen, columns_of
 
-BATCH_POINTS: Final = 2_000_000
-"""Points that wait until they are compressed together, on all cores."""
+THREADS: Final = os.cpu_count() or 1
+MOST_COMING: Final = 64
+"""Nodes that are read and compressed while others are made ready; each waits with a few bytes a point."""
+TABLE_OFFSET: Final = struct.Struct("<q")
+"""Before the chunks: where the table of their lengths begins."""
 MOST_RECORD_BYTES: Final = 65_535
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
@@ -90,7 +98,7 @@ class CopcFile:
         path: of the file, which is made.
         header: as :func:`las_header` makes it.
         written: is told how many points have been written.
-        complete: fills in what was not known when the points came, in place; called from two threads at once.
+        complete: fills in what was not known when the points came, in place; called from several threads at once.
     """
 
     def __init__(
@@ -98,50 +106,51 @@ class CopcFile:
         path: Path,
         header: laspy.LasHeader,
         written: Callable[[int], None],
-        complete: Callable[[Records], None] | None = None,
+        complete: Callable[[Columns], None] | None = None,
     ) -> None:
         self._header, self._written, self._complete = header, written, complete
         self._disk = DiskFile(path, "w+")
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
-        self._laz = lazrs.LazVlr(header.vlrs[1].record_data)
-        self._compressor = lazrs.ParLasZipCompressor(self._stream, self._laz)
-        self._compressor.reserve_offset_to_chunk_table()
+        self._stream.write(bytes(TABLE_OFFSET.size))
+        self._threads = ThreadPoolExecutor(THREADS, "compress")
+        self._coming: deque[Future[_Chunk]] = deque()
         self._keys: list[Key] = []
-        self._points: list[int] = []
-        self._batch: Records = np.empty(BATCH_POINTS, header.point_format.dtype())
-        self._chunks: list[NDArray[np.uint8]] = []
-        self._threads = ThreadPoolExecutor(2, "complete")
-        self._waiting = 0
+        self._chunks: list[tuple[int, int]] = []
         self._done = 0
         self.points_by_class = np.zeros(256, np.int64)
         """Points of each class so far."""
 
     def close(self) -> None:
         """Close the file, finished or not."""
-        self._threads.shutdown()
+        self._threads.shutdown(cancel_futures=True)
         self._stream.close()
 
-    def room(self, key: Key, points: int) -> Records:
-        """Where the records of a node are to be put, before the next call."""
-        if self._waiting + points > len(self._batch):
-            self._compress()
-        if points > len(self._batch):
-            self._batch = np.empty(points, self._batch.dtype)
-        room = self._batch[self._waiting : self._waiting + points]
-        self._waiting += points
-        self._chunks.append(room.view(np.uint8))
+    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[_Chunk]:
+        """Take a node; its records are read and compressed in a thread, until what is returned is done.
+
+        Raises:
+            OSError: if an earlier node cannot be written.
+        """
         self._keys.append(key)
-        self._points.append(points)
-        return room
+        chunk = self._threads.submit(_chunk_of, parts, self._complete)
+        self._coming.append(chunk)
+        while self._coming and (len(self._coming) > MOST_COMING or self._coming[0].done()):
+            self._write_next()
+        return chunk
 
     def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> None:
         """Write what is left, the hierarchy, and a header that is true."""
-        self._compress()
+        while self._coming:
+            self._write_next()
+        table = self._stream.tell()
         with self._refusals():
-            self._compressor.done()
-        hierarchy = self._hierarchy()
+            lazrs.write_chunk_table(self._stream, self._chunks, lazrs.LazVlr(self._header.vlrs[1].record_data))
         start = self._stream.seek(0, io.SEEK_END)
+        self._stream.seek(self._header.offset_to_point_data)
+        self._stream.write(TABLE_OFFSET.pack(table))
+        self._stream.seek(start)
+        hierarchy = self._hierarchy()
         record = laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy.tobytes())
         VLRList([record]).write_to(self._stream, as_extended=True)
         offset = self._stream.tell() - hierarchy.nbytes
@@ -170,22 +179,17 @@ class CopcFile:
     @property
     def points_by_level(self) -> NDArray[np.int64]:
         """Points in each level so far."""
-        levels = [key.level for key in self._keys]
-        return np.bincount(levels, weights=self._points).astype(np.int64)
+        levels, points = [key.level for key in self._keys], [points for points, _ in self._chunks]
+        return np.bincount(levels, weights=points).astype(np.int64)
 
-    def _compress(self) -> None:
-        if self._chunks:
-            if self._complete is not None:
-                half = self._waiting // 2
-                parts = self._batch[:half], self._batch[half : self._waiting]
-                for _ in self._threads.map(self._complete, [part for part in parts if len(part)]):
-                    pass
-            self.points_by_class += np.bincount(self._batch["classification"][: self._waiting], minlength=256)
-            with self._refusals():
-                self._compressor.compress_chunks(self._chunks)
-            self._chunks.clear()
-            self._done, self._waiting = self._done + self._waiting, 0
-            self._written(self._done)
+    def _write_next(self) -> None:
+        """Write the chunk that was asked for first, once it is there."""
+        chunk = self._coming.popleft().result()
+        self._stream.write(chunk.data)
+        self._chunks.append((chunk.points, len(chunk.data)))
+        self.points_by_class += chunk.points_by_class
+        self._done += chunk.points
+        self._written(self._done)
 
     @contextmanager
     def _refusals(self) -> Iterator[None]:
@@ -202,12 +206,27 @@ class CopcFile:
         """
         if not self._keys:
             return np.zeros(1, ENTRY)
-        self._stream.seek(self._header.offset_to_point_data)
-        chunks = np.array(lazrs.read_chunk_table(self._stream, self._laz), np.int64).reshape(-1, 2)
-        ends = self._header.offset_to_point_data + 8 + np.cumsum(chunks[:, 1])
+        points, lengths = np.array(self._chunks, np.int64).T
         entries = np.zeros(len(self._keys), ENTRY)
         entries["key"] = self._keys
-        entries["offset"] = ends - chunks[:, 1]
-        entries["bytes"] = chunks[:, 1]
-        entries["points"] = chunks[:, 0]
+        entries["offset"] = self._header.offset_to_point_data + TABLE_OFFSET.size + np.cumsum(lengths) - lengths
+        entries["bytes"] = lengths
+        entries["points"] = points
         return entries
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """A compressed node."""
+
+    data: bytes
+    points: int
+    points_by_class: NDArray[np.int64]
+
+
+def _chunk_of(parts: Sequence[Chosen], complete: Callable[[Columns], None] | None) -> _Chunk:
+    """Complete and compress the points of a node."""
+    columns = columns_of(parts)
+    if complete is not None:
+        complete(columns)
+    return _Chunk(compressed(columns), len(columns), np.bincount(columns.classification, minlength=256))

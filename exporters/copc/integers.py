@@ -57,13 +57,12 @@ def encode_integer(out, coder, table, start, bits, contexts, context, error):  #
     size = HEAD + 2 * (bits + 1)
     coder = encode(out, coder, table, start + context * size, bits + 1, k)
     correctors = start + contexts * size
-    place = error - 1 if error > 0 else error + (1 << k) - 1
     if k == 0:
         coder = encode_bit(out, coder, table, correctors, error)
-    elif k <= DIRECT_BITS:
-        coder = encode(out, coder, table, correctors + CORRECTORS[k], 1 << k, place)
     elif k < MOST_BITS:
-        rest = k - DIRECT_BITS
-        coder = encode(out, coder, table, correctors + CORRECTORS[k], 1 << DIRECT_BITS, place >> rest)
-        coder = write_bits(out, coder, rest, place & ((1 << rest) - 1))
+        place = error - 1 if error > 0 else error + (1 << k) - 1
+        rest = max(k - DIRECT_BITS, 0)
+        coder = encode(out, coder, table, correctors + CORRECTORS[k], 1 << (k - rest), place >> rest)
+        if rest:
+            coder = write_bits(out, coder, rest, place & ((1 << rest) - 1))
     return coder, k

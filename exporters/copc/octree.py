@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.copc.levels import Plan, draw_nodes, plan_levels
-from furrowmap.exporters.copc.points import Records, copy_records, gather_records, gathered
+from furrowmap.exporters.copc.records import Chosen, Records, copy_records, gathered
 from furrowmap.exporters.copc.spool import Spool
 
 
@@ -37,8 +38,8 @@ ROOT: Final = Key(0, 0, 0, 0)
 class NodeSink(Protocol):
     """Takes nodes as they become complete."""
 
-    def room(self, key: Key, points: int) -> Records:
-        """Where the records of a node are to be put, before the next call; each node is asked for once."""
+    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Any]:
+        """Take a node; the records are read in a thread, until what is returned is done."""
         ...
 
 
@@ -62,10 +63,11 @@ class Octree:
 
     All is done in one cube divided into at most 128³ cells (:mod:`~furrowmap.exporters.copc.cube`). Records beyond
     `memory_points` go to a file, sorted by cell block by block; memory is filled in two halves, so that one is put
-    into the file, in a thread, while the other is filled. In the end, stretches of neighbouring cells that fit into
-    memory are taken back one after another, in the order of the cells' codes. A node is given out once its last cell
-    has been read, so that of each level only one node is ever waiting. A cell with too many records for a node becomes
-    the root of an octree of its own.
+    into the file, in a thread, while the other is filled. In the end, stretches of neighbouring cells that fit into a
+    half are taken back one after another, in the order of the cells' codes, into the two halves by turns, so that nodes
+    are still read from one while the other is filled. A node is given out once its last cell has been read, so that of
+    each level only one node is ever waiting. A cell with too many records for a node becomes the root of an octree of
+    its own.
 
     Args:
         layout: of a record.
@@ -88,12 +90,14 @@ class Octree:
         self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
         self._buffer: Records = np.empty(0, layout)
         self._first, self._held, self._end = 0, 0, 0
+        self._turn = 0
+        self._reading: tuple[list[Future[Any]], list[Future[Any]]] = ([], [])
         self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
         self._spool: Spool | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._spilling: Future[None] | None = None
         self._counts = np.zeros(8**self._depth, np.int64)
-        self._waiting: dict[int, list[Records]] = {}
+        self._waiting: dict[int, list[Chosen]] = {}
         self._within: dict[int, Octree] = {}
 
     def room(self, wanted: int) -> Records:
@@ -103,7 +107,7 @@ class Octree:
             OSError: if the temporary file cannot be written.
         """
         if not len(self._buffer):
-            self._buffer = np.empty(max(self._limits.memory_points, 2), self._buffer.dtype)
+            self._buffer = np.empty(2 * -(-self._limits.memory_points // 2), self._buffer.dtype)
             self._end = len(self._buffer)
         elif self._held == self._end:
             self._make_room()
@@ -194,15 +198,23 @@ class Octree:
         up_to = np.concatenate([[0], np.cumsum(self._counts)])
         first = 0
         while first < len(self._counts):
-            most = up_to[first] + len(self._buffer)
+            most = up_to[first] + len(self._buffer) // 2
             end = max(int(np.searchsorted(up_to, most, side="right")) - 1, first + 1)
             end = int(np.searchsorted(up_to, up_to[end], side="right")) - 1  # and the empty cells that follow
             left = int(up_to[end] - up_to[first])
-            for part in spool.parts(first, end, self._buffer):
+            for part in spool.parts(first, end, self._other_half):
                 left -= len(part)
                 codes, _ = codes_of(part, cube, self._depth)
                 self._place(sink, part, codes, plan, end if left == 0 else first)
             first = end
+
+    def _other_half(self) -> Records:
+        """The half of memory that was not used last, once no node is read from it any more."""
+        self._turn = 1 - self._turn
+        wait(self._reading[self._turn])
+        self._reading[self._turn].clear()
+        half = len(self._buffer) // 2
+        return self._buffer[self._turn * half : (self._turn + 1) * half]
 
     def _place(self, sink: NodeSink, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
         """Sort records into nodes and give out those to whose cells, all before `end`, nothing will be added."""
@@ -215,14 +227,10 @@ class Octree:
             if plan.is_full(node) and self._depth < self._enclose().bits:
                 self._divide(sink, node, plan, gathered(records, members), complete=complete)
             elif complete:
-                earlier = self._waiting.pop(node, [])
-                room = sink.room(self._key_of(node, plan), len(members) + sum(map(len, earlier)))
-                for part in earlier:
-                    copy_records(part, room[: len(part)])
-                    room = room[len(part) :]
-                gather_records(records, members, room)
+                parts = [*self._waiting.pop(node, []), Chosen(records, members)]
+                self._reading[self._turn].append(sink.put(self._key_of(node, plan), parts))
             else:
-                self._waiting.setdefault(node, []).append(gathered(records, members))
+                self._waiting.setdefault(node, []).append(Chosen.all_of(gathered(records, members)))
 
     def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
         """Pass records of a deepest node that is too full on to an octree within its cell."""

@@ -1,4 +1,4 @@
-"""Points as they are handed over, and as LAS 1.4 records."""
+"""Points as they are handed over, and as records."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.exporters.copc.records import Records, field_type
 
 Whole = NDArray[np.integer[Any]] | int
 """One number for each point of a batch, or one for all of them."""
-Records = NDArray[np.void]
-"""(n,) structured array in the layout of the file's point records."""
 
 STEPS: Final = np.iinfo(np.int32)
 RETURNS: Final = 15
@@ -110,7 +109,7 @@ def pack(batch: PointBatch, into: Records, scale_m: float) -> Extent:
 
     Args:
         batch: the points.
-        into: (n,) takes the records, in a layout of laspy's point formats 6 or 7, extra dimensions last.
+        into: (n,) takes the records, in the layout that :func:`~furrowmap.exporters.copc.records.held_layout` tells.
         scale_m: length of a step of the coordinates.
 
     Returns:
@@ -156,28 +155,6 @@ def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float,
         return float(first), float(last)
     records["gps_time"] = utc_to_las_time(records["gps_time"])
     return float(records["gps_time"].min()), float(records["gps_time"].max())
-
-
-def rows_of(records: Records) -> NDArray[np.uint8]:
-    """The bytes of records (n, bytes of one), not copied."""
-    return records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
-
-
-def copy_records(source: Records, target: Records) -> None:
-    """Copy records as the bytes they are: numpy would copy field by field."""
-    target.view(np.uint8)[:] = source.view(np.uint8)
-
-
-def gather_records(source: Records, members: NDArray[np.uint32], target: Records) -> None:
-    """Copy the records of `source` that `members` names to `target`."""
-    gather(rows_of(source), members, rows_of(target))
-
-
-def gathered(source: Records, members: NDArray[np.uint32]) -> Records:
-    """The records of `source` that `members` names."""
-    target = np.empty(len(members), source.dtype)
-    gather_records(source, members, target)
-    return target
 
 
 def _fill_optional(batch: PointBatch, into: Records) -> None:
@@ -229,11 +206,6 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 
-def _field(dtype: Any, *, readonly: bool = False) -> Any:
-    """The type of a record's field to numba: it stands wherever the fields before it leave it."""
-    return numba.types.Array(dtype, 1, "A", readonly=readonly, aligned=False)
-
-
 @numba.njit(
     numba.int64(
         numba.float64[:, ::1],
@@ -241,9 +213,9 @@ def _field(dtype: Any, *, readonly: bool = False) -> Any:
         numba.float64[::1],
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
-        *(_field(numba.int32),) * 3,
-        _field(numba.uint8),
-        _field(numba.float64),
+        *(field_type(numba.int32),) * 3,
+        field_type(numba.uint8),
+        field_type(numba.float64),
         *(numba.int64[::1],) * 3,
         numba.float64[::1],
     ),
@@ -279,12 +251,3 @@ def pack_points(  # type: ignore[no-untyped-def]
         seconds[0] = min(seconds[0], t_s[i])
         seconds[1] = max(seconds[1], t_s[i])
     return -1
-
-
-@numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
-def gather(source, members, target):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`gather_records`, three times as fast as numpy's take."""
-    for i in range(len(members)):
-        k = members[i]
-        for j in range(source.shape[1]):
-            target[i, j] = source[k, j]

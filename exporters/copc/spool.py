@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import sorted_order
-from furrowmap.exporters.copc.points import Records, gathered
+from furrowmap.exporters.copc.records import Records, gathered
 
 SLICE: Final = 1_000_000
 """Records written in one go: what is sorted beside those in memory."""
@@ -73,17 +73,17 @@ class Spool:
         for block in self._blocks:
             block.codes = (octant << 3 * (depth - 1)) | (block.codes >> 3)
 
-    def parts(self, first: int, end: int, buffer: Records) -> Iterator[Records]:
-        """The records of the cells from `first` up to but without `end`, in parts that fit into `buffer`.
+    def parts(self, first: int, end: int, room: Callable[[], Records]) -> Iterator[Records]:
+        """The records of the cells from `first` up to but without `end`, in parts.
 
-        No block may be longer than `buffer`; a part is overwritten by the next.
+        Each part is put into what `room` gives; no block may be longer.
         """
-        held = 0
+        buffer, held = room(), 0
         for block in self._blocks:
             start, stop = block.segment(first, end)
             if held + stop - start > len(buffer):
                 yield buffer[:held]
-                held = 0
+                buffer, held = room(), 0
             if stop > start:
                 self._read(start, buffer[held : held + stop - start])
                 held += stop - start

@@ -15,10 +15,12 @@ import numpy as np
 
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.copc.chunk import Columns
 from furrowmap.exporters.copc.cube import Cube
 from furrowmap.exporters.copc.file import CopcFile, describe, las_header
 from furrowmap.exporters.copc.octree import Limits, Octree
-from furrowmap.exporters.copc.points import Extent, PointBatch, Records, pack
+from furrowmap.exporters.copc.points import Extent, PointBatch, pack
+from furrowmap.exporters.copc.records import held_layout
 
 MEMORY_POINTS: Final = 8_000_000
 NODE_POINTS: Final = 50_000
@@ -82,9 +84,8 @@ class CopcWriter:
             raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
         self._path, self._scale_m, self._node_points = path, scale_m, node_points
         self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour)
-        self._layout = self._header.point_format.dtype()
         limits = Limits(memory_points, node_points, path.parent)
-        self._octree = Octree(self._layout, limits, np.random.default_rng(seed))
+        self._octree = Octree(held_layout(self._header.point_format.dtype()), limits, np.random.default_rng(seed))
         self._extent = Extent.of_nothing()
         self._stack = ExitStack()
         self._summary: CopcSummary | None = None
@@ -112,14 +113,14 @@ class CopcWriter:
             done += len(room)
 
     def close(
-        self, progress: Progress = silent, complete: Callable[[Records], None] | None = None, description: str = ""
+        self, progress: Progress = silent, complete: Callable[[Columns], None] | None = None, description: str = ""
     ) -> CopcSummary:
         """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
 
         Args:
             progress: is told of the stage "writing cloud".
-            complete: is given the records, in the layout of laspy's point format and in no particular order, some at a
-                time and by two threads at once, to fill in place what was not known when the points came.
+            complete: is given the points, those of a node at a time in no particular order and by several threads at
+                once, to fill in place what was not known when they came.
             description: of the cloud in words, in a record of its own.
 
         Raises:
@@ -140,7 +141,7 @@ class CopcWriter:
         else:
             self._stack.__exit__(kind, error, trace)
 
-    def _write(self, progress: Progress, complete: Callable[[Records], None] | None) -> CopcSummary:
+    def _write(self, progress: Progress, complete: Callable[[Columns], None] | None) -> CopcSummary:
         points = self._extent.points
         with closing(
             CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)

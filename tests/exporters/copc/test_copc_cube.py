@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.exporters.copc.cube import DEPTH, Cube, codes_of
-from furrowmap.exporters.copc.points import Records
+from furrowmap.exporters.copc.records import Records
 
 steps = st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3)
 clouds = st.lists(steps, min_size=1, max_size=20).map(lambda points: np.array(points, np.int64))
