@@ -23,6 +23,7 @@ from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, 
 from furrowmap.core.matching.equations import Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
+from furrowmap.core.matching.relaxation import Relaxation
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
 from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import (
@@ -213,12 +214,13 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         told = max(told, min(1.0, done / steps))
         progress(told)
 
-    _window_step(problem, together=False)
+    _window_step(problem, None)
     step_done()
+    relaxation = Relaxation()
     for number in range(most):
-        turned = _window_step(problem, together=True)
+        turned = _window_step(problem, relaxation)
         step_done()
-        _window_step(problem, together=False)
+        _window_step(problem, None)
         step_done()
         if number + 1 >= least:
             if turned < TURNED:
@@ -284,9 +286,12 @@ def _remount(problem: Problem, turn: FloatArray) -> None:
     problem.mounting_turn = turn @ problem.mounting_turn
 
 
-def _window_step(problem: Problem, *, together: bool) -> float:
-    """One step with the ground of short windows, which overlap by half; returns the largest turn of a heading."""
-    coarse = CoarseKnots.over(problem.knots, COARSE_EVERY, WINDOW_PATCH_M) if together else None
+def _window_step(problem: Problem, relaxation: Relaxation | None) -> float:
+    """One step with the ground of short windows, which overlap by half; returns the largest turn of a heading.
+
+    With a relaxation poses and ground move together, by a step that it lengthens; without one the ground is held.
+    """
+    coarse = CoarseKnots.over(problem.knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
     centre = coarse.centres(problem.knots, problem.state) if coarse is not None else np.zeros((0, 3))
     reach = int(WINDOW_S / (COARSE_EVERY * STEP_S)) + 2
     width = min(reach + 2, len(centre)) * SIZE
@@ -313,8 +318,8 @@ def _window_step(problem: Problem, *, together: bool) -> float:
         beside = pool.submit(lambda: (_hold_blind(problem), _window_walls(problem, placing, coarse)))
         found = _in_threads(work, windows)
         held, walls = beside.result()
-    _add_seen(problem, held, [sums for sums, _ in found], walls, together=together)
-    if coarse is None:
+    _add_seen(problem, held, [sums for sums, _ in found], walls, together=relaxation is not None)
+    if coarse is None or relaxation is None:
         return _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
     for _, freed in found:
@@ -323,7 +328,8 @@ def _window_step(problem: Problem, *, together: bool) -> float:
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
     step = _solved(equations, coarse.touched(problem.loose))
-    return _move(problem, held, fine_step(coarse, centre, problem.state, step))
+    step = fine_step(coarse, centre, problem.state, step)
+    return _move(problem, held, relaxation.lengthened(step, problem.knots))
 
 
 def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> None:

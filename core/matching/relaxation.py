@@ -1,0 +1,57 @@
+"""Longer steps where steps keep coming out too short.
+
+Ground that wrong poses blur shows too little of how wrong they are: step follows step in the same direction, each a
+small share of the way. How small shows in two steps one after the other, and the next is made longer by it (Aitken's
+extrapolation for vectors; Irons and Tuck 1969, A version of the Aitken accelerator for computer iteration). Poses are
+wrong in one stretch of time and right in the others, so each time has its own factor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from furrowmap.core.matching.knots import STEP_S, Knots
+
+FloatArray = NDArray[np.float64]
+
+OVER_S: Final = 3.0
+"""Over so much time the steps are compared: that of a window."""
+ARM_M: Final = 5.0
+"""How far away the ground is by which a turn is weighed against a shift."""
+LONGEST: Final = 6.0
+"""Longer steps than so many times those found leave the reach of what they were found from."""
+
+
+@dataclass
+class Relaxation:
+    """How much longer steps are made, as learned from those before."""
+
+    _moved_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    _factor: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    def lengthened(self, step: FloatArray, knots: Knots) -> FloatArray:
+        """The step (n, 9) at all knots as it is taken, never shorter than it was found; the first is as found."""
+        moved = np.column_stack([step[:, :2], ARM_M * step[:, 5]])
+        factor = np.ones(len(step))
+        if len(self._moved_m):
+            change = moved - self._moved_m
+            left = _around(-np.einsum("ij,ij->i", self._moved_m, change), knots)
+            square = _around(np.einsum("ij,ij->i", change, change), knots)
+            share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
+            factor = np.clip(self._factor * share, 1.0, LONGEST)
+        self._moved_m, self._factor = moved, factor
+        return step * factor[:, None]
+
+
+def _around(values: FloatArray, knots: Knots) -> FloatArray:
+    """Means (n,) over OVER_S about each knot, of its own chain."""
+    out = np.empty_like(values)
+    for chain in knots.chains:
+        part = slice(chain.first, chain.first + chain.count)
+        out[part] = uniform_filter1d(values[part], round(OVER_S / STEP_S), mode="nearest")
+    return out
