@@ -22,6 +22,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QIcon
+from qgis.utils import pluginMetadata
 
 from ..interpreter import find_interpreter, is_usable
 from ..stages import stage_words
@@ -101,8 +102,9 @@ class VerbAlgorithm(QgsProcessingAlgorithm):
         return "".join(f"<p>{text}</p>" for text in told)
 
     def helpUrl(self):  # noqa: N802
-        """Where more is told."""
-        return f"https://example.org/furrowmap/reference/commands/#furrowmap-{'-'.join(self.VERB)}"
+        """Where more is told: below the plugin's own page, which its metadata name."""
+        page = pluginMetadata("furrowmap", "homepage").rstrip("/")
+        return f"{page}/reference/commands/#furrowmap-{'-'.join(self.VERB)}"
 
     def canExecute(self):  # noqa: N802
         """Whether a worker is there; if not, why."""
