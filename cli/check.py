@@ -26,7 +26,9 @@ CLASS = click.FloatRange(0.0, min_open=True)
 @click.argument("product", metavar="CLOUD_OR_DSM", type=FILE)
 @click.argument("points", metavar="POINTS", type=FILE)
 @click.option(
-    "--crs", metavar="CRS", help="The CRS of the points, where their file states none [default: the product's]."
+    "--crs",
+    metavar="CRS",
+    help="The CRS of the points, and of a cloud, where their files state none [default: the product's].",
 )
 @click.option("--points-sigma", type=CLASS, metavar="METRES", help="The survey's own standard deviation on each axis.")
 @click.option(

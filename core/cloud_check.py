@@ -12,13 +12,16 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.clouds import MACHINE, NOISE, Clouds, open_clouds
+from furrowmap.core.check_notices import accuracy_notices, precision_notices
+from furrowmap.core.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
 from furrowmap.core.internal_precision import UNSEEN, InternalPrecision, SwathHeights, Told, swath_numbers, told_by
 from furrowmap.core.local_plane import local_plane
-from furrowmap.core.positional_accuracy import FEWEST, Accuracy, Component
+from furrowmap.core.point_check import PointCheck, three
+from furrowmap.core.positional_accuracy import Accuracy, Component
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.surface_at_points import Box, surface_at_points
 from furrowmap.core.surveyed_points import SurveyedPoints, read_points
 from furrowmap.core.target_discs import find_disc
 from furrowmap.core.values.errors import InputError, Notice
@@ -31,42 +34,8 @@ RADIUS_M: Final = 0.25
 """Returns up to so far from a point make the plane that it is compared with."""
 STEEPEST: Final = 0.5
 """A steeper plane shows an edge, where a height depends on the place."""
-LABELS: Final = {
-    "within_swath_max_m": "greatest within a swath",
-    "between_swath_m": "RMS between swaths",
-    "between_swath_max_m": "greatest between swaths",
-}
-"""What the figures of internal precision are called."""
 SEARCH_DIAMETERS: Final = 3.0
 """A target is looked for up to so many of its diameters away."""
-
-
-@dataclass(frozen=True)
-class PointCheck:
-    """One surveyed point and what the product says there.
-
-    Attributes:
-        name: of the point.
-        surveyed_m: easting, northing, height.
-        found_m: of the product; nan where it shows none, easting and northing without a target.
-        returns: that made the height; 0 for a surface.
-        slope: of the plane; nan for a surface.
-        swaths: what each swath says of the place.
-        why_not: why its height was not compared; empty where it was.
-    """
-
-    name: str
-    surveyed_m: tuple[float, float, float]
-    found_m: tuple[float, float, float]
-    returns: int = 0
-    slope: float = float("nan")
-    swaths: SwathHeights = UNSEEN
-    why_not: str = ""
-
-    @property
-    def error_m(self) -> FloatArray:
-        """Product less survey (3,); nan where there is none."""
-        return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
 
 
 @dataclass(frozen=True)
@@ -104,7 +73,7 @@ def check_product(
     Args:
         product: the file.
         points_file: of the points; see :func:`furrowmap.core.surveyed_points.read_points`.
-        points_crs: of a points file that states none.
+        points_crs: of a points file that states none, and of a cloud likewise.
         targets: by what of the returns discs are looked for, which show the horizontal error.
         diameter_m: of the discs.
         sigma_m: standard deviation of the survey along each axis, where the file states none.
@@ -126,20 +95,24 @@ def check_product(
         is_cloud = file.read(4) == SIGNATURE
     told: Told = "nothing"
     if is_cloud:
-        clouds = open_clouds([product])
+        clouds = _opened(product, points_crs)
         survey = read_points(points_file, clouds.crs, points_crs)
         reach = max(RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
         (cloud,) = clouds.files
-        own = cloud.header.software.startswith("furrowmap")
+        own = is_ours(cloud)
         near = _near(clouds, survey, reach, progress, own=own)
         told = _told_by(near, own=own)
         checks = tuple(
             _at_cloud(survey, k, batch, targets, diameter_m)
             for k, batch in enumerate(_by_point(near, survey, reach, told, own=own))
         )
-        crs, notices = clouds.crs, [*clouds.notices, *survey.notices]
+        crs, notices, bounds = (
+            clouds.crs,
+            [*clouds.notices, *survey.notices],
+            (*cloud.header.low[:2], *cloud.header.high[:2]),
+        )
     else:
-        crs, checks, survey = _at_surface(product, points_file, points_crs)
+        crs, checks, survey, bounds = surface_at_points(product, points_file, points_crs)
         notices = list(survey.notices)
     stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
     accuracy = _accuracy(checks, stated, told)
@@ -148,72 +121,72 @@ def check_product(
             f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
             f"{checks[0].name} {checks[0].why_not}.",
             "There is nothing to compare.",
-            "See in a GIS whether points and product lie together; name the points' CRS with --crs if it is another.",
+            _exchanged(survey, bounds)
+            or "See in a GIS whether they lie together; name the points' CRS with --crs if it is another.",
             code="check-nowhere",
         )
-    notices += _notices(checks, accuracy, targets, class_m)
+    notices += accuracy_notices(checks, accuracy, class_m, targets=targets != "none")
     if is_cloud:
-        notices += _precision_notices(accuracy.precision, class_m)
+        notices += precision_notices(accuracy.precision, class_m)
     return Check("cloud" if is_cloud else "surface", crs, checks, accuracy, tuple(notices))
 
 
-def _at_surface(
-    path: Path, points_file: Path, points_crs: pyproj.CRS | None
-) -> tuple[pyproj.CRS, tuple[PointCheck, ...], SurveyedPoints]:
-    """The surface's CRS, its height at each point (bilinear between the middles of four cells), and the points."""
-    import rasterio
-    from rasterio.windows import Window
+def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
+    """The cloud, in metres.
 
+    Args:
+        product: the file.
+        crs: of the points: the cloud's as well where it states none, and what one in degrees is brought to.
+    """
     try:
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path) as raster:
-            if raster.crs is None:
-                raise _no_surface(path, "has no CRS")
-            crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
-            survey = read_points(points_file, crs, points_crs)
-            checks, to_cells = [], ~raster.transform
-            for name, xyz in zip(survey.name, survey.xyz_m, strict=True):
-                column, row = (a * xyz[0] + b * xyz[1] + c for a, b, c in (to_cells[:3], to_cells[3:6]))
-                left, top = int(np.floor(column - 0.5)), int(np.floor(row - 0.5))
-                four = raster.read(1, window=Window(left, top, 2, 2), boundless=True, masked=True)
-                cells = np.ma.filled(four.astype(np.float64), np.nan)
-                right, down = column - 0.5 - left, row - 0.5 - top
-                share = np.outer([1.0 - down, down], [1.0 - right, right])
-                height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
-                why = "" if np.isfinite(height) else "lies where the surface has no heights"
-                found = (np.nan, np.nan, height)
-                checks.append(PointCheck(name, _three(xyz), found, why_not=why))
-    except rasterio.errors.RasterioIOError as error:
-        raise _no_surface(path, f"is neither a cloud nor a raster that GDAL reads ({error})") from None
-    return crs, tuple(checks), survey
+        return open_clouds([product], crs)
+    except InputError as error:
+        if error.code != "crs-not-metres":
+            raise
+        if crs is None:
+            raise InputError(
+                error.lines[0],
+                "Points and returns are compared in metres.",
+                "Name the points' CRS with --crs, projected and in metres; the cloud is brought to it.",
+                code="crs-not-metres",
+            ) from None
+    return open_clouds([product], crs, crs)
 
 
 def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Progress, *, own: bool) -> list[CloudBatch]:
     """The returns up to `reach_m` from any point, in metres and the clouds' CRS."""
-    (file,) = clouds.files
     tree = cKDTree(survey.xyz_m[:, :2])
     cells = np.unique(_cells(survey.xyz_m[:, :2], reach_m, around=True))
     low, high = survey.xyz_m[:, :2].min(axis=0) - reach_m, survey.xyz_m[:, :2].max(axis=0) + reach_m
     unwanted = [*NOISE, *(MACHINE if own else ())]
-    out, done = [], 0
-    for batch in _batches(file, (float(low[0]), float(low[1]), float(high[0]), float(high[1]))):
-        done += len(batch)
-        progress("reading the cloud", min(1.0, done / max(file.points, 1)))
-        xy = batch.xyz_m[:, :2]
-        keep = np.isin(_cells(xy, reach_m), cells)
-        keep &= ~np.isin(batch.classification, unwanted) & ~batch.withheld
-        part = batch.where(keep)
+
+    def read(done: int) -> None:
+        progress("reading the cloud", min(1.0, done / max(clouds.points, 1)))
+
+    def wanted(_: CloudFile, batch: CloudBatch) -> NDArray[np.bool_]:
+        return ~np.isin(batch.classification, unwanted)
+
+    out = []
+    box = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    for _, batch in clouds.whole_batches(box, wanted, read=read):
+        part = batch.where(np.isin(_cells(batch.xyz_m[:, :2], reach_m), cells))
         if len(part):
             distance, _ = tree.query(part.xyz_m[:, :2], distance_upper_bound=reach_m)
             out.append(part.where(np.isfinite(distance)))
-    if clouds.unit_m != 1.0:
-        for part in out:
-            part.xyz_m[:, 2] *= clouds.unit_m
     progress("reading the cloud", 1.0)
     return out
 
 
-def _batches(file: CloudFile, box: tuple[float, float, float, float]) -> Iterator[CloudBatch]:
-    return file.batches(box=box)
+def _exchanged(survey: SurveyedPoints, box: Box) -> str:
+    """What to do about points that lie in the product with easting and northing exchanged; empty where they do not."""
+    north, east = survey.xyz_m[:, 0], survey.xyz_m[:, 1]
+    inside = (east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])
+    if not inside.any():
+        return ""
+    return (
+        f"With easting and northing exchanged {int(inside.sum())} points lie in it: X is the northing in Japan's plane "
+        "coordinates. Name the columns n_m and e_m."
+    )
 
 
 def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[np.int64]:
@@ -266,7 +239,7 @@ def _by_point(
 
 def _at_cloud(survey: SurveyedPoints, k: int, near: dict[str, Any], targets: Targets, diameter_m: float) -> PointCheck:
     """What the returns around a point say of it."""
-    place = _three(survey.xyz_m[k])
+    place = three(survey.xyz_m[k])
     middle = None
     if targets != "none":
         brightness = near["intensity"] if targets == "intensity" else near["colour"]
@@ -311,77 +284,3 @@ def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, told: Told) -
         parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
     precision = InternalPrecision.of((check.swaths for check in checks), told)
     return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)
-
-
-def _precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:
-    if precision.told_by == "nothing":
-        nothing = (
-            "Nothing in the cloud tells its swaths apart, neither times of its points nor their sources, so how well "
-            "it agrees with itself is not known."
-        )
-        return [Notice("check-swaths-unknown", nothing)]
-    if not precision.swath_pairs:
-        once = "No point was seen by two swaths, so how well swaths agree is not known."
-        return [Notice("check-swaths-single", once)]
-    beyond = [
-        f"{LABELS[name]} {verdict['found_m']:.3f} m of {verdict['limit_m']:.3g} m"
-        for name, verdict in (precision.verdicts(class_m) if class_m is not None else {}).items()
-        if verdict["met"] is False
-    ]
-    if not beyond or class_m is None:
-        return []
-    apart = f"The cloud's internal precision is not that of the class of {100 * class_m:g} cm: {', '.join(beyond)}."
-    return [Notice("check-precision", apart)]
-
-
-def _notices(
-    checks: tuple[PointCheck, ...], accuracy: Accuracy, targets: Targets, class_m: float | None
-) -> list[Notice]:
-    assert accuracy.vertical is not None
-    notices = []
-    unused = [check for check in checks if check.why_not]
-    if unused:
-        told = "; ".join(f"{check.name} {check.why_not}" for check in unused[:3])
-        text = f"{len(unused)} of {len(checks)} points were not compared: {told}{'; …' if len(unused) > 3 else ''}."
-        notices.append(Notice("check-unused", text))
-    if accuracy.vertical.n < FEWEST:
-        text = (
-            f"{accuracy.vertical.n} points were compared; ASPRS (Edition 2, 2023) makes no statement of accuracy from "
-            f"fewer than {FEWEST}."
-        )
-        notices.append(Notice("check-few", text))
-    if not np.isfinite(accuracy.vertical.survey_m):
-        text = (
-            "The points' own accuracy is not stated (columns sigma_e_m, sigma_n_m, sigma_h_m, or --points-sigma), so "
-            "it is not in the figures as the standard asks for."
-        )
-        notices.append(Notice("check-survey-unknown", text))
-    elif class_m is not None and accuracy.vertical.survey_m > 0.5 * class_m:
-        coarse = (
-            f"The points' heights are good to {accuracy.vertical.survey_m:.3f} m; the standard asks for points twice "
-            f"as accurate as the class of {100 * class_m:g} cm."
-        )
-        notices.append(Notice("check-survey-coarse", coarse))
-    for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
-        if part is not None and part.biased:
-            text = f"The mean error in {name} is {part.mean_m:+.3f} m, more than scatter explains: look for its cause."
-            notices.append(Notice("check-bias", text))
-    if targets != "none":
-        found = sum(bool(np.isfinite(check.found_m[0])) for check in checks)
-        if found < len(checks):
-            text = f"At {len(checks) - found} of {len(checks)} points no disc was found."
-            notices.append(Notice("check-targets", text))
-    return notices
-
-
-def _three(xyz: FloatArray) -> tuple[float, float, float]:
-    return float(xyz[0]), float(xyz[1]), float(xyz[2])
-
-
-def _no_surface(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "It is nothing that surveyed points could be compared with.",
-        "Give a cloud (LAS, LAZ, COPC) or a surface with a CRS (GeoTIFF).",
-        code="check-product",
-    )

@@ -11,6 +11,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.crs_change import crs_change
+from furrowmap.core.survey_table import read_table
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
@@ -18,14 +19,17 @@ FloatArray = NDArray[np.float64]
 LARGEST_BYTES: Final = 50_000_000
 _NAMES: Final = {
     "name": ("name", "id", "point", "point_id", "label", "点名"),
-    "x": ("e_m", "easting", "e", "x", "east", "lon_deg", "lon", "longitude"),
-    "y": ("n_m", "northing", "n", "y", "north", "lat_deg", "lat", "latitude"),
+    "x": ("e_m", "easting", "e", "x", "east", "y座標", "lon_deg", "lon", "longitude"),
+    "y": ("n_m", "northing", "n", "y", "north", "x座標", "lat_deg", "lat", "latitude"),
     "h": ("h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高"),
     "sigma_x": ("sigma_e_m", "sigma_e", "sd_e"),
     "sigma_y": ("sigma_n_m", "sigma_n", "sd_n"),
     "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
 }
-"""Columns by what they hold; upper or lower case. Japan's surveyors write X for north: such tables need other names."""
+"""Columns by what they hold; upper or lower case, a unit in brackets left out.
+
+Japan's surveyors write X for north: a bare X and Y needs other names, which is told where points lie nowhere.
+"""
 _DEGREES: Final = ("lon_deg", "lon", "longitude")
 
 
@@ -96,21 +100,31 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
 
 def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
     """The columns, and whether they are longitudes and latitudes."""
-    import pandas as pd
-
     try:
-        with path.open(encoding="utf-8-sig") as file:
-            head = next((line for line in file if line.strip() and not line.startswith("#")), "")
-        separator = max(",;\t", key=head.count)
-        table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig", sep=separator)
-    except (ValueError, UnicodeDecodeError, pd.errors.ParserError) as error:
-        raise _unreadable(path, f"is no table ({str(error).splitlines()[0][:100]})") from None
-    table.columns = [str(column).strip().casefold() for column in table.columns]
+        table = read_table(path)
+    except (ValueError, OSError) as error:
+        raise _unreadable(path, f"is no table: {error}") from None
     found = {key: next((n for n in names if n in table.columns), None) for key, names in _NAMES.items()}
     missing = [_NAMES[key][0] for key in "xyh" if found[key] is None]
     if missing:
         raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {', '.join(table.columns)[:200]})")
-    return _columns(table, found), found["x"] in _DEGREES
+    n = len(table.lines)
+    columns: dict[str, Any] = {
+        key: table.numbers(column) if column is not None else np.full(n, np.nan)
+        for key, column in found.items()
+        if key != "name"
+    }
+    name, degrees = found["name"], found["x"] in _DEGREES
+    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
+    if not all(np.isfinite(columns[key]).any() for key in "xyh"):
+        faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
+        said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
+        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+    if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
+        raise _unreadable(
+            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are exchanged"
+        )
+    return columns, degrees
 
 
 def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.cloud_check import Check, PointCheck
+from furrowmap.core.cloud_check import Check
+from furrowmap.core.point_check import PointCheck
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.atomic import atomic_output
 

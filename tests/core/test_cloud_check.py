@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -280,6 +281,115 @@ def test_points__of_a_geopackage_bring_their_crs_and_heights(tmp_path: Path) -> 
     table.to_crs("EPSG:6677+3855").to_file(tmp_path / "q.gpkg", engine="pyogrio")
     with pytest.raises(RefusedError, match="EGM2008"):
         read_points(tmp_path / "q.gpkg", CRS("EPSG:6677+6695"))
+
+
+def table(head: str, rows: list[tuple[str, ...]], separator: str = ",") -> str:
+    return "\n".join(separator.join(row) for row in [tuple(head.split(",")), *rows]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "separator", "encoding", "form"),
+    [
+        ("name,e_m,n_m,h_m", ",", "utf-8", "{:.4f}"),
+        ("name,e_m,n_m,h_m", ",", "utf-8-sig", "{:.4f}"),
+        ("name,e_m,n_m,h_m", "\t", "utf-16", "{:.4f}"),
+        ("点名,Y座標,X座標,標高", ",", "cp932", "{:.4f}"),
+        ("Name,Easting (m),Northing [m],Elevation（m）", ";", "utf-8", "{:.4f}"),
+        ("name,e_m,n_m,h_m", ";", "utf-8", "comma"),
+    ],
+    ids=["plain", "with a mark", "UTF-16", "Shift-JIS", "units", "decimal commas"],
+)
+def test_points__of_any_spreadsheet_are_the_same(
+    tmp_path: Path, head: str, separator: str, encoding: str, form: str
+) -> None:
+    survey = places(4)
+
+    def cell(value: float) -> str:
+        return f"{value:.4f}".replace(".", ",") if form == "comma" else form.format(value)
+
+    rows = [(f"杭{k}", *map(cell, xyz)) for k, xyz in enumerate(survey.tolist())]
+    (tmp_path / "p.csv").write_bytes(("# of a total station\n" + table(head, rows, separator)).encode(encoding))
+    points = read_points(tmp_path / "p.csv", CRS("EPSG:6677"))
+    np.testing.assert_allclose(points.xyz_m, survey, rtol=0, atol=6e-5)
+    assert points.name == ("杭0", "杭1", "杭2", "杭3")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("name;e_m;n_m;h_m\na;22,900.1;11,600.2;40.0\n", "line 2 holds '22,900.1' under e_m"),
+        ("name,lat,lon,h\na,140.02,36.87,40.0\n", "longitude and latitude are exchanged"),
+        ("P1,22900,11600,40\nP2,22901,11600,40\n", "has no column e_m, n_m, h_m"),
+        ("\0\0\1\2,;", "holds no text"),
+        ("one word\n", "no comma, semicolon or tab"),
+    ],
+)
+def test_points__whose_numbers_cannot_be_meant_are_told_where(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "p.csv").write_text(text)
+    with pytest.raises(FurrowmapError, match=re.escape(says)):
+        read_points(tmp_path / "p.csv", CRS("EPSG:6677"))
+
+
+def test_points__with_x_for_north_are_told_how_to_name_them(tmp_path: Path) -> None:
+    survey = places()
+    rows = [(f"P{k}", f"{n:.4f}", f"{e:.4f}", f"{h:.4f}") for k, (e, n, h) in enumerate(survey.tolist())]
+    (tmp_path / "p.csv").write_text(table("name,x,y,h", rows))
+    for product in (write_surface(tmp_path / "dsm.tif"), write_cloud(tmp_path / "a.las", returns(20_000))):
+        with pytest.raises(FurrowmapError, match=r"exchanged 3[56] points lie in it"):
+            check_product(product, tmp_path / "p.csv")
+
+
+def test_heights_of_another_kind_are_asked_for(tmp_path: Path) -> None:
+    survey = places()
+    survey[:, 2] -= 42.77
+    found = check_product(write_surface(tmp_path / "dsm.tif"), write_points(tmp_path / "p.csv", survey, 0.005))
+    (bias,) = [notice.text for notice in found.notices if notice.code == "check-bias"]
+    assert "the ellipsoid or the sea?" in bias
+
+
+def test_cloud__in_degrees_is_brought_to_metres(tmp_path: Path) -> None:
+    """The same field in longitudes and latitudes: points in metres find their returns."""
+    xyz = returns(60_000)
+    lon, lat = Transformer.from_crs("EPSG:6677", "EPSG:6668", always_xy=True).transform(*xyz[:, :2].T)
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales, header.offsets = np.array([1e-9, 1e-9, 1e-4]), np.array([lon.min(), lat.min(), 0.0])
+    header.add_crs(CRS("EPSG:6668"))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = lon, lat, xyz[:, 2]
+    las.write(tmp_path / "d.las")
+    points = write_points(tmp_path / "p.csv", places(), 0.005)
+    with pytest.raises(FurrowmapError, match="is in degree") as refused:
+        check_product(tmp_path / "d.las", points)
+    assert "--crs" in refused.value.lines[2]
+    found = check_product(tmp_path / "d.las", points, points_crs=CRS("EPSG:6677"))
+    assert found.accuracy.vertical is not None
+    assert (found.accuracy.vertical.n, found.crs.is_projected) == (36, True)
+    assert found.accuracy.vertical.greatest_m < 1e-3
+
+
+def test_cloud__without_a_crs_takes_that_of_the_points(tmp_path: Path) -> None:
+    path = write_cloud(tmp_path / "a.las", returns(20_000))
+    las = laspy.read(path)
+    las.header.vlrs.clear()
+    las.header.global_encoding.wkt = False
+    las.write(path)
+    points = write_points(tmp_path / "p.csv", places(), 0.005)
+    with pytest.raises(FurrowmapError, match="states no CRS") as refused:
+        check_product(path, points)
+    assert "--crs" in refused.value.lines[2]
+    assert check_product(path, points, points_crs=CRS("EPSG:6677")).accuracy.vertical is not None
+
+
+def test_surface__that_holds_no_heights_is_refused(tmp_path: Path) -> None:
+    path = write_surface(tmp_path / "change.tif")
+    with rasterio.open(path, "r+") as raster:
+        raster.update_tags(TIFFTAG_SOFTWARE="furrowmap 0.1.0")
+        raster.descriptions = ("change",)
+    with pytest.raises(FurrowmapError, match="holds 'change' and no heights"):
+        check_product(path, write_points(tmp_path / "p.csv", places()))
+    with rasterio.open(path, "r+") as raster:
+        raster.descriptions = ("height",)
+    assert check_product(path, tmp_path / "p.csv").accuracy.vertical is not None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,45 @@
+"""What a product says of one surveyed point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.internal_precision import UNSEEN, SwathHeights
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointCheck:
+    """One surveyed point and what the product says there.
+
+    Attributes:
+        name: of the point.
+        surveyed_m: easting, northing, height.
+        found_m: of the product; nan where it shows none, easting and northing without a target.
+        returns: that made the height; 0 for a surface.
+        slope: of the plane; nan for a surface.
+        swaths: what each swath says of the place.
+        why_not: why its height was not compared; empty where it was.
+    """
+
+    name: str
+    surveyed_m: tuple[float, float, float]
+    found_m: tuple[float, float, float]
+    returns: int = 0
+    slope: float = float("nan")
+    swaths: SwathHeights = UNSEEN
+    why_not: str = ""
+
+    @property
+    def error_m(self) -> FloatArray:
+        """Product less survey (3,); nan where there is none."""
+        return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
+
+
+def three(xyz: FloatArray) -> tuple[float, float, float]:
+    """Coordinates as a point's."""
+    return float(xyz[0]), float(xyz[1]), float(xyz[2])
