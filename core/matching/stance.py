@@ -27,7 +27,9 @@ SPACING_M: Final = 0.15
 EVERY_S: Final = 0.25
 BLOCK_S: Final = 8.0
 """Ground and ruts of one such time count as one sample."""
-LEAST_BLOCKS: Final = 4
+LEAST_BLOCKS: Final = 6
+"""Less than three quarters of a minute in motion are one or two passes, on which a wheel may follow one ridge or furrow
+all the way: half a degree in all blocks alike."""
 LEAST_PLACES: Final = 400
 MOVING_MPS: Final = 0.2
 CERTAIN: Final = 2.5
