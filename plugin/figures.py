@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The figures of a report as a farmer asks for them: worked, worked twice, missed, and how accurate all is."""
 
+from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, QLocale, Qt
 
 
@@ -28,7 +29,11 @@ def figure_rows(report):
 def _local_time(text):
     """A time in UTC as this computer's clock would show it."""
     moment = QDateTime.fromString(str(text), Qt.DateFormat.ISODateWithMs)
-    return QLocale().toString(moment.toLocalTime(), QLocale.FormatType.ShortFormat) if moment.isValid() else None
+    return (
+        QLocale(QgsApplication.locale()).toString(moment.toLocalTime(), QLocale.FormatType.ShortFormat)
+        if moment.isValid()
+        else None
+    )
 
 
 def _number(value, form):

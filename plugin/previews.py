@@ -7,6 +7,7 @@ from pathlib import Path
 from qgis.core import Qgis, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QCoreApplication
 
+from .legends import translate_categories
 from .styles import show_as_surface
 
 ACCOUNT = "preview.json"
@@ -96,6 +97,7 @@ def _files_opened(folder):
     track = QgsVectorLayer(f"{folder / TRACK}|layername=trajectory", tr("track"), "ogr")
     if track.isValid():
         track.loadDefaultStyle()
+        translate_categories(track)
         track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
     yield track
     if (folder / SURFACE).is_file():

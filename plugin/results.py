@@ -7,7 +7,7 @@ from pathlib import Path
 from qgis.core import (
     Qgis,
     QgsDateTimeRange,
-    QgsMapLayerLegendUtils,
+    QgsLayerTreeLayer,
     QgsPointCloudLayer,
     QgsProject,
     QgsProviderRegistry,
@@ -16,6 +16,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
+from .legends import tell_band, translate_categories
 from .previews import remove_previews
 from .styles import (
     show_as_change,
@@ -94,26 +95,15 @@ def opening(folder, project=None):
     group.setCustomProperty(FOLDER_PROPERTY, str(folder))
     for layer in layers:
         project.addMapLayer(layer, addToLegend=False)
-        node = group.addLayer(layer)
-        tell_legend(node)
+        node = QgsLayerTreeLayer(layer)
+        tell_band(node)
+        group.addChildNode(node)
         node.setItemVisibilityChecked(layer.name() in SHOWN)
         node.setExpanded(False)
         yield
     stand_on_terrain(project, layers)
     play_day(project, report)
     return layers
-
-
-def tell_legend(node):
-    """Say in plain words what a raster's colours mean, instead of the name of its band."""
-    legends = {
-        "change": tr("Soil sunk or risen (m)"),
-        "swaths": tr("Swaths apart in height (m)"),
-        "dsm": tr("Relief as left at the end"),
-        "dsm_before": tr("Relief before the work"),
-    }
-    if node.layer().name() in legends:
-        QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, legends[node.layer().name()])
 
 
 def groups_of(project, folder=None):
@@ -138,6 +128,7 @@ def field_layers(folder):
             continue
         layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
         layer.loadDefaultStyle()  # again: at its birth a layer takes the symbols of its style, but not its times
+        translate_categories(layer)
         if layer.name() in MEASURED:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
         if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:

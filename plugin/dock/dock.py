@@ -7,7 +7,7 @@ from pathlib import Path
 
 from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProject
 from qgis.gui import QgsDockWidget
-from qgis.PyQt.QtCore import QTimer, QUrl
+from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices
 from qgis.PyQt.QtWidgets import QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
@@ -30,6 +30,8 @@ from .tasks import QUIET, StageFeedback, VerbTask
 NAME = "furrowmap"
 MARGIN = 1.3
 """Of the map, to what is shown on it."""
+DESIGNER = QSize(1100, 760)
+"""Pixels in which a page can be read: QGIS opens its first layout window much smaller."""
 STEP_MS = 1
 """Between two steps of opening a result: the window's other events have their turn."""
 
@@ -349,7 +351,10 @@ class FurrowmapDock(QgsDockWidget):
         if not groups:
             self.report(self.tr("Add the session to the map first."))
             return
-        self._iface.openLayoutDesigner(session_layout(project, groups[0], read_report(self._folder)))
+        designer = self._iface.openLayoutDesigner(session_layout(project, groups[0], read_report(self._folder)))
+        window = designer.window()
+        window.resize(window.size().expandedTo(DESIGNER))
+        QTimer.singleShot(0, designer.view().zoomFull)  # once the window has its size
 
 
 def folder_for(session):

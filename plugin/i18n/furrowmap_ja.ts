@@ -1061,6 +1061,105 @@
   </message>
 </context>
 <context>
+  <name>Legends</name>
+  <message>
+    <source>PPP</source>
+    <translation>PPP</translation>
+  </message>
+  <message>
+    <source>RTK fixed</source>
+    <translation>RTK FIX</translation>
+  </message>
+  <message>
+    <source>RTK float</source>
+    <translation>RTK FLOAT</translation>
+  </message>
+  <message>
+    <source>Relief as left at the end</source>
+    <translation>作業後の起伏</translation>
+  </message>
+  <message>
+    <source>Relief before the work</source>
+    <translation>作業前の起伏</translation>
+  </message>
+  <message>
+    <source>Soil sunk or risen (m)</source>
+    <translation>土の沈下・隆起（m）</translation>
+  </message>
+  <message>
+    <source>Swaths apart in height (m)</source>
+    <translation>走査帯どうしの高さの差（m）</translation>
+  </message>
+  <message>
+    <source>body of the field</source>
+    <translation>圃場の本体</translation>
+  </message>
+  <message>
+    <source>differential</source>
+    <translation>ディファレンシャル</translation>
+  </message>
+  <message>
+    <source>drives backwards</source>
+    <translation>後退</translation>
+  </message>
+  <message>
+    <source>drives forward</source>
+    <translation>前進</translation>
+  </message>
+  <message>
+    <source>headland</source>
+    <translation>枕地</translation>
+  </message>
+  <message>
+    <source>missed along the boundary</source>
+    <translation>境界沿いの作業残し</translation>
+  </message>
+  <message>
+    <source>missed between passes</source>
+    <translation>行程間の作業残し</translation>
+  </message>
+  <message>
+    <source>other</source>
+    <translation>その他</translation>
+  </message>
+  <message>
+    <source>other, or from a file</source>
+    <translation>その他、またはファイルから</translation>
+  </message>
+  <message>
+    <source>positions end</source>
+    <translation>測位の途切れ</translation>
+  </message>
+  <message>
+    <source>single</source>
+    <translation>単独測位</translation>
+  </message>
+  <message>
+    <source>stop</source>
+    <translation>停止</translation>
+  </message>
+  <message>
+    <source>tool down</source>
+    <translation>作業機 下</translation>
+  </message>
+  <message>
+    <source>tool lifted</source>
+    <translation>作業機を上げた</translation>
+  </message>
+  <message>
+    <source>tool lowered</source>
+    <translation>作業機を下ろした</translation>
+  </message>
+  <message>
+    <source>tool up</source>
+    <translation>作業機 上</translation>
+  </message>
+  <message>
+    <source>unknown</source>
+    <translation>不明</translation>
+  </message>
+</context>
+<context>
   <name>Making</name>
   <message>
     <source>Check the network, or install from a folder of wheels. The log above tells more.</source>
@@ -1307,22 +1406,6 @@
   <message>
     <source>No {products} that QGIS can open in {folder}. Choose the folder of a run.</source>
     <translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選んでください。</translation>
-  </message>
-  <message>
-    <source>Relief as left at the end</source>
-    <translation>作業後の起伏</translation>
-  </message>
-  <message>
-    <source>Relief before the work</source>
-    <translation>作業前の起伏</translation>
-  </message>
-  <message>
-    <source>Soil sunk or risen (m)</source>
-    <translation>土の沈下・隆起（m）</translation>
-  </message>
-  <message>
-    <source>Swaths apart in height (m)</source>
-    <translation>走査帯どうしの高さの差（m）</translation>
   </message>
 </context>
 <context>

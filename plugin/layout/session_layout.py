@@ -21,7 +21,7 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 from ..basemap import attribution_of
 from ..figures import figure_rows
-from ..results import tell_legend
+from ..legends import tell_band
 
 MAP_MM = (10.0, 22.0, 200.0, 176.0)
 SIDE_MM = (214.0, 22.0, 76.0)
@@ -150,7 +150,7 @@ def _legend(layout, page_map, layers):
     for layer in layers:
         node = tree.addLayer(layer)
         node.setCustomProperty("legend/title-label", layer_title(layer.name()))
-        tell_legend(node)
+        tell_band(node)
     legend.setLegendFilterByMapEnabled(True)
     for name, size in LEGEND_FONTS.items():
         style = legend.rstyle(getattr(QgsLegendStyle.Style, name))

@@ -95,6 +95,13 @@ def test_plugin__imports_only_qgis_and_the_standard_library(path: Path) -> None:
     assert source.startswith("# SPDX-License-Identifier: GPL-2.0-or-later\n")
 
 
+def test_legends__have_the_words_of_every_category_in_the_products_styles() -> None:
+    styles = (CHECKOUT / "exporters" / "styles").glob("*.qml")
+    labels = {label for path in styles for label in re.findall(r'<category [^>]*label="([^"]+)"', path.read_text())}
+    tree = ast.parse((CHECKOUT / "plugin" / "legends.py").read_text(encoding="utf-8"))
+    assert labels <= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+
+
 def test_open_layers__tells_kind_crs_count_and_extent(qgis: QgisRoot, tmp_path: Path) -> None:
     table = gpd.GeoDataFrame({"scan": [0, 1]}, geometry=[Point(4000, 5000), Point(4010, 5020)], crs="EPSG:6677")
     table.to_file(tmp_path / "two.gpkg", layer="trajectory")

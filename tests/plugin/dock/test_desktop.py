@@ -138,6 +138,7 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
     assert seen["styles"]["trajectory"] == "categorizedSymbol"
     assert set(seen["map_tips"]) >= {"trajectory", "passes", "coverage", "events"}
     assert seen["terrain"] == "raster"
+    assert seen["legend"] == "Soil sunk or risen (m)"
     assert seen["workers_after_run"] == []
 
 

@@ -203,6 +203,9 @@ def whole_run() -> Iterator[Any]:
     SEEN["span"] = [span.begin().toString(Qt.DateFormat.ISODate), span.end().toString(Qt.DateFormat.ISODate)]
     SEEN["terrain"] = QgsProject.instance().elevationProperties().terrainProvider().type()
     SEEN["busy_s"] = BUSY["cpu_s"]
+    tree, model = QgsProject.instance().layerTreeRoot(), iface.layerTreeView().layerTreeModel()  # noqa: F821
+    changed = next(node for node in tree.findLayers() if node.name() == "change")
+    SEEN["legend"] = model.layerLegendNodes(changed)[0].data(Qt.ItemDataRole.DisplayRole)
     shot(f"{OUT}/result.png")  # noqa: F821
 
 
