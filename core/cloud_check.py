@@ -143,7 +143,7 @@ def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
     except InputError as error:
         if error.code != "crs-not-metres":
             raise
-        if crs is None:
+        if crs is None or {axis.unit_name for axis in crs.axis_info} != {"metre"}:
             raise InputError(
                 error.lines[0],
                 "Points and returns are compared in metres.",

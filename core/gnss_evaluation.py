@@ -20,6 +20,8 @@ from furrowmap.core.values.progress import Progress, silent
 
 PLACE: Final = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*")
 """LAT,LON,HEIGHT of an antenna at rest."""
+NUMBERS: Final = re.compile(r"[-+\d.,;\s]+")
+"""What is meant to be a place."""
 
 
 def evaluate_logs(
@@ -49,12 +51,22 @@ def evaluate_logs(
     progress(f"Reading {test.name}", 0.0)
     options = ReadOptions(date=date)
     place = None if Path(reference).exists() else PLACE.fullmatch(reference)
+    if place is None and NUMBERS.fullmatch(reference) and not Path(reference).exists():
+        raise InputError(
+            f"{reference!r} is neither a file nor a place.",
+            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid, with decimal points.",
+            "Write it as 35.339325776,139.522173128,65.712.",
+            code="bad-place",
+        )
     try:
         judged, notices = _track([test], options)
     except InputError as error:
         if error.code != "no-date" or place:
-            raise
-        dated, _ = _track([Path(reference)], options)
+            raise _with_date(error) from None
+        try:
+            dated, _ = _track([Path(reference)], options)
+        except InputError as fault:
+            raise _with_date(fault) from None
         judged, notices = _track([test], ReadOptions(near_s=float(dated.t_s[0])))
     if place:
         lat, lon, height = (float(number) for number in place.groups())
@@ -80,6 +92,14 @@ def evaluate_logs(
         fixed_reference_only=fixed_reference_only,
     )
     return replace(found, notices=(*notices, *more, *found.notices))
+
+
+def _with_date(error: InputError) -> InputError:
+    """An error with the remedy of this command, where it has another than a session."""
+    if error.code != "no-date":
+        return error
+    what, meaning, _ = error.lines
+    return InputError(what, meaning, "Give the UTC date of its first position: --date YYYY-MM-DD.", code=error.code)
 
 
 def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list[Notice]]:

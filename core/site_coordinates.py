@@ -16,13 +16,13 @@ from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.trajectory.coordinates import JGD2024_SINCE_S, Brought, brought_poses, brought_track
 from furrowmap.core.trajectory.projection import MapFrame, map_frame, middle_deg
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.compass import compass_word
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.session import load_session
 
 FloatArray = NDArray[np.float64]
 
-_COMPASS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 HECTARE_M: Final = 100.0
 _JAPAN_RESULTS: Final = ("JGD2011", "JGD2024")
 """Newer databases of PROJ call JGD2011's horizontal CRS by the later name, with the same codes."""
@@ -91,7 +91,7 @@ class SiteCoordinates:
         move, stated = self.brought.epoch, self.frame.stated
         if move is not None:
             across_m = float(np.hypot(move.east_m, move.north_m))
-            way = _COMPASS[round(np.degrees(np.arctan2(move.east_m, move.north_m)) / 45.0) % 8]
+            way = compass_word(move.east_m, move.north_m)
             rise = "up" if move.up_m > 0 else "down"
             return (
                 f"are moved from the current epoch to the map's with {move.file}: {100 * across_m:.1f} cm to the {way} "

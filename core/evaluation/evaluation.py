@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.evaluation.constant_offsets import offset_notices
 from furrowmap.core.evaluation.continuity import Continuity
 from furrowmap.core.evaluation.matching import Matched, match
 from furrowmap.core.evaluation.statistics import Table, outliers, table, time_ahead_s, within_sigmas
@@ -169,6 +170,7 @@ def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDA
                 "few-epochs", f"Only {len(found)} epochs were compared: averages and percentiles of so few say little."
             )
         )
+    notices += offset_notices(found.error_m, test.source, reference.source)
     covered = len(found) / len(test)
     if covered < 0.5:
         notices.append(
