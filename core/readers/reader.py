@@ -227,6 +227,10 @@ _STRANGERS: Final = {
     b"\x89PNG": "a PNG picture",
     b"%PDF": "a PDF document",
     b"II*\x00": "a TIFF picture",
+    **dict.fromkeys(
+        (b"GRIDDED CORRECTION", b"for SemiDynaEXE", b"for PatchJGD", b"JGD2000-TokyoDatum"),
+        "parameters that move coordinates (.par): a session names them under [crs]",
+    ),
 }
 _RECEIVERS_OWN: Final = {
     b"\xb5\x62": "a u-blox receiver's own messages (UBX)",
