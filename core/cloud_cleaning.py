@@ -13,14 +13,20 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.cloud_spool import SQUARE_M, Records, RecordSpool, Square, squares_of
+from furrowmap.core.cloud_spool import Records, RecordSpool, Square
 from furrowmap.core.clouds import MACHINE, NOISE, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import Box, CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.accompanied import REACH_M, Outliers
 from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
-from furrowmap.core.surfaces.outliers import UsualDistances, mean_neighbour_distance, radius_outliers
+from furrowmap.core.surfaces.outliers import (
+    UsualDistances,
+    few_of_many,
+    mean_distance_among,
+    mean_neighbour_distance,
+    radius_outliers,
+)
 from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
@@ -28,9 +34,16 @@ from furrowmap.core.values.progress import Progress, silent
 FloatArray = NDArray[np.float64]
 
 SMRF: Final = Smrf()
-ACROSS: Final = 8
-"""Squares a side of the largest block: the 128 m in which :func:`classify_ground` works."""
-BLOCK_POINTS: Final = 2_000_000
+BLOCK_M: Final = 128.0
+"""Side of the largest block, in which :func:`classify_ground` works."""
+SQUARE_M: Final = 16.0
+DENSE_SQUARE_M: Final = 2.0
+"""Sides of the squares, the least blocks; the points of a driving scanner lie by the ten thousand a square metre."""
+DENSE: Final = 200.0
+"""Points a square metre of the clouds' boxes from which on squares are the small ones."""
+NEAR_M: Final = 1.0
+"""Points with enough neighbours within it need not be compared with more distant ones."""
+BLOCK_POINTS: Final = 500_000
 """Blocks with more are quartered, down to one square."""
 POINT: Final = np.dtype(
     [
@@ -109,18 +122,22 @@ def cleaned(
         yield from (records[~(records["noise"] & cleaning.drop_noise)] for records in points)
         return
     with ExitStack() as stack:
-        spool = stack.enter_context(RecordSpool(POINT, folder))
-        lows = stack.enter_context(RecordSpool(np.dtype(("<f8", 3)), folder))
+        side_m = _square_m(clouds)
+        spool = stack.enter_context(RecordSpool(POINT, folder, side_m))
+        lows, few = (stack.enter_context(RecordSpool(np.dtype(("<f8", 3)), folder, side_m)) for _ in range(2))
         for records in points:
             # A cube lies in one square whole, that of its corner.
             flat = records["xyz_m"][:, :2]
             corner = flat if cleaning.voxel_m is None else np.floor(flat / cleaning.voxel_m) * cleaning.voxel_m
-            spool.add(squares_of(corner), records)
-        blocks = _blocks(spool.count)
+            spool.add(corner, records)
+        blocks = _blocks(spool)
         usual = UsualDistances()
+        if cleaning.outliers == "statistical":
+            for square in spool.count:
+                _add_few(spool.read([square]), square, few)
         if cleaning.outliers != "none":
             for number, block in enumerate(blocks, 1):
-                _measure(spool, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
+                _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
                 progress("looking for noise", number / len(blocks))
         if cleaning.ground != "none":
             for square in spool.count:
@@ -170,8 +187,15 @@ def _records(batch: CloudBatch, ours: bool) -> Records:
     return records
 
 
-def _blocks(count: dict[Square, int]) -> list[list[Square]]:
+def _square_m(clouds: Clouds) -> float:
+    """Side of the squares; boxes that lie cost memory or time, and change nothing else."""
+    area_m2 = sum(float(np.prod(np.subtract(file.header.high, file.header.low)[:2])) for file in clouds.files)
+    return DENSE_SQUARE_M if 0.0 < area_m2 < clouds.points / DENSE else SQUARE_M
+
+
+def _blocks(spool: RecordSpool) -> list[list[Square]]:
     """The squares by block, each of about :data:`BLOCK_POINTS` at most where it has more than one square."""
+    count, most = spool.count, round(BLOCK_M / spool.side_m)
 
     def split(squares: list[Square], across: int) -> Iterator[list[Square]]:
         if across == 1 or sum(count[square] for square in squares) <= BLOCK_POINTS:
@@ -185,13 +209,13 @@ def _blocks(count: dict[Square, int]) -> list[list[Square]]:
 
     whole: dict[Square, list[Square]] = {}
     for column, row in sorted(count):
-        whole.setdefault((column // ACROSS, row // ACROSS), []).append((column, row))
-    return [block for squares in whole.values() for block in split(squares, ACROSS)]
+        whole.setdefault((column // most, row // most), []).append((column, row))
+    return [block for squares in whole.values() for block in split(squares, most)]
 
 
-def _around(block: list[Square], reach_m: float) -> Iterable[Square]:
+def _around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Square]:
     """The squares within reach of a block that are none of its own."""
-    reach = math.ceil(reach_m / SQUARE_M)
+    reach = math.ceil(reach_m / side_m)
     columns, rows = zip(*block, strict=True)
     near = product(
         range(min(columns) - reach, max(columns) + reach + 1), range(min(rows) - reach, max(rows) + reach + 1)
@@ -201,7 +225,7 @@ def _around(block: list[Square], reach_m: float) -> Iterable[Square]:
 
 
 def _measure(
-    spool: RecordSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
+    spool: RecordSpool, few: RecordSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
 ) -> None:
     """Note how far each point of a block is from its neighbours; squares may reach `slack_m` beyond their borders."""
     records = spool.read(block)
@@ -210,8 +234,8 @@ def _measure(
     if not len(own):
         return
     around = [np.zeros((0, 3))]
-    low, high = own[:, :2].min(axis=0) - REACH_M, own[:, :2].max(axis=0) + REACH_M
-    for square in _around(block, REACH_M + slack_m):
+    low, high = own[:, :2].min(axis=0) - NEAR_M, own[:, :2].max(axis=0) + NEAR_M
+    for square in _around(block, NEAR_M + slack_m, spool.side_m):
         others = spool.read([square])
         xyz = others["xyz_m"][~others["noise"]]
         around.append(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] <= high), axis=1)])
@@ -219,10 +243,20 @@ def _measure(
     if outliers == "radius":
         apart_m = np.where(radius_outliers(xyz)[: len(own)], np.inf, 0.0)
     else:
-        apart_m = mean_neighbour_distance(xyz, reach_m=REACH_M)[: len(own)]
+        apart_m = mean_neighbour_distance(xyz, reach_m=NEAR_M, asked=len(own))
+        lonely = np.isinf(apart_m)
+        if lonely.any():
+            others = few.read([*block, *_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
+            apart_m[lonely] = mean_distance_among(own[lonely] - own[0], others, REACH_M)
     records["apart_m"][known] = apart_m
     usual.add(own, records["apart_m"][known].astype(np.float64))
     spool.write(block, records)
+
+
+def _add_few(records: Records, square: Square, few: RecordSpool) -> None:
+    """Keep of a square what points that have no neighbours near are compared with."""
+    some = few_of_many(records["xyz_m"][~records["noise"]])
+    few.add(_middle_m(square, few, len(some)), some)
 
 
 def _told(records: Records, usual: UsualDistances) -> Records:
@@ -242,8 +276,12 @@ def _add_lows(records: Records, square: Square, lows: RecordSpool) -> None:
     first = np.ones(len(order), bool)
     first[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
     lowest = xyz[order[first]]
-    middle = np.array(square) * SQUARE_M + 0.5 * SQUARE_M
-    lows.add(np.broadcast_to(squares_of(middle[None]), len(lowest)), lowest)
+    lows.add(_middle_m(square, lows, len(lowest)), lowest)
+
+
+def _middle_m(square: Square, spool: RecordSpool, count: int) -> FloatArray:
+    """The middle of a square, `count` times."""
+    return np.broadcast_to((np.array(square) + 0.5) * spool.side_m, (count, 2))
 
 
 def _ground_like(records: Records) -> FloatArray:
@@ -255,7 +293,7 @@ def _ground_like(records: Records) -> FloatArray:
 def _tell_ground(records: Records, block: list[Square], lows: RecordSpool, method: GroundMethod) -> None:
     can = ~(records["noise"] | records["machine"])
     own = records["xyz_m"][can]
-    around = lows.read(_around(block, 2.0 * SMRF.window_m))
+    around = lows.read(_around(block, 2.0 * SMRF.window_m, lows.side_m))
     asked = np.arange(len(own) + len(around)) < len(own)
     ground = classify_ground(np.concatenate([own, around]), method, SMRF, asked)[: len(own)]
     records["classification"][can] = np.where(ground, PointClass.GROUND, PointClass.OTHER)

@@ -15,13 +15,12 @@ Square = tuple[int, int]
 Records = NDArray[Any]
 """(n,) of a structured type, or (n, k) numbers."""
 
-SQUARE_M: Final = 16.0
 _MIDDLE: Final = 1 << 31
 
 
-def squares_of(place_m: NDArray[np.float64]) -> NDArray[np.int64]:
+def squares_of(place_m: NDArray[np.float64], side_m: float) -> NDArray[np.int64]:
     """Number of the square in which each place (n, 2) lies."""
-    column, row = np.floor(place_m.T / SQUARE_M).astype(np.int64) + _MIDDLE
+    column, row = np.floor(place_m.T / side_m).astype(np.int64) + _MIDDLE
     numbers: NDArray[np.int64] = column << 32 | row
     return numbers
 
@@ -39,10 +38,11 @@ class RecordSpool:
     Args:
         kind: of the records.
         folder: for the scratch file.
+        side_m: of the squares.
     """
 
-    def __init__(self, kind: np.dtype[Any], folder: Path) -> None:
-        self.kind = kind
+    def __init__(self, kind: np.dtype[Any], folder: Path, side_m: float) -> None:
+        self.kind, self.side_m = kind, side_m
         self.count: dict[Square, int] = {}
         """Records of each square that has any."""
         self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
@@ -57,14 +57,15 @@ class RecordSpool:
     ) -> None:
         self._file.close()
 
-    def add(self, numbers: NDArray[np.int64], records: Records) -> None:
-        """Take records (n,) of squares with these numbers.
+    def add(self, place_m: NDArray[np.float64], records: Records) -> None:
+        """Take records (n,) that belong to these places (n, 2).
 
         Raises:
             OSError: if the scratch file cannot be written.
         """
         if not len(records):
             return
+        numbers = squares_of(place_m, self.side_m)
         order = np.argsort(numbers, kind="stable")
         there, first = np.unique(numbers[order], return_index=True)
         self._file.seek(self._end)

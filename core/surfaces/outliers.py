@@ -17,6 +17,7 @@ NEIGHBOURS: Final = 8
 """Whose mean distance tells how alone a point is, statistically."""
 MULTIPLIER: Final = 2.0
 """Of the standard deviation, beyond which a distance is not usual."""
+THINNED_M: Final = 0.5
 AROUND_M: Final = 16.0
 """What is usual is told of a square of this side and the eight round it."""
 
@@ -59,9 +60,42 @@ def statistical_outliers(
     return usual.exceeded(xyz, mean_m, multiplier)
 
 
-def mean_neighbour_distance(xyz_m: FloatArray, neighbours: int = NEIGHBOURS, reach_m: float = 5.0) -> FloatArray:
-    """Mean distance (n,) of points (n, 3) from their nearest neighbours; infinite where there are fewer in reach."""
-    mean_m: FloatArray = _neighbour_distances(xyz_m, neighbours, reach_m).mean(axis=1)
+def mean_neighbour_distance(
+    xyz_m: FloatArray, neighbours: int = NEIGHBOURS, reach_m: float = 5.0, asked: int | None = None
+) -> FloatArray:
+    """Mean distance of the first `asked` of points (n, 3), or all, from their nearest neighbours.
+
+    Infinite where there are fewer in reach.
+    """
+    mean_m: FloatArray = _neighbour_distances(xyz_m, neighbours, reach_m, asked).mean(axis=1)
+    return mean_m
+
+
+def few_of_many(xyz_m: FloatArray) -> FloatArray:
+    """Points (m, 3) of which each cube of half a metre has 9 at most, the first ones of (n, 3).
+
+    To whom nothing is near, they are as good as all: too far by less than the cube's diagonal, and exact where points
+    are few.
+    """
+    cube = np.floor(xyz_m / THINNED_M)
+    order = np.lexsort(cube.T)  # stable: the first of a cube stay first
+    new = np.ones(len(order), bool)
+    new[1:] = np.any(np.diff(cube[order], axis=0) != 0, axis=1)
+    begin = np.flatnonzero(new)
+    rank = np.arange(len(order)) - np.repeat(begin, np.diff(np.append(begin, len(order))))
+    few: FloatArray = xyz_m[np.sort(order[rank <= NEIGHBOURS])]
+    return few
+
+
+def mean_distance_among(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) -> FloatArray:
+    """Mean distance (n,) of points (n, 3) from the nearest of others (m, 3), among which they may be themselves."""
+    if not len(few_m):
+        return np.full(len(xyz_m), np.inf)
+    ranks = np.arange(1, NEIGHBOURS + 2)
+    found, _ = cKDTree(few_m).query(xyz_m, ranks, distance_upper_bound=np.nextafter(reach_m, np.inf))
+    distance: FloatArray = np.asarray(found)
+    itself = distance[:, 0] == 0.0
+    mean_m: FloatArray = np.where(itself, distance[:, 1:].mean(axis=1), distance[:, :-1].mean(axis=1))
     return mean_m
 
 
@@ -107,19 +141,23 @@ class UsualDistances:
         return [(column, row) for column, row in there.tolist()], number.ravel()
 
 
-def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float) -> FloatArray:
-    """Distances (n, neighbours) to the nearest other points; infinite beyond the reach or without a place."""
+def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float, asked: int | None = None) -> FloatArray:
+    """Distances (n or asked, neighbours) to the nearest other points; infinite beyond the reach or without a place."""
     if neighbours < 1 or not 0.0 < reach_m <= TILE_M:
         raise ValueError(f"{neighbours} neighbours within {reach_m} m (at most {TILE_M} m)")
     known = np.flatnonzero(np.isfinite(xyz_m).all(axis=1))
-    out = np.full((len(xyz_m), neighbours), np.inf)
+    asked = len(xyz_m) if asked is None else asked
+    out = np.full((asked, neighbours), np.inf)
     finite = xyz_m[known]
     for tile in tiles(finite, TILE_M, reach_m):
+        of_tile = known[tile.own] < asked
         part = finite[tile.members]
-        own = part[: len(tile.own)]
+        own = part[: len(tile.own)][of_tile]
+        if not len(own):
+            continue
         middle = own[0]
         tree = cKDTree(part - middle)
         ranks = np.arange(2, neighbours + 2)  # the nearest of all is the point itself
         distance, _ = tree.query(own - middle, ranks, distance_upper_bound=np.nextafter(reach_m, np.inf))
-        out[known[tile.own]] = distance
+        out[known[tile.own][of_tile]] = distance
     return out

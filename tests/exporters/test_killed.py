@@ -25,7 +25,7 @@ import pyproj
 import pytest
 import rasterio
 
-from furrowmap.core.simulator.scenario import load_scenario
+from furrowmap.core.simulator.scenario import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.exporters.staging import STAGING, recover
 from tests.exporters.base.result_folders import write_result
@@ -82,7 +82,7 @@ def cloud(path: Path, seed: int) -> Path:
 
 
 def session(folder: Path, seed: int) -> Path:
-    scenario = load_scenario("demo")
+    scenario = demo_scenario()
     drive = msgspec.structs.replace(scenario.drive, pass_m=(3.0,), passes=1)
     return simulate(msgspec.structs.replace(scenario, seed=seed, drive=drive), folder).recording.parent / "session.toml"
 

@@ -9,6 +9,8 @@ from scipy.spatial.distance import cdist
 
 from furrowmap.core.surfaces.outliers import (
     UsualDistances,
+    few_of_many,
+    mean_distance_among,
     mean_neighbour_distance,
     radius_outliers,
     statistical_outliers,
@@ -61,3 +63,19 @@ def test_what_is_usual__does_not_depend_on_how_the_land_is_cut_up() -> None:
     sparse = xyz[:, 0] > 60.0  # far apart, as points are there, and farther than is usual in all the land
     assert found[sparse].mean() < 0.1
     assert (mean_m[sparse] > mean_m.mean() + 2.0 * mean_m.std()).all()
+
+
+def test_few_of_many__do_for_points_that_are_alone() -> None:
+    rng = np.random.default_rng(6)
+    xyz = np.concatenate([rng.uniform(0.0, 3.0, (4000, 3)), rng.uniform(-4.0, 7.0, (60, 3))])
+    few = few_of_many(xyz)
+    cubes, count = np.unique(np.floor(few / 0.5), axis=0, return_counts=True)
+    assert len(cubes) == len(np.unique(np.floor(xyz / 0.5), axis=0))
+    assert count.max() == 9
+    alone = np.isinf(mean_neighbour_distance(xyz, reach_m=0.4))
+    exact = np.sort(cdist(xyz[alone], xyz), axis=1)[:, 1:9].mean(axis=1)
+    found = mean_distance_among(xyz[alone], few, 12.0)
+    assert (found >= exact - 1e-9).all()
+    assert (found - exact).max() < 0.5 * 3**0.5
+    sparse = xyz[::40]
+    assert np.allclose(mean_distance_among(sparse, few_of_many(sparse), 5.0), mean_neighbour_distance(sparse))
