@@ -50,21 +50,21 @@ def ends_of(*sizes: int) -> list[int]:
 
 
 @kernel()
-def carried(out, base, at):  # type: ignore[no-untyped-def]
-    """The base without its overflow, which has been added to the bytes before."""
-    if base >> 32:
-        i = at - 1
-        while out[i] == 255:
-            out[i] = 0
-            i -= 1
-        out[i] += 1
-    return base & 0xFFFFFFFF
+def carry(out, at):  # type: ignore[no-untyped-def]
+    """Add the overflow of the base to the bytes before."""
+    i = at - 1
+    while out[i] == 255:
+        out[i] = 0
+        i -= 1
+    out[i] += 1
 
 
 @inlined()
 def settled(out, base, length, at):  # type: ignore[no-untyped-def]
     """The coder after what is certain of its interval has gone to the output."""
-    base = carried(out, base, at)
+    if base >> 32:
+        carry(out, at)
+        base &= 0xFFFFFFFF
     # All bytes that there may be are put there, and as many kept as are certain: nothing to guess for the processor.
     out[np.uint64(at)] = base >> 24
     out[np.uint64(at + 1)] = base >> 16

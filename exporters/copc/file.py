@@ -46,6 +46,7 @@ def las_header(
     extra: Sequence[tuple[str, str, str]],
     *,
     colour: bool,
+    week_time: bool,
 ) -> laspy.LasHeader:
     """A header of point format 6, or 7 with colour, that says all but what the points will be.
 
@@ -56,7 +57,8 @@ def las_header(
     header.add_extra_dims([laspy.ExtraBytesParams(name, dtype, description) for name, dtype, description in extra])
     header.scales, header.offsets = np.full(3, scale_m), np.array(origin_m)
     header.global_encoding.wkt = True
-    header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    kinds = laspy.header.GpsTimeType
+    header.global_encoding.gps_time_type = kinds.WEEK_TIME if week_time else kinds.STANDARD
     header.generating_software = f"furrowmap {version('furrowmap')}"
     header.creation_date = dt.datetime.now(dt.UTC).date()
     extra_bytes = header.point_format.num_extra_bytes

@@ -28,7 +28,7 @@ class PointBatch:
 
     Attributes:
         xyz_m: (n, 3) float64 easting, northing, height less the writer's `origin_m`.
-        t_s: (n,) UTC.
+        t_s: (n,) UTC; seconds of a GPS week where the writer was told to expect them.
         intensity: 0 to 65,535.
         return_number: 1 to 15.
         returns: number of returns of the pulse, 1 to 15.
@@ -70,7 +70,7 @@ class Extent:
         low: (3,) int64 least X, Y and Z in steps of the coordinates' scale.
         high: (3,) int64 greatest ones.
         by_return: (15,) int64 points with return number 1, 2, ….
-        first_time: earliest adjusted standard GPS time.
+        first_time: earliest time as it stands in the records.
         last_time: latest one.
     """
 
@@ -104,13 +104,14 @@ class Extent:
         )
 
 
-def pack(batch: PointBatch, into: Records, scale_m: float) -> Extent:
+def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = False) -> Extent:
     """Write the records of a batch of at least one point.
 
     Args:
         batch: the points.
         into: (n,) takes the records, in the layout that :func:`~furrowmap.exporters.copc.records.held_layout` tells.
         scale_m: length of a step of the coordinates.
+        week_time: times are seconds of a GPS week, and stay so.
 
     Returns:
         The extent of the batch.
@@ -142,7 +143,7 @@ def pack(batch: PointBatch, into: Records, scale_m: float) -> Extent:
     )
     if refused >= 0:
         raise _refusal(batch, refused, scale_m)
-    first, last = _to_las_time(into, seconds)
+    first, last = seconds.tolist() if week_time else _to_las_time(into, seconds)
     return Extent(n, low, high, by_return[1:], first, last)
 
 

@@ -62,6 +62,7 @@ class CopcWriter:
         scale_m: resolution of the coordinates.
         extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
         colour: whether points have colour (point format 7 instead of 6).
+        week_time: whether times are seconds of a GPS week that nobody names, instead of UTC.
         memory_points: points held in memory.
         node_points: points of an octree node that has children.
         seed: of the draw of levels; the same batches and seed give the same nodes.
@@ -76,14 +77,15 @@ class CopcWriter:
         scale_m: float = 0.001,
         extra: Sequence[tuple[str, str, str]] = (),
         colour: bool = False,
+        week_time: bool = False,
         memory_points: int = MEMORY_POINTS,
         node_points: int = NODE_POINTS,
         seed: int = 0,
     ) -> None:
         if node_points < LEAST_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
-        self._path, self._scale_m, self._node_points = path, scale_m, node_points
-        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour)
+        self._path, self._scale_m, self._node_points, self._week_time = path, scale_m, node_points, week_time
+        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour, week_time=week_time)
         limits = Limits(memory_points, node_points, path.parent)
         self._octree = Octree(held_layout(self._header.point_format.dtype()), limits, np.random.default_rng(seed))
         self._extent = Extent.of_nothing()
@@ -107,7 +109,7 @@ class CopcWriter:
         while done < len(batch):
             room = self._octree.room(len(batch) - done)
             part = batch.part(done, done + len(room))
-            extent = pack(part, room, self._scale_m)
+            extent = pack(part, room, self._scale_m, week_time=self._week_time)
             self._octree.filled(len(room), extent.low, extent.high)
             self._extent = self._extent.joined(extent)
             done += len(room)
