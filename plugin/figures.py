@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The figures of a report as a farmer asks for them: worked, worked twice, missed, and how accurate all is."""
 
-from qgis.core import QgsApplication
-from qgis.PyQt.QtCore import QCoreApplication, QDateTime, QLocale, Qt
+from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 
 def figure_rows(report):
@@ -27,13 +26,9 @@ def figure_rows(report):
 
 
 def _local_time(text):
-    """A time in UTC as this computer's clock would show it."""
+    """A time in UTC as this computer's clock would show it, in an order of day and month that nobody misreads."""
     moment = QDateTime.fromString(str(text), Qt.DateFormat.ISODateWithMs)
-    return (
-        QLocale(QgsApplication.locale()).toString(moment.toLocalTime(), QLocale.FormatType.ShortFormat)
-        if moment.isValid()
-        else None
-    )
+    return moment.toLocalTime().toString("yyyy-MM-dd HH:mm") if moment.isValid() else None
 
 
 def _number(value, form):

@@ -116,8 +116,10 @@ class OptionsPage(QgsOptionsPageWidget):
         layout = QVBoxLayout(group)
         self.own = QLabel(wordWrap=True)
         layout.addWidget(self.own)
-        self.from_index = QRadioButton(tr("From the package index (network, about 200 MB)"), checked=True)
-        self.from_folder = QRadioButton(tr("From a folder of wheels (no network)"))
+        self.from_index = QRadioButton(
+            tr("From the package index (network: about 240 MB; 920 MB on the disk)"), checked=True
+        )
+        self.from_folder = QRadioButton(tr("From a folder of wheels (no network; 920 MB on the disk)"))
         self.wheels = QgsFileWidget(objectName="furrowmapWheels")
         self.wheels.setStorageMode(QgsFileWidget.StorageMode.GetDirectory)
         self.wheels.setEnabled(False)

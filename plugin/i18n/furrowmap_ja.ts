@@ -1225,12 +1225,12 @@
     <translation>自動で探す</translation>
   </message>
   <message>
-    <source>From a folder of wheels (no network)</source>
-    <translation>wheel のフォルダから（ネットワーク不要）</translation>
+    <source>From a folder of wheels (no network; 920 MB on the disk)</source>
+    <translation>wheel のフォルダから（ネットワーク不要、ディスク：920 MB）</translation>
   </message>
   <message>
-    <source>From the package index (network, about 200 MB)</source>
-    <translation>パッケージインデックスから（ネットワーク使用、約 200 MB）</translation>
+    <source>From the package index (network: about 240 MB; 920 MB on the disk)</source>
+    <translation>パッケージインデックスから（ネットワーク：約 240 MB、ディスク：920 MB）</translation>
   </message>
   <message>
     <source>It is there: {folder}</source>
