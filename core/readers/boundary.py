@@ -10,6 +10,7 @@ import shapely
 from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.values.datum import APART_M, apart_m
 from furrowmap.core.values.errors import InputError
 
 LARGEST_BYTES: Final = 100_000_000
@@ -28,7 +29,8 @@ def read_boundary(path: Path) -> BaseGeometry:
     datum is changed.
 
     Raises:
-        InputError: if the file is of no such format, cannot be read, holds no polygon, or states no CRS.
+        InputError: if the file is of no such format, cannot be read, holds no polygon, states no CRS, or one on a datum
+            of the past.
     """
     import geopandas  # half a second, and most sessions name no boundary
 
@@ -48,6 +50,15 @@ def read_boundary(path: Path) -> BaseGeometry:
     outline = shapely.transform(whole, lambda xy: np.column_stack(to_base.transform(*xy.T)))
     if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
         raise _unreadable(path, "its polygons are empty, or their coordinates are none of its CRS")
+    middle = outline.centroid
+    apart = apart_m(base, round(middle.x, 1), round(middle.y, 1))
+    if apart is not None and apart > APART_M:
+        raise InputError(
+            f"{path}: its CRS stands on {base.name}, whose coordinates lie {apart:.0f} m beside those of satellites.",
+            "The boundary would lie that far from the field.",
+            "Save it from a GIS in WGS 84 or the map's CRS; that changes the datum.",
+            code="boundary-datum",
+        )
     return outline
 
 

@@ -39,6 +39,15 @@ def test_every_format_and_crs__gives_the_same_field(tmp_path: Path, suffix: str,
     assert field.area == pytest.approx(FIELD.area, rel=1e-5)
 
 
+@pytest.mark.parametrize(("crs", "lon", "lat"), [(30169, 140.02, 36.87), (27700, -1.5, 52.5), (31467, 9.2, 48.8)])
+def test_a_boundary_on_a_datum_of_the_past_is_refused(tmp_path: Path, crs: int, lon: float, lat: float) -> None:
+    shape = shapely.box(lon, lat, lon + 0.001, lat + 0.001)
+    gpd.GeoDataFrame(geometry=[shape], crs="EPSG:4326").to_crs(crs).to_file(tmp_path / "f.gpkg", engine="pyogrio")
+    with pytest.raises(InputError, match=r"lie \d{2,3} m beside") as refused:
+        read_boundary(tmp_path / "f.gpkg")
+    assert refused.value.code == "boundary-datum"
+
+
 def test_several_fields__are_one_and_other_geometries_do_not_count(tmp_path: Path) -> None:
     other = shapely.transform(FIELD, lambda xy: xy + np.array([0.01, 0.0]))
     shapes = [FIELD, other, shapely.Point(140.0, 36.0), shapely.LineString([(140, 36), (141, 37)])]
