@@ -60,8 +60,9 @@ POINT: Final = np.dtype(
         ("machine", "?"),
     ]
 )
-"""A point with all that is passed on; `t_s` is UTC or nan; noise and the machine are never ground; `apart_m` is how far
-it is from its neighbours, where that is asked, infinite for one that is alone in any case."""
+"""A point with all that is passed on. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and
+the machine are never ground. `apart_m` is how far it is from its neighbours, where that is asked; infinite for one that
+is alone in any case."""
 
 
 @dataclass(frozen=True)
@@ -170,16 +171,18 @@ def _wanted(
     ):
         turn = (taken + np.arange(len(batch))) % cleaning.every == 0
         taken += len(batch)
-        records = _records(batch.where(turn), is_ours(file))
+        records = _records(batch.where(turn), is_ours(file), clouds.week_times)
         if len(records):
             yield records
 
 
-def _records(batch: CloudBatch, ours: bool) -> Records:
+def _records(batch: CloudBatch, ours: bool, week_times: bool) -> Records:
+    """Points as they wait for their neighbours."""
     records = np.zeros(len(batch), POINT)
     for name in ("xyz_m", "intensity", "point_source_id", "classification", "return_number", "returns"):
         records[name] = getattr(batch, name)
-    records["t_s"] = batch.t_s if batch.t_s is not None else np.nan
+    times = batch.gps_time if week_times else batch.t_s
+    records["t_s"] = times if times is not None else np.nan
     if batch.rgb is not None:
         records["rgb"] = batch.rgb
     records["noise"] = np.isin(batch.classification, NOISE)

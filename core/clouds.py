@@ -16,6 +16,7 @@ from pyproj.crs import CompoundCRS
 from furrowmap.core.crs_change import CrsChange, crs_change
 from furrowmap.core.crs_choice import choose_crs
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
+from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.values.crs_name import name_of
@@ -68,6 +69,12 @@ class Clouds:
     def points(self) -> int:
         """Of all files."""
         return sum(file.points for file in self.files)
+
+    @property
+    def week_times(self) -> bool:
+        """Whether all times there are count from the beginning of a GPS week, which no file names."""
+        kinds = {file.clock.kind for file in self.files if file.header.has_time}
+        return kinds == {TimeKind.WEEK}
 
     def batches(
         self,

@@ -103,13 +103,16 @@ def write_clean_cloud(
             origin_m=(east, north, up),
             scale_m=_scale_m(clouds),
             colour=coloured,
+            week_time=clouds.week_times,
         ) as writer:
             for records in _rest(first, points):
-                writer.append(_batch(records, (east, north, up), told, coloured=coloured))
+                told.see(records)
+                no_time = 0.0 if clouds.week_times else NO_TIME
+                writer.append(_batch(records, (east, north, up), no_time, coloured=coloured))
             origin = Origin(
                 "points of clouds, cleaned",
                 inputs=[(record.name, record.sha256) for record in inputs],
-                span_s=told.span_s,
+                span_s=None if clouds.week_times else told.span_s,
                 parameters={name: str(value) for name, value in _parameters(cleaning).items() if value is not None},
             )
             summary = writer.close(progress, description=origin.text)
@@ -145,7 +148,7 @@ class _Told:
         points: their number.
         timeless: those without a time that is UTC.
         unnumbered: those whose return number or number of returns was 0.
-        span_s: earliest and latest UTC.
+        span_s: earliest and latest time.
     """
 
     points: int = 0
@@ -164,7 +167,7 @@ class _Told:
 
     def notices(self, clouds: Clouds) -> Iterator[Notice]:
         """What the file does not hold of what the clouds did."""
-        if any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
+        if not clouds.week_times and any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
             text = (
                 f"{self.timeless:,} of {self.points:,} points have times that count from the beginning of a week that "
                 "no file names, or none; their time is 0 in the cloud written."
@@ -187,11 +190,10 @@ def _rest(first: Records, others: Iterator[Records]) -> Iterator[Records]:
     yield from (records for records in others if len(records))
 
 
-def _batch(records: Records, origin_m: tuple[float, float, float], told: _Told, *, coloured: bool) -> PointBatch:
-    told.see(records)
+def _batch(records: Records, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:
     return PointBatch(
         xyz_m=records["xyz_m"] - np.array(origin_m),
-        t_s=np.nan_to_num(records["t_s"], nan=NO_TIME),
+        t_s=np.nan_to_num(records["t_s"], nan=no_time),
         intensity=records["intensity"],
         return_number=np.clip(records["return_number"], 1, RETURNS),
         returns=np.clip(records["returns"], 1, RETURNS),

@@ -197,7 +197,26 @@ def test_cloud__of_feet_moves_and_says_what_is_lost(
     heights, colours = np.sort(there.z[::20]) * 0.3048, np.sort(there.red[::20])
     np.testing.assert_allclose(np.sort(here.z), heights, atol=0.001)
     assert np.array_equal(np.sort(here.red), colours)
-    assert {"heights-in-feet", "times-of-week-lost"} & {warning["code"] for warning in answer["warnings"]}
+    assert "heights-in-feet" in {warning["code"] for warning in answer["warnings"]}
+    assert "times-of-week-lost" not in {warning["code"] for warning in answer["warnings"]}
+    assert here.header.global_encoding.gps_time_type == laspy.header.GpsTimeType.WEEK_TIME
+    np.testing.assert_array_equal(np.sort(here.gps_time), np.sort(there.gps_time[::20]))
+
+
+def test_cloud__times_of_a_week_beside_named_days_are_lost_and_told(
+    clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    las = laspy.read(clouds[0])
+    las.header.global_encoding.gps_time_type = laspy.header.GpsTimeType.WEEK_TIME
+    las.gps_time = np.arange(len(las.points)) * 0.01
+    las.write(tmp_path / "week.laz")
+    made = tmp_path / "both.copc.laz"
+    status, out, _ = told(capsys, "cloud", tmp_path / "week.laz", clouds[1], "-o", made, "--json")
+    assert status == 0
+    assert [warning["code"] for warning in json.loads(out)["warnings"]] == ["times-of-week-lost"]
+    here = laspy.read(made)
+    assert here.header.global_encoding.gps_time_type == laspy.header.GpsTimeType.STANDARD
+    assert np.count_nonzero(here.gps_time == 0.0) == len(las.points)
 
 
 @pytest.mark.parametrize(

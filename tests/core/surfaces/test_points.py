@@ -48,7 +48,7 @@ def test_outliers__are_points_without_a_place() -> None:
 
 def test_what_is_usual__does_not_depend_on_how_the_land_is_cut_up() -> None:
     rng = np.random.default_rng(5)
-    near, far = rng.uniform(0.0, 60.0, (20_000, 3)), rng.uniform(0.0, 30.0, (150, 3)) + (90.0, 0.0, 0.0)
+    near, far = rng.uniform(0.0, 60.0, (20_000, 3)), rng.uniform((90.0, 0.0, 0.0), (120.0, 30.0, 30.0), (150, 3))
     xyz = np.concatenate([near, far]) * (1.0, 0.5, 0.01)
     mean_m = mean_neighbour_distance(xyz)
     whole, parts = UsualDistances(), UsualDistances()
