@@ -115,6 +115,7 @@ def test_preview__is_on_the_map_before_anything_is_filled_in(seen: dict[str, Any
 
 def test_preview__has_a_surface_as_soon_as_the_scanner_is_told(seen: dict[str, Any]) -> None:
     assert seen["preview"] == {"Preview: North field": ["track", "coarse surface"]}
+    assert seen["dropped_preview"] == seen["preview"]
 
 
 def test_form__tells_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> None:

@@ -164,6 +164,8 @@ def new_session() -> Iterator[Any]:
     yield previewed
     yield drawn
     SEEN["preview"] = groups()
+    drop(plugin().dock, [Path(plugin().dock.previewer._folders[-1])])  # what `furrowmap run --preview` writes, too
+    SEEN["dropped_preview"] = groups()
     shot(f"{OUT}/session.png")  # noqa: F821
 
 
