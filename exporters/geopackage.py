@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyogrio.raw
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -20,6 +19,7 @@ from furrowmap.core.field_work import FieldWork
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.field_layers import Layer, field_layers
+from furrowmap.exporters.ogr import pyogrio
 from furrowmap.exporters.provenance import Origin
 
 _UTC_OFFSET: Final = 100

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import laspy
 import numpy as np
-import pyogrio
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.ogr import pyogrio
 
 FloatArray = NDArray[np.float64]
 

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyogrio
-import pyogrio.raw
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -28,6 +26,7 @@ from furrowmap.exporters.base.project import PROJECT
 from furrowmap.exporters.base.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.field_layers import Layer
 from furrowmap.exporters.geopackage import GEOMETRY, store_styles, write_layer
+from furrowmap.exporters.ogr import pyogrio
 
 _COLUMN_TYPES: Final = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN", "O": "TEXT"}
 _SYNCHRONOUS: Final = "OGR_SQLITE_SYNCHRONOUS"

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import pyogrio
-import pyogrio.raw
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
@@ -20,6 +18,7 @@ from pyproj import CRS
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.exchange.result import FIELD, REPORT, open_result
 from furrowmap.exporters.field_layers import Layer
+from furrowmap.exporters.ogr import pyogrio
 
 TRAJECTORY: Final = "trajectory"
 _SESSION: Final = "session.toml"

@@ -129,7 +129,7 @@ def open_result(folder: Path) -> Result:
         InputError: if there are none, or what is there cannot be read.
         RefusedError: if a run is writing them just now.
     """
-    import pyogrio
+    from furrowmap.exporters.ogr import pyogrio
 
     if folder.is_dir():
         recover(folder)

@@ -22,6 +22,7 @@ from pystac.extensions.projection import ProjectionExtension
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.exchange.export import NAMES, export
 from furrowmap.exporters.geopackage import write_field
+from furrowmap.exporters.provenance import Origin
 from tests.exporters.worked_field import worked_field
 
 JAPAN = CRS.from_epsg(6677)
@@ -315,3 +316,15 @@ def test_export__of_a_damaged_report_says_so(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as told:
         export([tmp_path], "csv", tmp_path / "out")
     assert told.value.code == "result-unreadable"
+
+
+def test_reading__leaves_nothing_beside_the_products(tmp_path: Path) -> None:
+    folder = tmp_path / "field"
+    folder.mkdir()
+    poses, work = worked_field()
+    origin = Origin("A field", "Field", [("recording.pcap", "00ff")])
+    write_field(folder / "field.gpkg", poses, JAPAN.to_wkt(), work, origin=origin)
+    write_report(folder, "Field")
+    before = sorted(path.name for path in folder.iterdir())
+    export([folder], "csv", tmp_path / "out")
+    assert sorted(path.name for path in folder.iterdir()) == before
