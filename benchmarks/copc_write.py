@@ -34,7 +34,7 @@ from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWrit
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
 SCAN = (("scan", "uint32", "number of the scan"),)
-LAYOUT = las_header("", 0.001, (0.0, 0.0, 0.0), SCAN, colour=False).point_format.dtype()
+LAYOUT = las_header("", 0.001, (0.0, 0.0, 0.0), SCAN, colour=False, week_time=False).point_format.dtype()
 LENGTHS = (1, 4)
 
 
