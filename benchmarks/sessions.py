@@ -1,8 +1,8 @@
 """`furrowmap run` on simulated sessions: how far trajectories are from the truth, and whether sigmas say so.
 
-sessions.toml beside this file is the table of the sessions: twenty of all kinds, whose errors over sigmas are pooled, and
-some after them that are known to be hard. They are simulated once (ten minutes, 1.8 GB) and kept in
-the user's cache folder, again when the table changed; of every result, field.gpkg and report.json are kept there.
+sessions.toml beside this file is the table of the sessions: twenty of all kinds, whose errors over sigmas are pooled,
+and some after them that are known to be hard. They are simulated once (ten minutes, 2 GB) and kept in the user's cache
+folder, again when the table changed; of every result, field.gpkg and report.json are kept there.
 """
 
 from __future__ import annotations
