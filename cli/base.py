@@ -159,7 +159,7 @@ def mosaic(
     refuse_output(output, overwrite=overwrite)
     with console.work(passing=True) as progress:
         paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
-        made = put_together(paths, output, crs=_crs(crs), cell_m=cell_m, mean=mean, progress=progress)
+        made = put_together(paths, output, crs=_crs(crs, "--dst-crs"), cell_m=cell_m, mean=mean, progress=progress)
     for notice in (*missing, *made.notices):
         console.warn(notice)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
@@ -173,7 +173,7 @@ def _words(change: Change) -> str:
     return f"{printable(change.base)}: {', '.join(done) or 'nothing to do'}; now {number} in {change.crs}."
 
 
-def _crs(text: str | None) -> CRS | None:
+def _crs(text: str | None, option: str = "--crs") -> CRS | None:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -185,7 +185,7 @@ def _crs(text: str | None) -> CRS | None:
         crs = None
     if crs is None or not (crs.is_projected or crs.is_geographic):
         raise UsageError(
-            f"--crs: {text!r} is no horizontal CRS that PROJ knows.",
+            f"{option}: {text!r} is no horizontal CRS that PROJ knows.",
             "Nothing was done.",
             "Give it as EPSG:6677, for example.",
             code="usage",

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs a command inside the folder that qgis_root.sh built:   in_qgis_root.sh COMMAND [ARGUMENT]...
-# The current folder and the folder for temporary files are there under their own paths; HOME is empty and forgotten;
+# The current folder and the folder for temporary files are there under their own paths; HOME is empty, and temporary files of its own are forgotten;
 # of the environment only CI, TERM, TZ, DISPLAY, proxies, PIP_*, QGIS_* and FURROWMAP_* go in. Mounts and processes end with the command.
 set -euo pipefail
 root=${XDG_CACHE_HOME:-$HOME/.cache}/furrowmap/qgis-root
@@ -14,6 +14,7 @@ mount -t proc proc "$root/proc"
 mount -t tmpfs tmpfs "$root/root"
 mount -t tmpfs tmpfs "$root/run"
 mkdir -m 700 "$root/run/user"
+mkdir -m 1777 "$root/run/tmp"  # goes with the mount: Qt leaves files behind
 for folder in /dev "$(realpath "${TMPDIR:-/tmp}")" "$(pwd -P)"; do
   mkdir -p "$root$folder"
   mount --rbind "$folder" "$root$folder"
@@ -34,5 +35,5 @@ done
 kept=()
 while IFS= read -r name; do kept+=("$name=${!name}"); done < <(compgen -e | grep -xE 'CI|TERM|TZ|DISPLAY|QGIS_.*|PIP_.*|FURROWMAP_.*|.*_proxy|.*_PROXY' || true)
 exec chroot "$root" /usr/bin/env -i -C "$(pwd -P)" PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
-  LANG=C.UTF-8 QT_QPA_PLATFORM=offscreen XDG_RUNTIME_DIR=/run/user TMPDIR="$(realpath "${TMPDIR:-/tmp}")" \
+  LANG=C.UTF-8 QT_QPA_PLATFORM=offscreen XDG_RUNTIME_DIR=/run/user TMPDIR=/run/tmp \
   PYTHONDONTWRITEBYTECODE=1 NUMBA_CACHE_DIR=/opt/furrowmap-kernels "${kept[@]}" "$@"
