@@ -19,7 +19,7 @@ from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
 from furrowmap.core.matching.stance import Stance
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
-from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.trajectory.positions import WHITE_SHARE, Positions
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.mounting import Mounting
@@ -147,6 +147,7 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     assert problem.last is not None
     state, knots, last = problem.state, problem.knots, problem.last
     sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together)
+    sigma[:, :2] = np.hypot(sigma[:, :2], _taken_for_white_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     speed = _speed(problem)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
@@ -174,6 +175,17 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
         level_from=held.level,
         max_gap_s=1.5 * STEP_S,
     )
+
+
+def _taken_for_white_m(positions: Positions) -> float:
+    """Of the receiver's horizontal error, what the antenna's sway may have passed off as noise of each position.
+
+    On rough ground positions scatter by the sway as well, which matching takes out by roll and pitch. What scatters by
+    more than a receiver's own noise is then not known to be gone from its slow error.
+    """
+    white, drift = positions.white_m[:, :2], positions.drift_m[:, :2]
+    receivers = WHITE_SHARE * np.hypot(white, drift)
+    return float(np.sqrt(np.median(np.maximum(white**2 - receivers**2, 0.0))))
 
 
 def _speed(problem: Problem) -> FloatArray:
