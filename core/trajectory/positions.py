@@ -35,6 +35,8 @@ WHITE_STEP_S: Final = 0.25
 """Positions further apart than this differ by the vehicle's own accelerations, not by noise."""
 WHITE_EPOCHS: Final = 30
 WHITE_FLOOR_M: Final = 0.004
+MEDIAN_OF_MEAN: Final = {1: 0.6745, 2: 0.77}
+"""Where the mean of so many absolute normal deviates has its median, in their standard deviation."""
 RATE_TOLD_S: Final = 0.25
 SLOWEST_STEP_S: Final = 2.0
 """In more time than this between positions a tractor turns round."""
@@ -78,7 +80,10 @@ def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, headin
         heading_deg: (m,) grid heading of two antennas, nan where there is none.
     """
     sigma = sigmas_m(track)
-    white_h = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma[:, 1])
+    # Differences from one epoch to the next do not show what multipath does to heights within seconds: the usual share
+    # of their sigma is the least.
+    shown = white_noise_m(track, track.height_m[:, None], sigma[:, 1])
+    white_h = np.maximum(shown, WHITE_SHARE * sigma[:, 1])
     white = np.column_stack([white_m, white_m, white_h])
     drift = np.sqrt(np.maximum(sigma[:, [0, 0, 1]] ** 2 - white**2, WHITE_FLOOR_M**2))
     return Positions(
@@ -198,24 +203,28 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
         )
 
 
-def white_noise_m(track: GnssTrack, en_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
+def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """Noise (n,) from position to position, by quality: what the positions themselves show, no more than their sigma.
 
     Third differences of positions in equal steps are free of speed and acceleration; white noise makes their variance
     20 times its own (the sum of the squares of 1, 3, 3, 1). Their median deviation stands above jumps.
+
+    Args:
+        track: (n,) positions.
+        axes_m: (n, 2) easting and northing, or (n, 1) height.
+        sigma_m: (n,) standard deviation of an axis.
     """
     white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m)
     step = np.diff(track.t_s)
     if len(step) < WHITE_EPOCHS or np.median(step) > WHITE_STEP_S:
         return white
-    third = np.abs(np.diff(en_m, 3, axis=0)).mean(axis=1)
+    third = np.abs(np.diff(axes_m, 3, axis=0)).mean(axis=1)
     even = np.abs(step - np.median(step)) < 0.1 * np.median(step)
     same = (track.fix[3:] == track.fix[:-3]) & even[2:] & even[1:-1] & even[:-2]
     for fix in np.unique(track.fix):
         chosen = third[same & (track.fix[3:] == fix)]
         if len(chosen) >= WHITE_EPOCHS:
-            # The mean of two absolute normal deviates has its median at 0.77 of their standard deviation.
-            shown = float(np.median(chosen)) / 0.77 / np.sqrt(20.0)
+            shown = float(np.median(chosen)) / MEDIAN_OF_MEAN[axes_m.shape[1]] / np.sqrt(20.0)
             mine = track.fix == fix
             white[mine] = np.clip(shown, WHITE_FLOOR_M, np.maximum(sigma_m[mine], WHITE_FLOOR_M))
     return white
