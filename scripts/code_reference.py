@@ -25,7 +25,7 @@ Programs tell errors and warnings apart by their codes: `code` in the JSON of an
 
 
 Words: TypeAlias = dict[str, list[ast.expr]]
-"""What a file assigns to each name."""
+"""What may have been assigned to each name where a code is told."""
 
 
 class Told(NamedTuple):
@@ -61,16 +61,44 @@ def found() -> Iterator[Told]:
     """Every place of the source where a code is used."""
     for part in PARTS:
         for file in sorted((CHECKOUT / part).rglob("*.py")):
-            tree = ast.parse(file.read_text(encoding="utf-8"))
-            words: Words = {}
-            for node in ast.walk(tree):
-                if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.expr):
-                    for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
-                        if isinstance(target, ast.Name):
-                            words.setdefault(target.id, []).append(node.value)
-            for call in ast.walk(tree):
-                if isinstance(call, ast.Call):
-                    yield from _told(call, words)
+            yield from _found(ast.parse(file.read_text(encoding="utf-8")).body, {})
+
+
+def _found(block: list[ast.stmt], outer: Words) -> Iterator[Told]:
+    """The codes of a block of statements, of which each knows what was assigned before it."""
+    words = dict(outer)
+    for statement in block:
+        blocks = list(_blocks(statement))
+        within = {node for inner in blocks for line in inner for node in ast.walk(line)}
+        for call in ast.walk(statement):
+            if isinstance(call, ast.Call) and call not in within:
+                yield from _told(call, words)
+        for inner in blocks:
+            yield from _found(inner, words)
+        if isinstance(statement, ast.Assign | ast.AnnAssign):
+            words |= _assigned(statement)
+        elif not isinstance(statement, ast.FunctionDef | ast.ClassDef):
+            words |= {name: words.get(name, []) + values for name, values in _assigned(statement).items()}
+
+
+def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
+    """The blocks of statements within a statement: a function's body, the branches of an `if`."""
+    for _, value in ast.iter_fields(statement):
+        if isinstance(value, list) and value and isinstance(value[0], ast.stmt):
+            yield value
+        elif isinstance(value, list):
+            yield from (part.body for part in value if isinstance(part, ast.ExceptHandler | ast.match_case))
+
+
+def _assigned(statement: ast.stmt) -> Words:
+    """What a statement assigns to names, in any of its branches."""
+    words: Words = {}
+    for node in ast.walk(statement):
+        if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.expr):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                if isinstance(target, ast.Name):
+                    words.setdefault(target.id, []).append(node.value)
+    return words
 
 
 def _told(call: ast.Call, words: Words) -> Iterator[Told]:
@@ -112,7 +140,7 @@ def _raw(node: ast.expr | None, words: Words) -> str:
         return _raw(node.value, words) if isinstance(node.value, ast.Name) else ANYTHING
     if isinstance(node, ast.Name) and node.id in words:
         texts = [_raw(value, {}) for value in words[node.id]]
-        return ANYTHING if ANYTHING in texts else " / ".join(texts)
+        return ANYTHING if ANYTHING in texts else " / ".join(filter(None, texts))
     return ANYTHING
 
 
