@@ -11,7 +11,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import box_of, classes_of
 from furrowmap.cli.words import figures, file_size, table
-from furrowmap.core.values.errors import Notice, printable
+from furrowmap.core.values.errors import printable
 
 
 @click.command(
@@ -123,9 +123,9 @@ def surface(
         dst_crs=named(dst_crs),
     )
     with console.work() as progress:
-        account = write_cloud_surfaces(clouds, output, settings, overwrite=overwrite, progress=progress)
-    for warning in account["warnings"]:
-        console.warn(Notice(warning["code"], warning["text"]))
+        account = write_cloud_surfaces(
+            clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
+        )
     console.answer({"folder": output, **account}, _words(account, output))
 
 

@@ -19,7 +19,7 @@ from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs_name import full_name_of
 from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.point_classes import PointClass
 
@@ -177,12 +177,12 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     change = None
     if dst_crs is not None:
         target, _ = _parts(dst_crs)
-        _require_metres(target, files, source)
+        _require_metres(target, "--dst-crs", files, source)
         if not flat.equals(target, ignore_axis_order=True):
             change = crs_change(flat, target, _place(files))
             notices += change.notices
     else:
-        _require_metres(flat, files, source)
+        _require_metres(flat, str(files[0].path), files, source)
         target = flat
     unit_m = _height_unit_m(flat, height)
     if unit_m != 1.0:
@@ -236,8 +236,7 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
     for file, other in found[1:]:
         if not first.equals(other, ignore_axis_order=True):
             raise InputError(
-                f"{first_file.path} is in {name_of(first)} ({first.name}), "
-                f"{file.path} in {name_of(other)} ({other.name}).",
+                f"{first_file.path} is in {full_name_of(first)}, {file.path} in {full_name_of(other)}.",
                 "Clouds of different CRS do not lie together.",
                 "Take those of each CRS by themselves, with the same --dst-crs if the results are to overlay.",
                 code="crs-mixed",
@@ -274,13 +273,13 @@ def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:
     return float(flat.axis_info[0].unit_conversion_factor) if flat.is_projected else 1.0
 
 
-def _require_metres(flat: pyproj.CRS, files: Sequence[CloudFile], source: pyproj.CRS) -> None:
-    """Raises InputError where cells of the CRS would be no squares of metres."""
+def _require_metres(flat: pyproj.CRS, stated_by: str, files: Sequence[CloudFile], source: pyproj.CRS) -> None:
+    """Raises InputError where cells of the CRS, which a file or option states, would be no squares of metres."""
     if flat.is_projected and all(axis.unit_conversion_factor == 1.0 for axis in flat.axis_info):
         return
     units = " and ".join(sorted({axis.unit_name for axis in flat.axis_info}))
     raise InputError(
-        f"{name_of(flat)} ({flat.name}) is in {units}.",
+        f"{stated_by}: {full_name_of(flat)} is in {units}.",
         "Cells and distances are in metres, so it takes a projected CRS in metres.",
         f"Choose one with --dst-crs{_proposal(files, source)}.",
         code="crs-not-metres",

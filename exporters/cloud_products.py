@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -57,6 +57,14 @@ BRIDGED_M: Final = 1.0
 """Gaps up to so far from seen heights let no water through."""
 CELLS_A_PLOT: Final = 5
 """Random roughness needs cells of a fifth of its plots at most."""
+MANY_CELLS: Final = 10_000_000
+"""Cells that take half a minute or more, of which nobody wants to wait for the empty ones."""
+SPARSE_SHARE: Final = 0.05
+"""Points a cell below which most of a grid stays empty: cells of a fair size hold four points where there are any."""
+
+
+def unheard(notice: Notice) -> None:
+    """A listener to warnings who does not listen."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +107,7 @@ def write_cloud_surfaces(
     *,
     overwrite: bool = False,
     progress: Progress = silent,
+    warn: Callable[[Notice], None] = unheard,
 ) -> dict[str, Any]:
     """Make the surfaces of clouds and put them into a folder, all together or none.
 
@@ -108,6 +117,7 @@ def write_cloud_surfaces(
         settings: what is asked for.
         overwrite: replace earlier surfaces in the folder.
         progress: is told of the stages.
+        warn: is told each warning once, those of the clouds and of long work before that begins.
 
     Returns:
         The content of `surfaces.json`.
@@ -120,6 +130,14 @@ def write_cloud_surfaces(
     _refuse_occupied(folder, overwrite=overwrite)
     clouds = open_clouds(paths, settings.crs, settings.dst_crs)
     box = box_in(clouds, settings.box, settings.box_crs)
+    warnings: list[Notice] = []
+
+    def tell(notices: Sequence[Notice]) -> None:
+        for notice in notices:
+            if notice not in warnings:
+                warnings.append(notice)
+                warn(notice)
+
     # GDAL would keep a twentieth of the computer's memory of what it has read.
     with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         cell_m = settings.cell_m
@@ -131,10 +149,12 @@ def write_cloud_surfaces(
             if grid is None:
                 raise nothing_left(clouds, box)
             method = _method(settings, spooled)
+            tell([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
             records = [file_records([path], path.parent, progress)[0] for path in paths]
             work = _Work(staging, clouds, grid, settings, box, method, records, spooled.span_s)
             work.surfaces(spooled, progress)
         figures, notices = work.derived(progress)
+        tell(notices)
         account = {
             "furrowmap": version("furrowmap"),
             "inputs": [
@@ -150,7 +170,7 @@ def write_cloud_surfaces(
                 "rows": grid.rows,
                 **figures,
             },
-            "warnings": list(dict.fromkeys([*clouds.notices, *spooled.notices, *notices])),
+            "warnings": warnings,
             "products": sorted([*(path.name for path in staging.iterdir()), ACCOUNT]),
         }
         (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
@@ -337,10 +357,15 @@ class _Work:
     def _windows(
         self, name: str, margin: int, progress: Progress, stage: str
     ) -> Iterator[tuple[Grid, Grid, NDArray[np.float32]]]:
-        """Squares of a finished surface: each one's own cells, those with a margin round them, and their heights."""
+        """Squares of a finished surface: each one's own cells, those with a margin round them, and their heights.
+
+        Squares without any height are passed over.
+        """
         with rasterio.open(self.folder / name) as raster:
             for inner, outer in _windows(self.grid, margin):
-                yield inner, outer, raster.read(1, window=_window(outer, self.grid))
+                height = raster.read(1, window=_window(outer, self.grid))
+                if np.isfinite(height).any():
+                    yield inner, outer, height
                 progress(stage, _share(inner, self.grid))
 
 
@@ -465,6 +490,19 @@ def nothing_left(clouds: Clouds, box: Box | None) -> InputError:
         "`furrowmap inspect` says where the points lie and which classes they have.",
         code="no-points-left",
     )
+
+
+def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
+    """What is to be known of a long wait for cells without points, before it begins."""
+    cells = grid.rows * grid.columns
+    if cells < MANY_CELLS or points >= SPARSE_SHARE * cells:
+        return []
+    text = (
+        f"{points:,} points lie in a grid of {grid.columns:,} x {grid.rows:,} = {cells:,} cells of {grid.cell_m:g} m, "
+        "so most of it stays empty and making it takes minutes. Choose larger cells (--cell; without it their density "
+        "chooses), a box (--bbox), or leave out points that lie far away from the others."
+    )
+    return [Notice("cells-mostly-empty", text)]
 
 
 def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:

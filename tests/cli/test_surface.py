@@ -7,6 +7,15 @@ import pytest
 import rasterio
 
 from furrowmap.cli.main import command_line
+from tests.core.readers.las.test_hostile import ERRORS, NOTICES
+
+NOT_IN_METRES = (
+    "d_claims_4294967295_evlrs.laz",
+    "d_evlr_offset_beyond_end.las",
+    "d_las14_claims_1e12_points.las",
+    "found_389_vlrs.las",
+    "found_spurious_box.las",
+)
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
@@ -55,15 +64,32 @@ def test_surface__tells_the_lies_of_a_file_it_can_read(
     assert "dsm.tif" in out
 
 
-@pytest.mark.parametrize("name", ["d_laz_chunk_table_4294967295_chunks.laz", "d_scale_x_nan.las", "d_empty_file.las"])
-def test_surface__refuses_what_cannot_be_read_and_writes_nothing(
-    las: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+def test_surface__of_every_hostile_file_ends_in_surfaces_or_three_lines_and_leaves_nothing_else(
+    las: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, out, err = told(capsys, "surface", las / "hostile" / name, "-o", tmp_path / "out", "--crs", "EPSG:32610")
-    assert (status, out) == (3, "")
-    assert len(err.splitlines()) == 3
-    assert name in err
-    assert not (tmp_path / "out").exists()
+    codes = {}
+    for cloud in sorted((las / "hostile").iterdir()):
+        output = tmp_path / cloud.stem / "out"
+        output.parent.mkdir()
+        status, out, err = told(capsys, "surface", cloud, "-o", output, "--crs", "EPSG:32610", "--cell", "50", "--json")
+        answer = json.loads(out)
+        if status == 0:
+            codes[cloud.name] = ""
+            assert answer["figures"]["points"] == NOTICES[cloud.name][0], cloud.name
+            assert [path.name for path in output.parent.iterdir()] == ["out"], cloud.name
+            assert sorted(path.name for path in output.iterdir()) == answer["products"], cloud.name
+            with rasterio.open(output / "dsm.tif") as file:
+                heights = file.read(1, masked=True)
+            assert 0 < heights.count() <= answer["figures"]["points"], cloud.name
+        else:
+            codes[cloud.name] = answer["error"]["code"]
+            assert (status, len(err.splitlines())) == (3, 3), (cloud.name, err)
+            assert cloud.name in err.splitlines()[0]
+            assert list(output.parent.iterdir()) == [], cloud.name
+    # What the reader refuses, and those that are in feet or degrees.
+    refused = {name: code for name, code in codes.items() if code}
+    assert refused == ERRORS | dict.fromkeys(NOT_IN_METRES, "crs-not-metres")
+    assert codes.keys() == ERRORS.keys() | NOTICES.keys()
 
 
 @pytest.mark.parametrize(

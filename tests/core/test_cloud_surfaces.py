@@ -14,7 +14,7 @@ from furrowmap.core.cloud_surfaces import cell_for, cloud_tiles, spool_clouds
 from furrowmap.core.clouds import open_clouds
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.values.errors import Cancelled, InputError, Notice, RefusedError
 from furrowmap.exporters.cloud_products import CloudSettings, bridged, write_cloud_surfaces
 
 UTM = pyproj.CRS.from_epsg(32633)
@@ -336,6 +336,51 @@ def test_nothing_left__is_told_and_leaves_nothing(clouds: list[Path], tmp_path: 
     with pytest.raises(InputError, match="none is left"):
         write_cloud_surfaces(clouds, tmp_path / "out", CloudSettings(0.2, box=(0.0, 0.0, 1.0, 1.0)))
     assert not (tmp_path / "out").exists()
+
+
+def two_heaps(path: Path) -> Path:
+    """A point in the middle of each square metre of two squares of 8 m, which lie 3.2 km apart."""
+    x, y = np.meshgrid(np.arange(8) + 0.5, np.arange(8) + 0.5)
+    heap = np.column_stack([WEST + x.ravel(), SOUTH + y.ravel(), np.full(64, 100.0)])
+    return write(path, np.concatenate([heap, heap + np.array([3200.0, 3200.0, 0.0])]))
+
+
+def test_grid__that_stays_mostly_empty_is_told_before_the_wait(tmp_path: Path) -> None:
+    path, warned = two_heaps(tmp_path / "heaps.las"), []
+
+    def nobody_waits(stage: str, share: float) -> None:
+        if stage == "making surfaces":
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        write_cloud_surfaces([path], tmp_path / "out", CloudSettings(0.5), progress=nobody_waits, warn=warned.append)
+    (notice,) = (notice for notice in warned if notice.code == "cells-mostly-empty")
+    cells = 6415 * 6415
+    assert all(words in notice.text for words in ("128 points", f"{cells:,} cells of 0.5 m", "--cell", "--bbox"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_grid__mostly_empty_has_the_surfaces_of_its_heaps_and_the_warning_in_its_account(tmp_path: Path) -> None:
+    path, warned = two_heaps(tmp_path / "heaps.las"), []
+    settings = CloudSettings(1.0, ground="none")
+    account = write_cloud_surfaces([path], tmp_path / "out", settings, warn=warned.append)
+    assert account["warnings"] == [{"code": notice.code, "text": notice.text} for notice in warned]
+    assert "cells-mostly-empty" in {notice.code for notice in warned}
+    height, grid = raster(tmp_path / "out" / "dsm.tif")
+    assert grid.shape == (3208, 3208)
+    slope, _ = raster(tmp_path / "out" / "slope.tif")
+    for heights, inset in ((height, 0), (slope, 1)):
+        expected_there = np.zeros(grid.shape, bool)
+        expected_there[-8 + inset : grid.rows - inset, inset : 8 - inset] = True
+        expected_there |= expected_there[::-1, ::-1]
+        np.testing.assert_array_equal(np.isfinite(heights), expected_there)
+
+
+def test_grid__full_of_points_or_small_is_not_called_empty(clouds: list[Path], tmp_path: Path) -> None:
+    warned: list[Notice] = []
+    write_cloud_surfaces(clouds, tmp_path / "full", CloudSettings(0.2, ground="none"), warn=warned.append)
+    write_cloud_surfaces([two_heaps(tmp_path / "h.las")], tmp_path / "s", CloudSettings(5.0), warn=warned.append)
+    assert "cells-mostly-empty" not in {notice.code for notice in warned}
 
 
 def test_account__tells_files_and_lies(clouds: list[Path], tmp_path: Path) -> None:
