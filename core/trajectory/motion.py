@@ -30,6 +30,8 @@ CERTAIN_SHARE: Final = 0.2
 """Nobody reverses this far at a stretch, or for nearly half of the way."""
 STEP_M: Final = 0.1
 LONGEST_GAP_S: Final = 1.0
+GAP_ARC: Final = 0.4
+"""A gap through which a vehicle drove without turning back ends this near to an arc's end, as a share of its length."""
 
 
 def longest_gap_s(t_s: FloatArray) -> float:
@@ -226,12 +228,23 @@ def _link(
     v_before, v_after = velocity[b], velocity[a]
     if segment[before[1]] == segment[after[0]]:
         return 1 if v_before @ v_after >= 0 else -1
-    # Across a gap the course may have turned by any angle. A way about as long as the speeds on both sides would make
-    # of the time is a drive without turning back.
-    pause_s = t_s[after[0]] - t_s[before[1]]
-    expected_m = 0.5 * (np.hypot(*velocity[before[1]]) + np.hypot(*velocity[after[0]])) * pause_s
-    chord_m = np.hypot(*(en_m[after[0]] - en_m[before[1]]))
-    return 1 if expected_m > 0.2 and chord_m > 0.6 * expected_m else 0
+    # Across a gap the vehicle may have shifted gears unseen, as in a turn: forward, back and forward again. It went on
+    # where it was moving at both ends, and came out where an arc between the two courses at these speeds ends.
+    ends = int(np.flatnonzero(segment == segment[before[1]])[-1]), int(np.flatnonzero(segment == segment[after[0]])[0])
+    if ends != (before[1], after[0]):
+        return 0
+    way_m = 0.5 * (np.hypot(*velocity[before[1]]) + np.hypot(*velocity[after[0]])) * (t_s[after[0]] - t_s[before[1]])
+    chord = en_m[after[0]] - en_m[before[1]]
+    off_m = np.hypot(*(chord - _arc(velocity[before[1]], velocity[after[0]]) * way_m))
+    return 1 if way_m > 0.2 and off_m < GAP_ARC * way_m else 0
+
+
+def _arc(course: FloatArray, later: FloatArray) -> FloatArray:
+    """(2,) the chord of an arc of length 1 that begins on a course and ends on a later one, the shorter way round."""
+    begins = math.atan2(course[1], course[0])
+    turn = (math.atan2(later[1], later[0]) - begins + math.pi) % math.tau - math.pi
+    middle = begins + 0.5 * turn
+    return float(np.sinc(0.5 * turn / math.pi)) * np.array([math.cos(middle), math.sin(middle)])
 
 
 def _leaves(en_m: FloatArray, leg: tuple[int, int]) -> int:

@@ -44,6 +44,21 @@ def test_a_gap_in_a_steady_drive_keeps_the_direction() -> None:
     assert len(np.unique(signs)) == 1
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.floats(14.0, 30.0), st.floats(2.0, 8.0), st.integers(0, 2**32 - 1))
+def test_a_gap_anywhere_in_a_turn_that_reverses_leaves_long_passes_forward(
+    begin_s: float, gap_s: float, seed: int
+) -> None:
+    truth = drive((18, 1.2, 0), (1.5, 0.0, 0), (5, -0.9, 8), (1.5, 0.0, 0), (24, 1.2, 0))
+    since_s = truth.t_s - truth.t_s[0]
+    kept = (since_s < begin_s) | (since_s > begin_s + gap_s)
+    antenna = truth.antenna(1.0, 0.3)[kept]
+    noise = np.random.default_rng(seed).normal(0, 0.003, antenna.shape)
+    motions = find_motion(truth.t_s[kept], antenna + noise, 0.003, 1.0)
+    passes = (truth.speed_mps[kept] > 1.0) & ((since_s[kept] < 14) | (since_s[kept] > 38))
+    assert (motions.motion[passes] == 1).all()
+
+
 def test_a_single_drive_is_said_to_be_taken_as_forward() -> None:
     truth = drive((8, 1.0, 5))
     motions = find_motion(truth.t_s, truth.en_m, 0.003, 1.0)
