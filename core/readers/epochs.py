@@ -43,14 +43,33 @@ def midnight_utc_s(date: str) -> float:
         ) from None
 
 
+def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: NDArray[np.integer]) -> FloatArray:
+    """UTC (n,) of the beginning of days in the years 1980 to 2099; nan where the calendar has no such day.
+
+    Args:
+        year: (n,) integers of any size.
+        month: (n,) likewise; January is 1.
+        day: (n,) likewise; the first is 1.
+    """
+    year, month, day = (np.asarray(part, np.int64) for part in (year, month, day))
+    usable = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12) & (day >= 1)
+    months = np.where(usable, (year - 1970) * 12 + month - 1, 0).astype("datetime64[M]")
+    days = months.astype("datetime64[D]") + np.where(usable, day - 1, 0)
+    usable &= days.astype("datetime64[M]") == months
+    return np.where(usable, days.astype(np.float64) * DAY_S, np.nan)
+
+
 def in_order(
-    t_s: FloatArray, same_place: NDArray[np.bool_], name: str, place: Callable[[int], str]
+    t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, name: str, place: Callable[[int], str]
 ) -> tuple[NDArray[np.bool_], list[Notice]]:
-    """Which epochs run forward in time, and what is to be told of the others.
+    """Which epochs (n,) run forward in time, and what is to be told of the others.
+
+    An epoch that repeats time and place of the one before it was written twice; that is no disorder.
 
     Args:
         t_s: (n,) times in the order in which they stand.
-        same_place: (n,) whether an epoch states the position of the one before it.
+        lon_deg: (n,) longitudes.
+        lat_deg: (n,) latitudes.
         name: of the log, for messages.
         place: words for where epoch k stands.
 
@@ -59,7 +78,7 @@ def in_order(
     """
     forward = runs_forward(t_s)
     repeated = np.zeros(len(t_s), bool)
-    repeated[1:] = (np.diff(t_s) == 0) & same_place[1:]
+    repeated[1:] = (np.diff(t_s) == 0) & (np.diff(lon_deg) == 0) & (np.diff(lat_deg) == 0)
     backward = ~forward & ~repeated
     if backward.sum() > MOST_DISORDER * len(t_s):
         raise _disorder(t_s, backward, place(int(np.flatnonzero(backward)[0])))
@@ -86,7 +105,7 @@ def _disorder(t_s: FloatArray, backward: NDArray[np.bool_], first: str) -> Input
         return InputError(
             f"{first}: time runs back or stands here and {steps_back} times in all, over {len(t_s)} positions.",
             "Two receivers wrote into this log, and it does not say which position is whose.",
-            "Record each receiver in a file of its own.",
+            "Record each receiver in a file of its own; of NMEA, another talker for each serves as well.",
             code="receivers-interleaved",
         )
     return InputError(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.errors import InputError, Notice
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -208,3 +208,8 @@ def _refuse_non_files(path: Path) -> None:
             "Check the name; give the recording itself.",
             code="no-such-file",
         )
+
+
+def cut_notice(path: Path, fault: str) -> Notice:
+    """The notice of a file that ends too early, of which `fault` says why."""
+    return Notice("stream-cut", f"{path}: {fault}; what came before is used.")

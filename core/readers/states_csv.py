@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.reader import Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.values.clock import iso_utc
@@ -42,11 +43,8 @@ class StatesCsv:
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain where the header names times and states."""
-        line, _, rest = head.data.partition(b"\n")
-        if not rest or len(line) > 4096 or b"\0" in head.data:
-            return 0.0
-        names = _header(line.decode("utf-8", "replace"))[0]
-        return 1.0 if "state" in names and {"time", "t_s"} & set(names) else 0.0
+        names = set(head_columns(head) or ())
+        return 1.0 if "state" in names and {"time", "t_s"} & names else 0.0
 
     def states(self) -> ToolStates:
         """The states of all files; the end of the last is infinite unless its state is `unknown`.
@@ -97,13 +95,6 @@ class StatesCsv:
         return Inspection(self.paths[0], self.format, self.title, facts)
 
 
-def _header(line: str) -> tuple[list[str], str]:
-    """Names of the columns, and what separates them."""
-    line = line.lstrip("\ufeff").strip()
-    separator = max(",;\t", key=line.count)
-    return [name.strip().strip('"').strip() for name in line.split(separator)], separator
-
-
 def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
     """(t_s, state, sigma_s, confidence, common_share, where it stands) of each row."""
     with Source(path) as source:
@@ -111,7 +102,7 @@ def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, s
     if len(data) > LARGEST_BYTES:
         raise _bad(f"{path}: more than {LARGEST_BYTES:,} bytes")
     lines = data.decode("utf-8", "replace").splitlines()
-    names, separator = _header(lines[0] if lines else "")
+    names, separator = columns_of(lines[0] if lines else "")
     for number, line in enumerate(lines[1:], start=2):
         cells = line.replace('"', "").split(separator)
         if not any(cell.strip() for cell in cells):

@@ -37,6 +37,13 @@ def east_north_up(lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
     return np.stack([east, north, up], axis=1)
 
 
+def variances_enu(covariance_xyz: FloatArray, lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
+    """Variances (n, 3) east, north and up of earth-centred covariances (n, 3, 3), in their unit."""
+    turn = east_north_up(lon_deg, lat_deg)
+    variances: FloatArray = np.einsum("nij,njk,nik->ni", turn, covariance_xyz, turn)
+    return variances
+
+
 def geodetic(xyz_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Longitude, latitude (degrees), ellipsoidal height (n,) of earth-centred coordinates (n, 3); nan far away."""
     from pyproj import Transformer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 
 class FurrowmapError(Exception):
@@ -77,6 +77,11 @@ class Notice:
 
     code: str
     text: str
+
+    @classmethod
+    def of(cls, error: FurrowmapError) -> Self:
+        """An error that does not stop the work at hand, told whole."""
+        return cls(error.code, " ".join(error.lines))
 
 
 def printable(text: str) -> str:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
-from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.nmea.sentences import Kind, Sentences, Tally, read_sentences, scan_bytes
-from furrowmap.core.readers.nmea.track import Epochs, assemble, clock_face
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
-from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.readers.nmea.track import assemble, clock_face
+from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
+from furrowmap.core.readers.source import Head
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.gnss import GnssTrack
-from furrowmap.core.values.scan import Clock
 
 MOST_OTHER_BYTES: Final = 0.5
 """Share of foreign bytes up to which a file is an NMEA log by that alone."""
@@ -23,7 +21,7 @@ LEAST_NMEA_BYTES: Final = 0.02
 TOLD_OTHER_BYTES: Final = 0.01
 
 
-class NmeaLog:
+class NmeaLog(PositionLog):
     """The positions in a log of NMEA 0183 sentences.
 
     Sentences are found at every ``$`` and believed if their checksum is right, so neither noise nor binary messages
@@ -38,11 +36,6 @@ class NmeaLog:
     format: ClassVar[str] = "nmea"
     title: ClassVar[str] = "NMEA 0183 log"
 
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
-
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain where most of the file is sentences; possible where GGA stands between other things."""
@@ -55,27 +48,27 @@ class NmeaLog:
             return 0.9
         return 0.6 if share >= LEAST_NMEA_BYTES and len(sentences.of(Kind.GGA)) else 0.0
 
-    def track(self) -> GnssTrack:
-        """All positions of all files.
+    def _face(self, t_s: float) -> str:
+        return f"{clock_face(t_s)} (no date)"
 
-        Raises:
-            InputError: if there are none, if they carry no date and none is known, or if two receivers wrote them under
-                one name.
-        """
-        _, epochs = self._read(self.paths)
-        if epochs.fault is not None:
-            raise epochs.fault
-        return epochs.track
+    def _read(self, paths: list[Path]) -> Positions:
+        tally = Tally()
+        parts: list[Sentences] = []
+        ends: list[int] = []
+        for source in self._sources(paths):
+            parts += read_sentences(source, tally, tally.stream_bytes)
+            ends.append(tally.stream_bytes)
 
-    def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds; a log without a date is told by times of day.
+        def place(at: int) -> str:
+            path, byte = file_at(paths, ends, at)
+            return f"{path}, byte {byte}"
 
-        Raises:
-            InputError: if the file cannot be read.
-        """
-        tally, epochs = self._read(self.paths[:1])
-        track = epochs.track
-        facts: dict[str, Any] = {
+        name = log_name(paths)
+        sentences = Sentences.joined(parts)
+        parts.clear()  # else a long log is held twice
+        positions = assemble(sentences, name, date=self.options.date, near_s=self.options.near_s, place=place)
+        self.notices += _tally_notices(tally, name)
+        facts = {
             "talkers": _by(tally, lambda address: "proprietary" if address.startswith("P") else address[:2]),
             "sentences": _by(tally, lambda address: address if address.startswith("P") else address[2:]),
             "intact": tally.intact,
@@ -83,52 +76,9 @@ class NmeaLog:
             "cut_or_without_checksum": tally.cut,
             "begun_in_mid_line": tally.behind_cut,
             "other_bytes": tally.other_bytes,
-            "positions_by_talker": epochs.positions_by_talker,
-            "epochs": len(track),
-            "epochs_without_position": epochs.without_position,
-            "epochs_dropped": epochs.backward + epochs.repeated,
+            **positions.facts,
         }
-        clocks: tuple[ClockReading, ...] = ()
-        if epochs.dated and len(track):
-            facts |= utc_facts(track.t_s)
-            note = f"UTC by its sentences; GPS time is {facts['gps_minus_utc_s']} s ahead"
-            clocks = (ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note),)
-        elif len(track):
-            facts |= {
-                "first": f"{clock_face(track.t_s[0])} (no date)",
-                "last": f"{clock_face(track.t_s[-1])} (no date)",
-            }
-        facts |= timing_facts(track.t_s) | position_facts(track)
-        notices = list(self.notices)
-        if epochs.fault is not None:
-            notices.append(
-                Notice(epochs.fault.code, f"{epochs.fault.what} {epochs.fault.meaning} {epochs.fault.remedy}")
-            )
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(notices))
-
-    def _read(self, paths: list[Path]) -> tuple[Tally, Epochs]:
-        tally = Tally()
-        parts: list[Sentences] = []
-        ends: list[int] = []
-        self.notices = []
-        for path in paths:
-            with Source(path) as source:
-                parts += read_sentences(source, tally, tally.stream_bytes)
-                fault = source.fault
-            ends.append(tally.stream_bytes)
-            if fault:
-                self.notices.append(Notice("stream-cut", f"{path}: {fault}; what came before is used."))
-
-        def place(at: int) -> str:
-            file = next(k for k, end in enumerate(ends) if at < end)
-            return f"{paths[file]}, byte {at - (ends[file - 1] if file else 0)}"
-
-        name = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
-        sentences = Sentences.joined(parts)
-        parts.clear()  # else a long log is held twice
-        epochs = assemble(sentences, name, date=self.options.date, near_s=self.options.near_s, place=place)
-        self.notices += _tally_notices(tally, name) + list(epochs.notices) + jump_notices(epochs.track)
-        return tally, epochs
+        return replace(positions, facts=facts, scale="UTC by its sentences")
 
 
 def _by(tally: Tally, part: Callable[[str], str]) -> dict[str, int]:

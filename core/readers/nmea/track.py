@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import MOST_DISORDER, MOST_SPLICES, midnight_utc_s
+from furrowmap.core.readers.epochs import MOST_DISORDER, in_order, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, Sentences
-from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, runs_forward, unroll
+from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -30,31 +30,6 @@ MOST_SWITCHES: Final = 0.2
 """A receiver may change its talker with the constellations it uses, but not from sentence to sentence."""
 
 
-@dataclass(frozen=True)
-class Epochs:
-    """What the positions of a log come to.
-
-    Attributes:
-        track: the positions; empty if they cannot be told apart.
-        dated: whether the times are UTC; else they count from midnight before the first position.
-        without_position: number of the receiver's GGA sentences that state none.
-        repeated: number of positions that repeat the one before them.
-        backward: number of positions that were dropped because their time does not run forward.
-        positions_by_talker: number of positions of every talker in the log.
-        notices: what is odd.
-        fault: why the positions cannot be used, if they cannot.
-    """
-
-    track: GnssTrack
-    dated: bool
-    without_position: int
-    repeated: int
-    backward: int
-    positions_by_talker: dict[str, int]
-    notices: tuple[Notice, ...]
-    fault: InputError | None
-
-
 def assemble(
     sentences: Sentences,
     name: str,
@@ -62,8 +37,8 @@ def assemble(
     date: str | None,
     near_s: float | None,
     place: Callable[[int], str],
-) -> Epochs:
-    """The epochs of the receiver with the best and most positions.
+) -> Positions:
+    """The positions of the receiver with the best and most of them; undated, they count from their first midnight.
 
     Args:
         sentences: of one recording, in the order in which they were written.
@@ -86,27 +61,29 @@ def assemble(
 
     t_s, dated = _times(positions, log, notices, name, date=date, near_s=near_s)
     _tell_clock_set(gga, positions, notices, name)
-    forward = runs_forward(t_s)
-    repeated = np.zeros(len(t_s), bool)
-    repeated[1:] = (np.diff(t_s) == 0) & np.all(np.diff(positions.values[:, 1:3], axis=0) == 0, axis=1)
-    backward = ~forward & ~repeated
-    fault = _fault(positions, t_s, backward, name, place, all_gga=len(all_gga))
-    if fault is None:
-        _tell_order(t_s, backward, repeated, notices, name)
-        if not dated:
-            fault = _no_date(t_s, name)
+    forward = np.zeros(len(t_s), bool)
+    dropped = 0
+    fault: InputError | None = None
+    if not len(t_s):
+        fault = _no_positions(name, len(all_gga))
     else:
-        forward[:] = False
-    positions, t_s = positions[forward], t_s[forward]
-    track = _track(positions, t_s, log, name)
-    _tell_heights(positions, notices, name)
-    return Epochs(
-        track=track,
+        lat, lon = (positions.column(Kind.GGA, column) for column in ("lat_deg", "lon_deg"))
+        try:
+            forward, told = in_order(t_s, lon, lat, name, lambda k: place(int(positions.at[k])))
+        except InputError as disorder:
+            fault = disorder
+        else:
+            notices += told
+            dropped = int(np.sum(~forward))
+            fault = None if dated else _no_date(t_s, name)
+    kept = positions[forward]
+    _tell_heights(kept, notices, name)
+    return Positions(
+        track=_track(kept, t_s[forward], log, name),
         dated=dated,
         without_position=int(np.sum(~_states_position(gga))),
-        repeated=int(repeated.sum()),
-        backward=int(backward.sum()),
-        positions_by_talker={t.decode("ascii"): count for t, count in of_talker.items() if count},
+        dropped=dropped,
+        facts={"positions_by_talker": {t.decode("ascii"): count for t, count in of_talker.items() if count}},
         notices=tuple(notices),
         fault=fault,
     )
@@ -205,14 +182,8 @@ def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]
 
 def _midnights(date_ymd: FloatArray) -> FloatArray:
     """UTC of the beginning of days (n,) written yyyymmdd; nan where there is no such day."""
-    usable = (date_ymd >= 1980_00_00) & (date_ymd <= 2100_00_00)
-    whole = np.where(usable, date_ymd, 0.0).astype(np.int64)
-    year, month, day = whole // 10000, whole // 100 % 100, whole % 100
-    usable &= (month >= 1) & (month <= 12) & (day >= 1)
-    months = ((year - 1970) * 12 + month - 1).astype("datetime64[M]")
-    days = months.astype("datetime64[D]") + (day - 1)
-    usable &= days.astype("datetime64[M]") == months
-    return np.where(usable, days.astype(np.float64) * DAY_S, np.nan)
+    whole = np.where((date_ymd > 0) & (date_ymd < 1e8), date_ymd, 0.0).astype(np.int64)
+    return midnights_utc_s(whole // 10000, whole // 100 % 100, whole % 100)
 
 
 def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> GnssTrack:
@@ -298,40 +269,13 @@ def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArr
     return row[equal], known[equal]
 
 
-def _fault(
-    positions: Sentences,
-    t_s: FloatArray,
-    backward: NDArray[np.bool_],
-    name: str,
-    place: Callable[[int], str],
-    *,
-    all_gga: int,
-) -> InputError | None:
-    """Why the positions cannot be used, if they cannot."""
-    if not len(t_s):
-        what = f"all {all_gga} GGA sentences state no position" if all_gga else "there is no intact GGA sentence in it"
-        return InputError(
-            f"{name}: {what}.",
-            "Height and kind of fix stand only in GGA, so there is nothing to place scans with.",
-            "Let the receiver write GGA with a fix; `furrowmap inspect` lists the sentences that are there.",
-            code="no-positions",
-        )
-    if backward.sum() <= MOST_DISORDER * len(t_s):
-        return None
-    first = place(int(positions.at[np.flatnonzero(backward)[0]]))
-    steps_back = int(np.sum(np.diff(t_s) < 0))
-    if steps_back > max(MOST_SPLICES, 0.01 * len(t_s)):
-        return InputError(
-            f"{first}: time runs back here and {steps_back} times in all, over {len(t_s)} positions of one talker.",
-            "Two receivers wrote into this log under one name, and their sentences cannot be told apart.",
-            "Record each receiver in a file of its own, or give each another talker.",
-            code="receivers-interleaved",
-        )
+def _no_positions(name: str, all_gga: int) -> InputError:
+    what = f"all {all_gga} GGA sentences state no position" if all_gga else "there is no intact GGA sentence in it"
     return InputError(
-        f"{first}: time runs back here; {int(backward.sum())} of {len(t_s)} positions are not later than all before.",
-        "The log is pieced together in the wrong order, and what lies behind this place would be lost.",
-        "Give the pieces as files of their own, in the order of time.",
-        code="time-disorder",
+        f"{name}: {what}.",
+        "Height and kind of fix stand only in GGA, so there is nothing to place scans with.",
+        "Let the receiver write GGA with a fix; `furrowmap inspect` lists the sentences that are there.",
+        code="no-positions",
     )
 
 
@@ -349,24 +293,6 @@ def clock_face(t_s: float) -> str:
     """hh:mm:ss.sss of seconds since any midnight."""
     ms = round(float(t_s) * 1000.0) % (DAY_S * 1000)
     return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
-
-
-def _tell_order(
-    t_s: FloatArray, backward: NDArray[np.bool_], repeated: NDArray[np.bool_], notices: list[Notice], name: str
-) -> None:
-    if backward.any():
-        widest = float(-np.diff(t_s).min(initial=0.0))
-        notices.append(
-            Notice(
-                "time-runs-back",
-                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before them (time runs "
-                f"back by up to {widest:.3f} s); they are left out.",
-            )
-        )
-    if repeated.any():
-        notices.append(
-            Notice("positions-repeated", f"{name}: {int(repeated.sum())} positions are written twice and count once.")
-        )
 
 
 def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice], name: str) -> None:

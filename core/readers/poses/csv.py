@@ -14,9 +14,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.poses.file import RawPoses, cut_notice, joined, too_few
+from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
 from furrowmap.core.readers.reader import Inspection, ReadOptions
-from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.pose_track import PoseTrack
 
@@ -68,10 +69,7 @@ class PoseCsv:
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with time and attitude in its header; possible where a header speaks of roll and pitch otherwise."""
-        line, _, rest = head.data.partition(b"\n")
-        if not rest or len(line) > 4096 or b"\0" in head.data:
-            return 0.0
-        names = set(_Header.of(line).names)
+        names = set(head_columns(head) or ())
         known = names & KNOWN
         if known & set(TIMES) and known & set(ATTITUDE):
             return 1.0
@@ -158,9 +156,8 @@ class _Header:
 
     @classmethod
     def of(cls, line: bytes) -> _Header:
-        text = line.decode("utf-8", "replace").lstrip("\ufeff").strip()
-        separator = max(",;\t", key=text.count)
-        return cls(tuple(name.strip().strip('"').strip() for name in text.split(separator)), separator)
+        names, separator = columns_of(line.decode("utf-8", "replace"))
+        return cls(tuple(names), separator)
 
     @cached_property
     def projected(self) -> bool:

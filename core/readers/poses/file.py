@@ -78,7 +78,7 @@ class RawPoses:
         except InputError as error:
             if error.code != "no-gps-week":
                 raise
-            notices.append(Notice(error.code, " ".join(error.lines)))
+            notices.append(Notice.of(error))
             track = self._in_order(unroll(self.seconds, WEEK_S), notices)
             first, last = round(float(track.t_s[0]), 3), round(float(track.t_s[-1]), 3)
             return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()
@@ -184,8 +184,3 @@ def too_few(path: Path, found: str) -> InputError:
         "Export it again, or copy the file again; perhaps the writing was stopped at once.",
         code="no-poses",
     )
-
-
-def cut_notice(path: Path, why: str) -> Notice:
-    """The notice of a file that ends too early."""
-    return Notice("stream-cut", f"{path}: {why}; what came before is used.")

@@ -9,9 +9,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.poses.file import RawPoses, cut_notice, joined, too_few
+from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
 from furrowmap.core.readers.reader import Inspection, ReadOptions
-from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.pose_track import PoseTrack
 

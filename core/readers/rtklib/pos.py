@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order
-from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.epochs import in_order, midnights_utc_s
+from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
 from furrowmap.core.readers.rtklib.rows import ROWS, Form, Header, Rows, finished, read_rows
-from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.values.clock import DAY_S, GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
-from furrowmap.core.values.earth import east_north_up, geodetic
+from furrowmap.core.readers.source import Head
+from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
+from furrowmap.core.values.earth import geodetic, variances_enu
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
 
 FIXES: Final = {1: Fix.FIXED, 2: Fix.FLOAT, 3: Fix.DGPS, 4: Fix.DGPS, 5: Fix.SINGLE, 6: Fix.PPP, 7: Fix.ESTIMATED}
 """Quality of a position by its flag Q (fix, float, SBAS, DGPS, single, PPP, dead reckoning)."""
 MOST_AHEAD: Final = 0.5
+"""Share of steps back in time from which on a solution was written from its end to its beginning."""
 
 
-class RtklibPos:
+class RtklibPos(PositionLog):
     """The positions of a solution file, in either of its two time styles.
 
     Times are GPS time unless the header says UTC or JST. A standard deviation of 0, 0 satellites, and an age that is 0
@@ -42,11 +41,6 @@ class RtklibPos:
 
     format: ClassVar[str] = "rtklib-pos"
     title: ClassVar[str] = "solution of RTKLIB or its kin (.pos)"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -64,66 +58,14 @@ class RtklibPos:
         good = sum(any(row.fullmatch(line[:2048]) for row in ROWS.values()) for line in rows)
         return 0.7 if good >= 2 and good >= 0.8 * len(rows) else 0.0
 
-    def track(self) -> GnssTrack:
-        """All positions of all files.
-
-        Raises:
-            InputError: if there are none, they are no positions on the earth, or two solutions are mixed.
-        """
-        read = self._read(self.paths)
-        if read.fault is not None:
-            raise read.fault
-        return read.track
-
-    def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds.
-
-        Raises:
-            InputError: if the file cannot be read.
-        """
-        read = self._read(self.paths[:1])
-        track, header = read.track, read.rows.header
-        facts: dict[str, Any] = {
-            "program": header.program or "unknown",
-            "positioning": header.mode or "unknown",
-            "time_style": "week and seconds" if read.rows.time.shape[1] == 2 else "calendar",
-            "time_scale": header.time or "not stated",
-            "written_as": header.form.value,
-            "lines_damaged": read.rows.damaged,
-            "epochs": len(track),
-            "epochs_without_position": read.without_position,
-            "epochs_dropped": read.dropped,
-        }
-        clocks: tuple[ClockReading, ...] = ()
-        if len(track):
-            facts |= utc_facts(track.t_s)
-            note = f"{header.time or 'taken as GPST'}; GPS time is {facts['gps_minus_utc_s']} s ahead of UTC"
-            clocks = (ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note),)
-        facts |= timing_facts(track.t_s) | position_facts(track)
-        notices = list(self.notices)
-        if read.fault is not None:
-            fault = read.fault
-            notices.append(Notice(fault.code, f"{fault.what} {fault.meaning} {fault.remedy}"))
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(notices))
-
-    def _read(self, paths: list[Path]) -> _Read:
-        self.notices = []
+    def _read(self, paths: list[Path]) -> Positions:
         gathered, ends = None, []
-        for path in paths:
-            with Source(path) as source:
-                gathered = read_rows(source, gathered)
-                if source.fault:
-                    self.notices.append(Notice("stream-cut", f"{path}: {source.fault}; what came before is used."))
+        for source in self._sources(paths):
+            gathered = read_rows(source, gathered)
             ends.append(gathered.lines)
         assert gathered is not None
         rows = finished(gathered)
-
-        def place(k: int) -> str:
-            line = int(rows.line[k])
-            file = next(number for number, end in enumerate(ends) if line <= end)
-            return f"{paths[file]}, line {line - (ends[file - 1] if file else 0)}"
-
-        name = str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
+        name = log_name(paths)
         if rows.damaged:
             self.notices.append(
                 Notice(
@@ -132,38 +74,54 @@ class RtklibPos:
                     "used.",
                 )
             )
-        try:
-            columns = _columns(rows, name, self.notices)
-            usable = columns["fix"] != Fix.NONE
-            usable &= np.isfinite(columns["t_s"] + columns["lon_deg"] + columns["lat_deg"])
-            if not usable.any():
-                raise _no_positions(rows, name)
-            kept = np.flatnonzero(usable)
-            if len(kept) > 1 and np.mean(np.diff(columns["t_s"][kept]) < 0) > MOST_AHEAD:
-                kept = kept[::-1]
-                self.notices.append(
-                    Notice("written-backward", f"{name}: its times run back all through; it is read from its end.")
-                )
-            columns = {column: values[kept] for column, values in columns.items()}
-            same = np.zeros(len(kept), bool)
-            same[1:] = (np.diff(columns["lon_deg"]) == 0) & (np.diff(columns["lat_deg"]) == 0)
-            forward, told = in_order(columns["t_s"], same, name, lambda k: place(int(kept[k])))
-        except InputError as fault:
-            return _Read(rows, GnssTrack.build(np.empty(0), source=name), 0, 0, fault)
-        self.notices += told
-        columns = {column: values[forward] for column, values in columns.items()}
-        track = GnssTrack.build(columns.pop("t_s"), source=name, service=rows.header.service, **columns)
-        self.notices += jump_notices(track)
-        return _Read(rows, track, int(np.sum(~usable)), int(np.sum(~forward)), None)
+
+        def place(row: int) -> str:
+            path, line = file_at(paths, ends, int(rows.line[row]) - 1)
+            return f"{path}, line {line + 1}"
+
+        header = rows.header
+        facts = {
+            "program": header.program or "unknown",
+            "positioning": header.mode or "unknown",
+            "time_style": "week and seconds" if rows.time.shape[1] == 2 else "calendar",
+            "time_scale": header.time or "not stated",
+            "written_as": header.form.value,
+            "lines_damaged": rows.damaged,
+        }
+        positions = _solutions(rows, name, place)
+        return replace(positions, facts=facts, scale=header.time or "taken as GPST")
 
 
-@dataclass(frozen=True)
-class _Read:
-    rows: Rows
-    track: GnssTrack
-    without_position: int
-    dropped: int
-    fault: InputError | None
+def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
+    """The positions of the rows; `place` has words for where a row stands."""
+    notices: list[Notice] = []
+    try:
+        columns = _columns(rows, name, notices)
+        usable = columns["fix"] != Fix.NONE
+        usable &= np.isfinite(columns["t_s"] + columns["lon_deg"] + columns["lat_deg"])
+        if not usable.any():
+            raise _no_positions(rows, name)
+        kept = np.flatnonzero(usable)
+        if len(kept) > 1 and np.mean(np.diff(columns["t_s"][kept]) < 0) > MOST_AHEAD:
+            kept = kept[::-1]
+            text = f"{name}: its times run back all through; it is read from its end."
+            notices.append(Notice("written-backward", text))
+        columns = {column: values[kept] for column, values in columns.items()}
+        forward, told = in_order(
+            columns["t_s"], columns["lon_deg"], columns["lat_deg"], name, lambda k: place(int(kept[k]))
+        )
+    except InputError as fault:
+        return replace(Positions.none(name, fault), notices=tuple(notices))
+    columns = {column: values[forward] for column, values in columns.items()}
+    return Positions(
+        track=GnssTrack.build(columns.pop("t_s"), source=name, service=rows.header.service, **columns),
+        dated=True,
+        without_position=int(np.sum(~usable)),
+        dropped=int(np.sum(~forward)),
+        facts={},
+        notices=(*notices, *told),
+        fault=None,
+    )
 
 
 def _no_positions(rows: Rows, name: str) -> InputError:
@@ -229,13 +187,9 @@ def _utc(rows: Rows) -> FloatArray:
     if time.shape[1] == 2:
         gps_s = time[:, 0] * WEEK_S + time[:, 1]
     else:
-        year, month, day = (time[:, k].astype(np.int64) for k in range(3))
-        usable = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12) & (day >= 1)
-        usable &= (time[:, 3] < 24) & (time[:, 4] < 60) & (time[:, 5] < 61)
-        months = np.where(usable, (year - 1970) * 12 + month - 1, 0).astype("datetime64[M]")
-        days = months.astype("datetime64[D]") + np.where(usable, day - 1, 0)
-        usable &= days.astype("datetime64[M]") == months
-        clock_s = days.astype(np.int64) * float(DAY_S) + time[:, 3] * HOUR_S + time[:, 4] * 60.0 + time[:, 5]
+        usable = (time[:, 3] < 24) & (time[:, 4] < 60) & (time[:, 5] < 61)
+        midnight_s = midnights_utc_s(*time[:, :3].T.astype(np.int64))
+        clock_s = midnight_s + time[:, 3] * HOUR_S + time[:, 4] * 60.0 + time[:, 5]
         gps_s = np.where(usable, clock_s - GPS_EPOCH_S, np.nan)
     scale = rows.header.time
     if scale in ("UTC", "JST"):
@@ -270,8 +224,7 @@ def _turned_sigmas(values: FloatArray, lon: FloatArray, lat: FloatArray) -> tupl
         ],
         axis=1,
     )
-    turn = east_north_up(lon, lat)
-    variance = np.einsum("nij,njk,nik->ni", turn, matrix, turn)
+    variance = variances_enu(matrix, lon, lat)
     with np.errstate(invalid="ignore"):
         sigma = np.where(variance > 0.0, np.sqrt(np.abs(variance)), np.nan)
     return sigma[:, 1], sigma[:, 0], sigma[:, 2]

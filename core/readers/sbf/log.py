@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import in_order
 from furrowmap.core.readers.frames import BYTES, Records, Scan, Tally, at_equal, layout
-from furrowmap.core.readers.receiver_log import Epochs, ReceiverLog, sound
+from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.receiver_log import ReceiverLog, sound
 from furrowmap.core.readers.sbf.frames import scan
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
-from furrowmap.core.values.earth import east_north_up, geodetic
+from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -84,11 +85,13 @@ class SbfLog(ReceiverLog):
 
         return {kind: SBF_MSGIDS[kind][0] if kind in SBF_MSGIDS else str(kind) for kind in kinds}
 
-    def _epochs(self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]) -> Epochs:
+    def _epochs(
+        self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]
+    ) -> Positions:
         is_geodetic = bool(len(records[GEODETIC]))
         pvt = records[GEODETIC if is_geodetic else CARTESIAN]
         if not len(pvt):
-            return Epochs.none(name, self._no_positions(tally, name))
+            return Positions.none(name, self._no_positions(tally, name))
         columns = _columns(pvt, records, is_geodetic=is_geodetic)
         kinds = np.bincount(pvt.values["mode"] & 15, minlength=16)
         facts = {"solutions": {_TYPES.get(k, f"type {k}"): n for k, n in enumerate(kinds.tolist()) if n}}
@@ -103,16 +106,14 @@ class SbfLog(ReceiverLog):
                 "Record under open sky; `furrowmap inspect` tells the kinds of solution.",
                 code="no-positions",
             )
-            return Epochs.none(name, fault, without_position=without)
+            return Positions.none(name, fault, without_position=without)
         columns = {column: values[positioned] for column, values in columns.items()}
         at = pvt.at[positioned]
         t_s = gps_to_utc_s(pvt.column("week")[positioned] * WEEK_S + pvt.column("tow", 1e-3)[positioned])
-        same = np.zeros(len(at), bool)
-        same[1:] = (np.diff(columns["lon_deg"]) == 0) & (np.diff(columns["lat_deg"]) == 0)
         try:
-            forward, notices = in_order(t_s, same, name, lambda k: place(int(at[k])))
+            forward, notices = in_order(t_s, columns["lon_deg"], columns["lat_deg"], name, lambda k: place(int(at[k])))
         except InputError as fault:
-            return Epochs.none(name, fault, without_position=without)
+            return Positions.none(name, fault, without_position=without)
         if np.any((pvt.values["mode"][positioned] & 128) > 0):
             count = int(np.sum((pvt.values["mode"][positioned] & 128) > 0))
             notices.append(
@@ -124,7 +125,7 @@ class SbfLog(ReceiverLog):
             service="sbas" if np.mean((pvt.values["mode"][positioned] & 15) == 6) > 0.5 else "",
             **{column: values[forward] for column, values in columns.items()},
         )
-        return Epochs(
+        return Positions(
             track=track,
             dated=True,
             without_position=without,
@@ -213,8 +214,7 @@ def _sigmas(
     entry = {n: at_equal(key, _key(cov), _stated(cov.column(n))) for n in ("xx", "yy", "zz", "xy", "xz", "yz")}
     rows = [[entry["".join(sorted(a + b))] for b in "xyz"] for a in "xyz"]
     matrix = np.moveaxis(np.array(rows), -1, 0)
-    turn = east_north_up(lon, lat)
-    variance = np.einsum("nij,njk,nik->ni", turn, matrix, turn)
+    variance = variances_enu(matrix, lon, lat)
     east, north, up = (_root(variance[:, k]) for k in range(3))
     return east, north, up
 

@@ -8,9 +8,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order, no_week, week_times
+from furrowmap.core.readers.epochs import in_order, midnights_utc_s, no_week, week_times
 from furrowmap.core.readers.frames import BYTES, Records, Scan, Tally, at_equal, layout, paired
-from furrowmap.core.readers.receiver_log import Epochs, ReceiverLog, sound
+from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.receiver_log import ReceiverLog, sound
 from furrowmap.core.readers.source import Head
 from furrowmap.core.readers.ubx.frames import scan
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
@@ -93,10 +94,12 @@ class UbxLog(ReceiverLog):
         codes = {kind: bytes((kind >> 8, kind & 255)) for kind in kinds}
         return {kind: UBX_MSGIDS.get(code, f"{code[0]:02X}-{code[1]:02X}") for kind, code in codes.items()}
 
-    def _epochs(self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]) -> Epochs:
+    def _epochs(
+        self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]
+    ) -> Positions:
         pvt, hp = records[PVT], records[HPPOSLLH]
         if not len(pvt) and not len(hp):
-            return Epochs.none(name, self._no_positions(tally, name))
+            return Positions.none(name, self._no_positions(tally, name))
         notices: list[Notice] = []
         base = pvt if len(pvt) else hp
         columns = _of_pvt(pvt) if len(pvt) else _of_hpposllh(hp, records[STATUS], notices, name)
@@ -109,7 +112,7 @@ class UbxLog(ReceiverLog):
         positioned = (columns["fix"] != Fix.NONE) & sound(columns)
         without = int(np.sum(~positioned))
         if not positioned.any():
-            return Epochs.none(
+            return Positions.none(
                 name,
                 InputError(
                     f"{name}: none of its {len(base)} messages on the position states one (the receiver had no fix, or "
@@ -126,14 +129,12 @@ class UbxLog(ReceiverLog):
             t_s = self._times(columns.pop("utc_s"), tow_s, at, records, name)
             dated = t_s is not None
             times = tow_s if t_s is None else t_s
-            same = np.zeros(len(at), bool)
-            same[1:] = (np.diff(columns["lon_deg"]) == 0) & (np.diff(columns["lat_deg"]) == 0)
-            forward, told = in_order(times, same, name, lambda k: place(int(at[k])))
+            forward, told = in_order(times, columns["lon_deg"], columns["lat_deg"], name, lambda k: place(int(at[k])))
         except InputError as fault:
-            return Epochs.none(name, fault, without_position=without)
+            return Positions.none(name, fault, without_position=without)
         columns = {column: values[forward] for column, values in columns.items()}
         track = GnssTrack.build(times[forward], source=name, service="", **columns)
-        return Epochs(
+        return Positions(
             track=track,
             dated=dated,
             without_position=without,
@@ -298,16 +299,10 @@ def _refine(
 def _calendar(records: Records, valid: int) -> FloatArray:
     """UTC (n,) to the second of a calendar's fields; nan where the receiver does not vouch for it."""
     value = records.values
-    month, day = value["month"].astype(np.int64), value["day"].astype(np.int64)
-    year = value["year"].astype(np.int64)
     usable = (value["valid"] & valid) == valid
-    usable &= (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12) & (day >= 1) & (value["hour"] < 24)
-    usable &= (value["minute"] < 60) & (value["second"] < 61)
-    months = np.where(usable, (year - 1970) * 12 + month - 1, 0).astype("datetime64[M]")
-    days = months.astype("datetime64[D]") + np.where(usable, day - 1, 0)
-    usable &= days.astype("datetime64[M]") == months
+    usable &= (value["hour"] < 24) & (value["minute"] < 60) & (value["second"] < 61)
     seconds = 3600.0 * value["hour"] + 60.0 * value["minute"] + value["second"]
-    return np.where(usable, days.astype(np.int64) * 86400.0 + seconds, np.nan)
+    return np.where(usable, midnights_utc_s(value["year"], value["month"], value["day"]) + seconds, np.nan)
 
 
 def _dated(records: Mapping[int, Records]) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -241,6 +241,14 @@ def test_track__receivers_under_one_talker_are_refused(shared_data: Path) -> Non
     assert "receivers-interleaved" in notices
 
 
+def test_track__receivers_that_share_talker_and_times_are_told_apart_from_pieces_in_disorder(tmp_path: Path) -> None:
+    both = (gga(f"1200{k // 2:02d}.00", 30 + k / 1e4 + k % 2) for k in range(80))
+    with pytest.raises(InputError) as error:
+        track_of(write(tmp_path, *both), date="2026-06-11")
+    assert error.value.code == "receivers-interleaved"
+    assert "another talker for each" in error.value.remedy
+
+
 @pytest.mark.parametrize(
     "name",
     [
