@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from furrowmap.cli.console import Console, put_error
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.cli.words import table
 from furrowmap.core.values.errors import RefusedError, printable
 
@@ -68,14 +68,16 @@ def check(
     4; precision beyond that class is a warning.
     """
     from furrowmap.core.cloud_check import check_product
-    from furrowmap.core.crs_change import crs_of
+    from furrowmap.exporters.atomic import refuse_existing
     from furrowmap.exporters.check_table import point_rows, write_check_table
 
+    if table_file is not None:
+        refuse_existing(table_file, overwrite=overwrite)
     with console.work() as progress:
         found = check_product(
             product,
             points,
-            points_crs=crs_of(crs) if crs is not None else None,
+            points_crs=named_crs(crs),
             targets=targets,
             diameter_m=diameter,
             sigma_m=points_sigma,
@@ -85,7 +87,7 @@ def check(
     for notice in found.notices:
         console.warn(notice)
     if table_file is not None:
-        write_check_table(table_file, found, overwrite=overwrite)
+        write_check_table(table_file, found)
     accuracy = found.accuracy
     asked = (
         ("vertical", accuracy.vertical.rmse_m if accuracy.vertical is not None else None, require_vertical),

@@ -8,10 +8,10 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.cli.point_options import box_of, classes_of
 from furrowmap.cli.words import figures, file_size, table
-from furrowmap.core.values.errors import Notice, printable
+from furrowmap.core.values.errors import printable
 
 
 @click.command(
@@ -76,20 +76,13 @@ def cloud(
     classes, every N-th point, outliers, ground, cubes. What a file says that is not so is told on standard error.
     """
     box, without = box_of(bbox), classes_of(without_class, "--without-class")
-    from pyproj import CRS
-
     from furrowmap.core.cloud_cleaning import Cleaning
-    from furrowmap.core.crs_change import crs_of
     from furrowmap.exporters.clean_cloud import CleanSettings, write_clean_cloud
 
-    def named(text: str | None) -> CRS | None:
-        return crs_of(text) if text is not None else None
-
     cleaning = Cleaning(box, without or frozenset(), every, outliers, drop_noise, ground, voxel)
-    settings = CleanSettings(cleaning, named(bbox_crs), named(crs), named(dst_crs))
+    settings = CleanSettings(cleaning, named_crs(bbox_crs), named_crs(crs), named_crs(dst_crs))
     with console.work() as progress:
         account = write_clean_cloud(clouds, output, settings, overwrite=overwrite, progress=progress)
-    for warning in account["warnings"]:
-        console.warn(Notice(warning["code"], warning["text"]))
+    console.warn_of(account)
     words = table([*figures(account["figures"]), ("crs", account["crs"])])
     console.answer({"output": output, **account}, f"{words}\n{printable(str(output))}: {file_size(output)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -50,6 +50,11 @@ class Console:
     def warn(self, notice: Notice) -> None:
         """Tell something that the user should know."""
         click.secho(f"warning: {printable(notice.text)}", err=True, fg="yellow", color=colour())
+
+    def warn_of(self, account: Mapping[str, Any]) -> None:
+        """Tell the warnings that an account of finished work holds."""
+        for warning in account["warnings"]:
+            self.warn(Notice(warning["code"], warning["text"]))
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.core.values.errors import printable
 
 FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
@@ -44,10 +44,9 @@ def export(
     terminals, as a folder or, if TARGET ends so, a .zip; stac takes many DIRs and makes a catalogue over them. GeoJSON
     and KML are always in WGS 84.
     """
-    from furrowmap.core.crs_change import crs_of
     from furrowmap.exporters.exchange.export import export as write
 
-    crs = crs_of(dst_crs) if dst_crs is not None else None
+    crs = named_crs(dst_crs)
     with console.work() as progress:
         done = write(results, to, output, layers=layers, crs=crs, overwrite=overwrite, progress=progress)
     for notice in done.notices:

@@ -10,7 +10,7 @@ import click
 
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.values.errors import printable
 
 _COLUMNS = (
     ("task", "task", ""),
@@ -52,15 +52,11 @@ def fields(
     counter should show: it counts ground twice that was worked twice.
     """
     from furrowmap.core.task_work import task_works
+    from furrowmap.exporters.atomic import refuse_existing
     from furrowmap.exporters.task_fields import task_figures, write_fields
 
-    if output is not None and output.exists() and not overwrite:
-        raise RefusedError(
-            f"{output} is there already.",
-            "It would be replaced, so nothing was done.",
-            "Choose another name with -o, or replace it with --overwrite.",
-            code="output-exists",
-        )
+    if output is not None:
+        refuse_existing(output, overwrite=overwrite)
     with console.work() as progress:
         found = task_works(taskdata, crs=crs, width_m=width, only=task, progress=progress)
         if output is not None:

@@ -6,12 +6,15 @@ import logging
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from furrowmap.cli.console import Console
 from furrowmap.cli.kernels import keep_blas_single, keep_freed_memory, keep_kernels
+
+if TYPE_CHECKING:
+    from pyproj import CRS
 
 FILE = click.Path(path_type=Path)
 """A path as it is typed: whether it is there and what it holds is told by who reads it, in three lines."""
@@ -37,6 +40,17 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
         verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
+
+
+def named_crs(text: str | None) -> CRS | None:
+    """The CRS that an option names; None where it is not given.
+
+    Raises:
+        InputError: if it names none.
+    """
+    from furrowmap.core.crs_change import crs_of  # brings pyproj, which --help does without
+
+    return crs_of(text) if text is not None else None
 
 
 def _start_log(verbose: int, log_file: Path | None) -> None:

@@ -9,8 +9,8 @@ import click
 
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import figures, table
-from furrowmap.core.values.errors import Notice, printable
+from furrowmap.cli.words import figures, file_size, table
+from furrowmap.core.values.errors import printable
 
 
 @click.command(
@@ -47,8 +47,7 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
     folder = output or session.resolve().parent / f"{session.stem}_result"
     with console.work() as progress:
         report = write_products(session, folder, overwrite=overwrite, progress=progress)
-    for warning in report["warnings"]:
-        console.warn(Notice(warning["code"], warning["text"]))
+    console.warn_of(report)
     console.answer({"folder": folder, **report}, _words(report, folder))
 
 
@@ -57,16 +56,10 @@ def _preview(console: Console, session: Path, folder: Path) -> None:
 
     with console.work() as progress:
         account = write_preview(session, folder, progress)
-    for warning in account["warnings"]:
-        console.warn(Notice(warning["code"], warning["text"]))
+    console.warn_of(account)
     console.answer({"folder": folder, **account}, _words(account, folder))
 
 
 def _words(report: dict[str, Any], folder: Path) -> str:
-    files = [(printable(name), _size(folder / name)) for name in report["products"]]
+    files = [(printable(name), file_size(folder / name)) for name in report["products"]]
     return f"{table(figures(report['figures']))}\n{printable(str(folder))}:\n{table(files)}"
-
-
-def _size(path: Path) -> str:
-    size = path.stat().st_size
-    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"

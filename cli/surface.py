@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.cli.point_options import box_of, classes_of
 from furrowmap.cli.words import figures, file_size, table
 from furrowmap.core.values.errors import printable
@@ -99,19 +99,13 @@ def surface(
     standard error.
     """
     box, kept = box_of(bbox), classes_of(classes, "--class")
-    from pyproj import CRS
-
-    from furrowmap.core.crs_change import crs_of
     from furrowmap.core.surfaces.statistic import Statistic
     from furrowmap.exporters.cloud_products import CloudSettings, write_cloud_surfaces
-
-    def named(text: str | None) -> CRS | None:
-        return crs_of(text) if text is not None else None
 
     settings = CloudSettings(
         cell_m=cell,
         box=box,
-        box_crs=named(bbox_crs),
+        box_crs=named_crs(bbox_crs),
         classes=kept,
         statistic=Statistic.parse(statistic),
         ground=ground_method,
@@ -119,8 +113,8 @@ def surface(
         every=every,
         fill_m=fill,
         tillage_heading_deg=tillage,
-        crs=named(crs),
-        dst_crs=named(dst_crs),
+        crs=named_crs(crs),
+        dst_crs=named_crs(dst_crs),
     )
     with console.work() as progress:
         account = write_cloud_surfaces(

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.values.errors import RefusedError
+
 _UNFINISHED: Final = re.compile(r"\.furrowmap-(?P<host>[0-9a-f]{8})-(?P<process>\d+)-[0-9a-f]{8}\b.*", re.DOTALL)
 
 
@@ -46,6 +48,21 @@ def atomic_output(path: Path) -> Iterator[Path]:
             if left.name.startswith(unfinished.name):
                 with suppress(OSError):
                     left.unlink()
+
+
+def refuse_existing(path: Path, *, overwrite: bool) -> None:
+    """Keep what is there, unless it was asked to go; to be called before the work.
+
+    Raises:
+        RefusedError: if there is something, and nobody said `overwrite`.
+    """
+    if path.exists() and not overwrite:
+        raise RefusedError(
+            f"{path} is there already.",
+            "It would be replaced, so nothing was done.",
+            "Choose another name, or replace it with --overwrite.",
+            code="output-exists",
+        )
 
 
 def remove_abandoned(folder: Path) -> None:

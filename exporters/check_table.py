@@ -10,7 +10,6 @@ import numpy as np
 
 from furrowmap.core.cloud_check import Check
 from furrowmap.core.point_check import PointCheck
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.atomic import atomic_output
 
 COLUMNS: Final = (
@@ -24,20 +23,12 @@ def point_rows(check: Check) -> list[dict[str, Any]]:
     return [_row(point) for point in check.points]
 
 
-def write_check_table(path: Path, check: Check, *, overwrite: bool = False) -> None:
-    """Write the rows as a CSV.
+def write_check_table(path: Path, check: Check) -> None:
+    """Write the rows as a CSV, in the place of an older file.
 
     Raises:
-        RefusedError: if there is a file already and `overwrite` is not said.
         OSError: if it cannot be written.
     """
-    if path.exists() and not overwrite:
-        raise RefusedError(
-            f"{path} is there already.",
-            "It would be lost, so the table was not written.",
-            "Choose another name, or replace it with --overwrite.",
-            code="output-exists",
-        )
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()

@@ -22,6 +22,7 @@ from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.atomic import refuse_existing
 from furrowmap.exporters.cloud_products import box_in, nothing_left
 from furrowmap.exporters.copc.points import RETURNS, PointBatch
 from furrowmap.exporters.copc.writer import CopcWriter
@@ -248,10 +249,4 @@ def _refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> N
             "Choose another name with -o.",
             code="output-is-input",
         )
-    if target.exists() and not overwrite:
-        raise RefusedError(
-            f"{target} is there already.",
-            "It would be replaced, so nothing was done.",
-            "Choose another name with -o, or replace it with --overwrite.",
-            code="output-exists",
-        )
+    refuse_existing(target, overwrite=overwrite)

@@ -33,7 +33,7 @@ from furrowmap.exporters.cog import FILLED, Band, Bands, cog_output, surface_arr
 from furrowmap.exporters.json_text import json_text, plain
 from furrowmap.exporters.provenance import Origin
 from furrowmap.exporters.report import FileRecord, file_records
-from furrowmap.exporters.staging import recover, staged_folder
+from furrowmap.exporters.staging import recover, refuse_products, staged_folder
 
 DSM: Final = "dsm.tif"
 DTM: Final = "dtm.tif"
@@ -521,11 +521,4 @@ def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
             "Choose another folder with -o.",
             code="output-is-run",
         )
-    there = [name for name in PRODUCTS if (folder / name).exists()]
-    if there and not overwrite:
-        raise RefusedError(
-            f"{folder} holds {', '.join(there)} already.",
-            "They would be lost, so nothing was done.",
-            "Choose another folder with -o, or replace them with --overwrite.",
-            code="output-exists",
-        )
+    refuse_products(folder, PRODUCTS, overwrite=overwrite)

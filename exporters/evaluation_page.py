@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.drawings import WIDTH, Axis, Sheet, TimeAxis, curve, drawing, fix_colour
 from furrowmap.exporters.evaluation_figures import figures, write_epochs
 from furrowmap.exporters.json_text import json_text
-from furrowmap.exporters.staging import staged_folder
+from furrowmap.exporters.staging import refuse_products, staged_folder
 
 FloatArray = NDArray[np.float64]
 
@@ -43,14 +42,7 @@ def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> Non
         RefusedError: if they are there and may not be replaced.
         InputError: if the folder cannot be written to.
     """
-    there = [name for name in PRODUCTS if (folder / name).exists()]
-    if there and not overwrite:
-        raise RefusedError(
-            f"{folder} holds an evaluation already ({', '.join(there)}).",
-            "It would be lost, so nothing was written.",
-            "Choose another folder with -o, or replace it with --overwrite.",
-            code="output-exists",
-        )
+    refuse_products(folder, PRODUCTS, overwrite=overwrite)
     with staged_folder(folder) as staging:
         (staging / "evaluation.json").write_text(json_text(figures(found)), encoding="utf-8")
         write_epochs(staging / "epochs.csv", found)

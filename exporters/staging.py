@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +19,22 @@ _OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
 _ACCOUNTS: Final = ("report.json", "preview.json", "surfaces.json", "provenance.json")
 """Files that list the products they belong to, themselves among them, under "products"."""
+
+
+def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
+    """Keep the products of others in a folder, unless they were asked to go; to be called before the work.
+
+    Raises:
+        RefusedError: if there are any of that name, and nobody said `overwrite`.
+    """
+    there = [name for name in products if (folder / name).exists()]
+    if there and not overwrite:
+        raise RefusedError(
+            f"{folder} holds {', '.join(there)} already.",
+            "They would be lost, so nothing was done.",
+            "Choose another folder with -o, or replace them with --overwrite.",
+            code="output-exists",
+        )
 
 
 @contextmanager

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.atomic import refuse_existing
 from furrowmap.exporters.base.base import DATABASES, DB_SCHEMA, known_sessions
 from furrowmap.exporters.base.mosaic import SUFFIXES
 from furrowmap.exporters.exchange.result import open_result
@@ -78,10 +79,4 @@ def refuse_output(output: Path, *, overwrite: bool) -> None:
             "Name it with .vrt for a virtual raster, or with .tif for a GeoTIFF.",
             code="usage",
         )
-    if output.exists() and not overwrite:
-        raise RefusedError(
-            f"{output} is there already.",
-            "It would be lost, so nothing was done.",
-            "Choose another name, or replace it with --overwrite.",
-            code="output-exists",
-        )
+    refuse_existing(output, overwrite=overwrite)

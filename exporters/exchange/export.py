@@ -11,7 +11,7 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.atomic import atomic_output, refuse_existing
 from furrowmap.exporters.exchange.result import Result, open_result
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
@@ -126,13 +126,7 @@ def _refuse_existing(target: Path, *, overwrite: bool) -> None:
             "Choose another target with -o.",
             code="output-is-result",
         )
-    if not overwrite:
-        raise RefusedError(
-            f"{target} is there already.",
-            "It would be replaced, so nothing was done.",
-            "Choose another target with -o, or replace it with --overwrite.",
-            code="output-exists",
-        )
+    refuse_existing(target, overwrite=overwrite)
 
 
 def _usage(what: str, remedy: str) -> UsageError:
