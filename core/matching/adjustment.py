@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
-from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
-from furrowmap.core.matching.equations import Held, add_slices, hold_blind, position_trust
+from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, coarse_pull, fine_step, free_patches
+from furrowmap.core.matching.equations import Aslant, Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
 from furrowmap.core.matching.relaxation import Relaxation
@@ -45,7 +45,7 @@ from furrowmap.core.matching.wall_steps import (
     wall_windows,
 )
 from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter
-from furrowmap.core.trajectory.banded import NormalEquations
+from furrowmap.core.trajectory.banded import NormalEquations, Solution
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory
@@ -71,7 +71,7 @@ COARSE_MOST: Final = 300
 WINDOW_PATCH_M: Final = 1.0
 SESSION_PATCH_M: Final = 2.0
 BLOCK_S: Final = 20.0
-STANCE_THIN: Final = 4
+STANCE_THIN: Final = 1
 RANGES_ROUND: Final = (0.15, 3)
 """Cells in metres, and how many returns to one, from which the lasers' constants are taken."""
 REMOUNTS: Final = 2
@@ -118,6 +118,7 @@ class Problem:
         sensor_axis: (3,) unit vector along its axis, upwards, in the vehicle frame.
         mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
         ranges: the lasers' constants; None before the last round, and where the ground does not show them.
+        aslant_rad: by how much the vehicle goes to the left of where it looks, and its standard deviation.
         stance: how the vehicle stands on the ground at the end; None before.
         relief: what the surface's slopes are worth.
         sums: of the ground's returns in the last step; None before the first.
@@ -138,6 +139,7 @@ class Problem:
     sensor_axis: FloatArray
     mounting_turn: FloatArray = field(default_factory=lambda: np.eye(3))
     ranges: LaserRanges | None = None
+    aslant_rad: tuple[float, float] = (0.0, np.inf)
     stance: Stance | None = None
     relief: Relief = field(default_factory=Relief)
     sums: Sums | None = None
@@ -275,7 +277,7 @@ def _stance(problem: Problem) -> Stance:
     placing = _Placing.of(problem)
     cell_m, _ = SESSION_ROUNDS[-1]
     surface = _session_surface(placing, _blocks(problem, STANCE_THIN), cell_m)
-    return stance(problem.knots, problem.state, surface, placing.passage, GUARD_S)
+    return stance(problem.knots, problem.state, surface, placing.passage, GUARD_S, problem.aslant_rad)
 
 
 def _remount(problem: Problem, turn: FloatArray) -> None:
@@ -320,14 +322,14 @@ def _window_step(problem: Problem, relaxation: Relaxation | None) -> float:
         held, walls = beside.result()
     _add_seen(problem, held, [sums for sums, _ in found], walls, together=relaxation is not None)
     if coarse is None or relaxation is None:
-        return _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
+        return _move(problem, held, _solved(held.equations, problem.loose).values.reshape(-1, SIZE))
     equations = coarse_equations(held.equations, coarse, centre, problem.state, reach)
     for _, freed in found:
         equations.band[: len(freed.band)] += freed.band
         equations.right += freed.right
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
-    step = _solved(equations, coarse.touched(problem.loose))
+    step = _solved(equations, coarse.touched(problem.loose)).values
     step = fine_step(coarse, centre, problem.state, step)
     return _move(problem, held, relaxation.lengthened(step, problem.knots))
 
@@ -353,7 +355,7 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     if coarse is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
-        _move(problem, held, _solved(held.equations, problem.loose).reshape(-1, SIZE))
+        _move(problem, held, _solved(held.equations, problem.loose).values.reshape(-1, SIZE))
         return
     centre = coarse.centres(problem.knots, problem.state)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
@@ -361,8 +363,22 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
     problem.last = Last(held, coarse, centre, equations)
-    step = _solved(equations, coarse.touched(problem.loose))
-    _move(problem, held, fine_step(coarse, centre, problem.state, step))
+    solution = _solved(equations, coarse.touched(problem.loose))
+    problem.aslant_rad = _aslant(problem, coarse, centre, solution)
+    _move(problem, held, fine_step(coarse, centre, problem.state, solution.values))
+
+
+def _aslant(problem: Problem, coarse: CoarseKnots, centre_m: FloatArray, solution: Solution) -> tuple[float, float]:
+    """By how much the vehicle goes to the left of where it looks, and its standard deviation.
+
+    As one unknown more in the equations of the coarse knots: without it the wheels turn the poses a part of the way.
+    """
+    aslant = Aslant.of(problem.knots, problem.state)
+    link = coarse_pull(coarse, centre_m, problem.state, aslant.link)
+    information = float(aslant.own - link @ solution.by(link))
+    if information <= 0.0:
+        return 0.0, np.inf
+    return float((aslant.right - link @ solution.values) / information), float(1.0 / np.sqrt(information))
 
 
 def _window_walls(problem: Problem, placing: _Placing, coarse: CoarseKnots | None) -> WallSums:
@@ -560,7 +576,7 @@ def _add_seen(problem: Problem, held: Held, parts: Sequence[Sums], walls: WallSu
     add_slices(held.equations, problem.knots, seen.normal, seen.right_all if together else seen.right)
 
 
-def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> FloatArray:
+def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> Solution:
     """The solution, damped as little as it takes (Levenberg 1944) where a chain has no positions to hold it.
 
     Args:
@@ -577,7 +593,7 @@ def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> FloatArray:
         for damping in (0.0, *DAMPINGS):
             equations.band[0] = diagonal + damping * damped
             try:
-                return equations.solve().values
+                return equations.solve()
             except np.linalg.LinAlgError:
                 continue
     raise np.linalg.LinAlgError("the poses' equations have no solution")

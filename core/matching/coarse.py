@@ -159,6 +159,17 @@ def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: Flo
     return out
 
 
+def coarse_pull(coarse: CoarseKnots, centre_m: FloatArray, state: State, pull: FloatArray) -> FloatArray:
+    """A right-hand side (count · 9,) of the coarse knots from one (n, 9) of all knots: :func:`fine_step` transposed."""
+    out = np.zeros((coarse.count, SIZE))
+    after = np.minimum(coarse.before + 1, coarse.count - 1)
+    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
+        part = pull.copy()
+        part[:, 3:6] += np.cross(state.xyz_m - centre_m[knot], pull[:, :3])
+        np.add.at(out, knot, weight[:, None] * part)
+    return out.ravel()
+
+
 @numba.njit(cache=True, nogil=True)
 def _project(band, right, before, share, xyz_m, centre_m, coarse_band, coarse_right):  # type: ignore[no-untyped-def]
     """Pᵀ (fine) P, where P's rows of a knot hold hat(s) · [I, [centre − x]ₓ; I; I] at two coarse knots."""

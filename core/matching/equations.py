@@ -265,17 +265,67 @@ def _add_inertia(equations: NormalEquations, knots: Knots, state: State) -> None
 
 def _add_wheels(equations: NormalEquations, knots: Knots, state: State) -> None:
     """The rear axle does not move sideways."""
-    linked = knots.linked
-    step = state.xyz_m[linked + 1] - state.xyz_m[linked]
-    left = 0.5 * (state.rotation[linked, :, 1] + state.rotation[linked + 1, :, 1])
-    sideways = np.einsum("ij,ij->i", step, left)
-    way = np.linalg.norm(step, axis=1)
-    by_turn = np.cross(left, step)
-    design = np.zeros((len(linked), SIZE + 6))
-    design[:, :3], design[:, SIZE : SIZE + 3] = -left, left
-    design[:, 3:6] = design[:, SIZE + 3 : SIZE + 6] = 0.5 * by_turn
-    sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / STEP_S), SLIP_FLOOR_M)
-    equations.add(linked * SIZE, design, -sideways, sigma)
+    wheels = Wheels.of(knots, state)
+    equations.add(knots.linked * SIZE, wheels.design, -wheels.sideways_m, wheels.sigma_m)
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """How far the rear axle moves from knot to knot.
+
+    Attributes:
+        along_m: (k,) forward.
+        sideways_m: (k,) to the left.
+        sigma_m: (k,) of the way to the left, which is none.
+        design: (k, 15) derivatives of the way to the left by the unknowns from the first knot's position to the second
+            one's rotation.
+    """
+
+    along_m: FloatArray
+    sideways_m: FloatArray
+    sigma_m: FloatArray
+    design: FloatArray
+
+    @classmethod
+    def of(cls, knots: Knots, state: State) -> Wheels:
+        """Those of all linked knots."""
+        linked = knots.linked
+        step = state.xyz_m[linked + 1] - state.xyz_m[linked]
+        forward, left = (0.5 * (state.rotation[linked, :, a] + state.rotation[linked + 1, :, a]) for a in range(2))
+        way = np.linalg.norm(step, axis=1)
+        by_turn = np.cross(left, step)
+        design = np.zeros((len(linked), SIZE + 6))
+        design[:, :3], design[:, SIZE : SIZE + 3] = -left, left
+        design[:, 3:6] = design[:, SIZE + 3 : SIZE + 6] = 0.5 * by_turn
+        sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / STEP_S), SLIP_FLOOR_M)
+        return cls(np.einsum("ij,ij->i", step, forward), np.einsum("ij,ij->i", step, left), sigma, design)
+
+
+@dataclass(frozen=True)
+class Aslant:
+    """An unknown beside those of the knots: the angle by which the vehicle goes to the left of where it looks.
+
+    Its equations are those of the wheels, whose way to the left is then this share of the way forward.
+
+    Attributes:
+        link: (knots, 9) the normal matrix between it and the knots' unknowns.
+        own: the normal matrix of its own.
+        right: its right-hand side.
+    """
+
+    link: FloatArray
+    own: float
+    right: float
+
+    @classmethod
+    def of(cls, knots: Knots, state: State) -> Aslant:
+        """At a state in which it is zero."""
+        wheels, linked = Wheels.of(knots, state), knots.linked
+        weighted = wheels.along_m / wheels.sigma_m**2
+        link = np.zeros((len(knots), SIZE))
+        np.add.at(link, linked, -weighted[:, None] * wheels.design[:, :SIZE])
+        np.add.at(link[:, :6], linked + 1, -weighted[:, None] * wheels.design[:, SIZE:])
+        return cls(link, float(weighted @ wheels.along_m), float(weighted @ wheels.sideways_m))
 
 
 def _add_level(equations: NormalEquations, knots: Knots, state: State) -> None:

@@ -1,8 +1,9 @@
 """What the vehicle stands on: whether the scanner sits on it as the session says.
 
 The scans show how the scanner stands, the session how the scanner sits on the vehicle. A vehicle stands on the ground
-with its wheels, so over a session the ground under it is level in its own frame, at height zero; and it drives where it
-looks. Where the ground comes out tilted, or the drive aslant, the mounting is off by that much.
+with its wheels, so over a session the ground under them is level in its own frame, at height zero; and it drives where
+it looks. Where the ground comes out tilted, or the drive aslant, the mounting is off by that much. Where its wheels are
+no session says: they are where the ground's heights follow the vehicle's roll and pitch best.
 """
 
 from __future__ import annotations
@@ -10,27 +11,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from scipy.special import ndtr, stdtrit
 
-from furrowmap.core.matching.agreement import LEAST_WEIGHT
 from furrowmap.core.matching.knots import STEP_S, Knots, State
-from furrowmap.core.matching.surface import TILE, TILE_BITS, Passage, Surface
+from furrowmap.core.matching.surface import Passage, Surface, heights, layers
 
 FloatArray = NDArray[np.float64]
 
-FOOTPRINT_M: Final = ((-0.3, 2.3), (-0.9, 0.9))
-"""From, to forward and to the left, of the ground that carries a tractor."""
-SPACING_M: Final = 0.15
-EVERY_S: Final = 0.25
-BLOCK_S: Final = 8.0
-"""Ground and ruts of one such time count as one sample."""
-LEAST_BLOCKS: Final = 6
-"""Less than three quarters of a minute in motion are one or two passes, on which a wheel may follow one ridge or furrow
-all the way: half a degree in all blocks alike."""
-LEAST_PLACES: Final = 400
+HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
+"""Half of the distance between the rear wheels, which are beside the vehicle frame's origin."""
+WHEELBASES_M: Final = np.arange(1.2, 3.3, 0.1)
+TYRE_M: Final = (-0.09, 0.0, 0.09)
+"""The ground under a tyre is seen at these places, forward and aside."""
+EVERY_S: Final = 0.1
+MOST_TIMES: Final = 10_000
+BATCH_S: Final = 1.0
+"""The sway, of 1 to 3 Hz, averages out over such a time."""
+LEAST_TIMES: Final = 4
+"""In a batch."""
+LEAST_BATCHES: Final = 3
 MOVING_MPS: Final = 0.2
 CERTAIN: Final = 2.5
 TOLD_DEG: Final = 0.2
@@ -38,8 +40,11 @@ TOLD_DEG: Final = 0.2
 HEIGHT_KNOWN_M: Final = 0.15
 """A vehicle that seems to float or sink by more has its origin elsewhere: what lies under it is then not what carries
 it."""
+STATED_SIGMA_DEG: Final = 0.3
+"""Of a stated mounting that is off, about each axis: what is less certain than that is corrected less."""
 RUTS_SIGMA: Final = np.radians(0.05)
 """Ruts and tyres leave a vehicle this much off the ground's level, on the mean of a session."""
+HEIGHT_SIGMA_M: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -64,17 +69,24 @@ class Stance:
 
     @property
     def turn(self) -> FloatArray | None:
-        """(3, 3) rotation that the mounting's takes on its left to be right, of what is certain; None if nothing is."""
-        angles = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg])
-        certain = np.abs(angles) > np.maximum(CERTAIN * np.array(self.sigma_deg), TOLD_DEG)
+        """(3, 3) rotation that the mounting's takes on its left to be right; None where it is not certainly off."""
+        angles, sigma = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]), np.array(self.sigma_deg)
+        certain = np.abs(angles) > np.maximum(CERTAIN * sigma, TOLD_DEG)
         if not certain.any() or abs(self.height_m) > HEIGHT_KNOWN_M:
             return None
-        roll, pitch, yaw = np.where(certain, angles, 0.0)
+        roll, pitch, yaw = angles / (1.0 + (sigma / STATED_SIGMA_DEG) ** 2)
         matrix: FloatArray = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
         return matrix
 
 
-def stance(knots: Knots, state: State, surface: Surface, passage: Passage | None, guard_s: float) -> Stance:
+def stance(
+    knots: Knots,
+    state: State,
+    surface: Surface,
+    passage: Passage | None,
+    guard_s: float,
+    aslant_rad: tuple[float, float],
+) -> Stance:
     """How the vehicle stands on the ground that the scans show.
 
     Args:
@@ -83,134 +95,84 @@ def stance(knots: Knots, state: State, surface: Surface, passage: Passage | None
         surface: of the session.
         passage: of the implement, which tells old soil from new.
         guard_s: see :func:`~furrowmap.core.matching.surface.layers`.
+        aslant_rad: by how much it goes to the left of where it looks, and its standard deviation.
     """
-    step = max(1, round(EVERY_S / STEP_S))
-    chosen = np.arange(0, len(knots), step)
     velocity = np.zeros((len(knots), 3))
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
         velocity[part] = np.gradient(state.xyz_m[part], STEP_S, axis=0)
     along = np.einsum("ij,ij->i", velocity, state.rotation[:, :, 0])
-    aside = np.einsum("ij,ij->i", velocity, state.rotation[:, :, 1])
-    moving = chosen[np.abs(along[chosen]) > MOVING_MPS]
-    level = _level(knots, state, surface, passage, guard_s, moving)
-    yaw, yaw_sigma = _mean_of_blocks(knots.t_s[moving], (aside / np.where(along == 0, 1.0, along))[moving])
+    step = max(1, round(EVERY_S / STEP_S), len(knots) // MOST_TIMES)
+    chosen = np.arange(0, len(knots), step)
+    chosen = chosen[np.abs(along[chosen]) > MOVING_MPS]
+    t_s = knots.t_s[chosen]
+
+    def under(places_m: FloatArray) -> FloatArray:
+        return _under(state.xyz_m[chosen], state.rotation[chosen], t_s, places_m, surface, passage, guard_s)
+
+    half = HALF_TRACKS_M[:, None] * [0.0, 1.0]
+    left, right = under(half), under(-half)
+    by_track = (left - right) / (2.0 * HALF_TRACKS_M)
+    track = _steadiest(by_track)
+    rear = 0.5 * (left + right)[:, track]
+    ahead = np.column_stack([WHEELBASES_M, np.full(len(WHEELBASES_M), HALF_TRACKS_M[track])])
+    front = 0.5 * (under(ahead) + under(ahead * [1.0, -1.0]))
+    by_base = (front - rear[:, None]) / WHEELBASES_M
+    roll, sigma_roll = _mean_of_batches(t_s, by_track[:, track])
+    pitch, sigma_pitch = _mean_of_batches(t_s, by_base[:, _steadiest(by_base)])
+    height, sigma_height = _mean_of_batches(t_s, rear)
+    yaw, sigma_yaw = aslant_rad
+    sigmas = np.degrees(np.hypot([sigma_roll, sigma_pitch, sigma_yaw], RUTS_SIGMA))
     return Stance(
-        roll_deg=float(np.degrees(-level[0][2])),
-        pitch_deg=float(np.degrees(-level[0][1])),
+        roll_deg=float(np.degrees(-roll)),
+        pitch_deg=float(np.degrees(-pitch)),
         yaw_deg=float(np.degrees(-yaw)),
-        height_m=float(-level[0][0]),
-        sigma_deg=(float(np.degrees(level[1][2])), float(np.degrees(level[1][1])), float(np.degrees(yaw_sigma))),
-        sigma_height_m=float(level[1][0]),
+        height_m=-height,
+        sigma_deg=(float(sigmas[0]), float(sigmas[1]), float(sigmas[2])),
+        sigma_height_m=float(np.hypot(sigma_height, HEIGHT_SIGMA_M)),
     )
 
 
-def _level(
-    knots: Knots,
-    state: State,
+def _steadiest(slopes: FloatArray) -> int:
+    """Which of several slopes (n, m) changes least, where all are known; the middle one where too few are."""
+    known = slopes[np.isfinite(slopes).all(axis=1)]
+    if len(known) < LEAST_TIMES * LEAST_BATCHES:
+        return int(slopes.shape[1] // 2)
+    return int(np.argmin(np.median(np.abs(known - np.median(known, axis=0)), axis=0)))
+
+
+def _mean_of_batches(t_s: FloatArray, values: FloatArray) -> tuple[float, float]:
+    """Median over batches of time of the values' means, where they are known, and its standard deviation."""
+    known = np.isfinite(values)
+    _, batch = np.unique(np.floor(t_s[known] / BATCH_S), return_inverse=True)
+    count = np.bincount(batch)
+    each = (np.bincount(batch, values[known]) / np.maximum(count, 1))[count >= LEAST_TIMES]
+    if len(each) < LEAST_BATCHES:
+        return 0.0, np.inf
+    # Of few batches the scatter itself is uncertain: CERTAIN standard deviations are more by Student's distribution.
+    few = stdtrit(len(each) - 1, ndtr(CERTAIN)) / CERTAIN
+    return float(np.median(each)), float(few * np.std(each, ddof=1) / np.sqrt(len(each)))
+
+
+def _under(
+    xyz_m: FloatArray,
+    rotation: FloatArray,
+    t_s: FloatArray,
+    places_m: FloatArray,
     surface: Surface,
     passage: Passage | None,
     guard_s: float,
-    chosen: NDArray[np.intp],
-) -> tuple[FloatArray, FloatArray]:
-    """Height at the origin, slope forward and slope to the left of the ground in the vehicle's frame, with sigmas."""
-    x, y = np.meshgrid(*(np.arange(a, b + 0.5 * SPACING_M, SPACING_M) for a, b in FOOTPRINT_M), indexing="ij")
-    places = np.column_stack([x.ravel(), y.ravel()])
-    tiles = surface.tiles
-    known = passage is not None
-    where = passage.tiles if passage is not None else tiles
-    none = np.zeros((0, TILE, TILE))
-    block = np.floor((knots.t_s[chosen] - knots.t_s[0]) / BLOCK_S).astype(np.int64)
-    _, block = np.unique(block, return_inverse=True)
-    count = int(block.max(initial=-1)) + 1
-    sums = np.zeros((count, 3, 4))
-    number = np.zeros(count, np.int64)
-    _under(
-        knots.t_s[chosen],
-        np.ascontiguousarray(state.xyz_m[chosen]),
-        np.ascontiguousarray(state.rotation[chosen]),
-        block,
-        places,
-        tiles.cell_m,
-        tiles.west,
-        tiles.south,
-        tiles.number,
-        surface.height_m,
-        surface.weight,
-        known,
-        where.cell_m,
-        where.west,
-        where.south,
-        where.number,
-        passage.first_s if passage is not None else none,
-        passage.last_s if passage is not None else none,
-        guard_s,
-        sums,
-        number,
-    )
-    enough = number >= LEAST_PLACES
-    if enough.sum() < LEAST_BLOCKS:
-        return np.zeros(3), np.full(3, np.inf)
-    each = np.linalg.solve(sums[enough][:, :, :3], sums[enough][:, :, 3:])[:, :, 0]
-    middle = np.median(each, axis=0)
-    spread = 1.4826 * np.median(np.abs(each - middle), axis=0) / np.sqrt(enough.sum()) * 1.25
-    return middle, np.hypot(spread, [0.01, RUTS_SIGMA, RUTS_SIGMA])
-
-
-def _mean_of_blocks(t_s: FloatArray, values: FloatArray) -> tuple[float, float]:
-    """Median over blocks of time of the values' medians, and its standard deviation."""
-    if not len(t_s):
-        return 0.0, np.inf
-    block = np.floor((t_s - t_s[0]) / BLOCK_S).astype(np.int64)
-    each = np.array([np.median(values[block == b]) for b in np.unique(block)])
-    if len(each) < LEAST_BLOCKS:
-        return 0.0, np.inf
-    middle = float(np.median(each))
-    return middle, float(1.4826 * np.median(np.abs(each - middle)) / np.sqrt(len(each)) * 1.25 + RUTS_SIGMA)
-
-
-@numba.njit(cache=True, nogil=True)
-def _under(  # type: ignore[no-untyped-def]
-    t_s, xyz_m, rotation, block, places, cell_m, west, south, number, height, weight,
-    known, other_cell_m, other_west, other_south, other_number, first_s, last_s, guard_s, sums, count,
-):  # fmt: skip
-    rows, columns = number.shape
-    other_rows, other_columns = other_number.shape
-    row3 = np.empty(3)
-    for k in range(len(t_s)):
-        r = rotation[k]
-        for i in range(len(places)):
-            e = xyz_m[k, 0] + r[0, 0] * places[i, 0] + r[0, 1] * places[i, 1]
-            n = xyz_m[k, 1] + r[1, 0] * places[i, 0] + r[1, 1] * places[i, 1]
-            layer = 0
-            if known:
-                x, y = int(np.floor(e / other_cell_m)), int(np.floor(n / other_cell_m))
-                a, b = (y >> TILE_BITS) - other_south, (x >> TILE_BITS) - other_west
-                if 0 <= a < other_rows and 0 <= b < other_columns and other_number[a, b] >= 0:
-                    tile, p, q = other_number[a, b], y & TILE - 1, x & TILE - 1
-                    if t_s[k] < first_s[tile, p, q]:
-                        layer = 0
-                    elif t_s[k] > last_s[tile, p, q] + guard_s:
-                        layer = 1
-                    else:
-                        continue
-            x, y = int(np.round(e / cell_m)), int(np.round(n / cell_m))
-            a, b = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
-            if not (0 <= a < rows and 0 <= b < columns) or number[a, b] < 0:
-                continue
-            tile, p, q = number[a, b], y & TILE - 1, x & TILE - 1
-            w0, w1 = weight[tile, 2 * layer, p, q], weight[tile, 2 * layer + 1, p, q]
-            if w0 + w1 < 2 * LEAST_WEIGHT:
-                continue
-            z = (w0 * height[tile, 2 * layer, p, q] + w1 * height[tile, 2 * layer + 1, p, q]) / (w0 + w1)
-            dx, dy, dz = x * cell_m - xyz_m[k, 0], y * cell_m - xyz_m[k, 1], z - xyz_m[k, 2]
-            row3[0] = 1.0
-            row3[1] = r[0, 0] * dx + r[1, 0] * dy + r[2, 0] * dz
-            row3[2] = r[0, 1] * dx + r[1, 1] * dy + r[2, 1] * dz
-            up = r[0, 2] * dx + r[1, 2] * dy + r[2, 2] * dz
-            c = block[k]
-            count[c] += 1
-            for a in range(3):
-                sums[c, a, 3] += row3[a] * up
-                for b in range(3):
-                    sums[c, a, b] += row3[a] * row3[b]
+) -> FloatArray:
+    """Heights (n, m) of the ground under tyres at places (m, 2) of vehicles, above their frames; nan where not seen."""
+    tyre = np.stack(np.meshgrid(TYRE_M, TYRE_M), axis=-1).reshape(-1, 2)
+    places = (places_m[:, None] + tyre).reshape(-1, 2)
+    level = np.column_stack([places, np.zeros(len(places))])
+    at = xyz_m[:, None] + level @ rotation.transpose(0, 2, 1)
+    flat = np.ascontiguousarray(at.reshape(-1, 3))
+    layer = layers(np.repeat(t_s, len(places)), flat, passage, guard_s)
+    height = heights(surface, flat, layer).reshape(at.shape[:2])
+    above = ((height - at[:, :, 2]) * rotation[:, None, 2, 2]).reshape(len(at), len(places_m), -1)
+    known = np.isfinite(above)
+    mean = np.where(known, above, 0.0).sum(axis=2) / np.maximum(known.sum(axis=2), 1)
+    out: FloatArray = np.where(known.mean(axis=2) > 0.6, mean, np.nan)
+    return out

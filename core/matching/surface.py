@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 TILE_BITS: Final = 5
 TILE: Final = 1 << TILE_BITS
 """Nodes along a side of a tile."""
+LEAST_KNOWN: Final = 0.5
+"""Returns about a place from which its height is known."""
 SHEETS: Final = 4
 """Surfaces in a tile: 2 · layer + half; layer 0 is soil before the implement's first pass, 1 after its last."""
 
@@ -178,6 +180,21 @@ def joined(parts: Sequence[Surface]) -> Surface:
     return whole
 
 
+def heights(surface: Surface, en_m: FloatArray, layer: NDArray[np.int8]) -> FloatArray:
+    """(n,) heights of a surface, of both halves together; nan where it is not known.
+
+    Args:
+        surface: whose heights are sought.
+        en_m: (n, 2) or (n, 3) where.
+        layer: (n,) see :func:`layers`.
+    """
+    tiles = surface.tiles
+    out: FloatArray = _heights(
+        en_m, layer, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
+    )
+    return out
+
+
 @numba.njit(cache=True, nogil=True)
 def _bounds(en_m):  # type: ignore[no-untyped-def]
     """Least and greatest coordinates."""
@@ -260,3 +277,31 @@ def _add(xyz_m, layer, half, trust, cell_m, west, south, number, height, weight)
                 height[tile, sheet, p, q] += (
                     share / weight[tile, sheet, p, q] * (xyz_m[i, 2] - height[tile, sheet, p, q])
                 )
+
+
+@numba.njit(cache=True, nogil=True)
+def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
+    out = np.full(len(en_m), np.nan)
+    rows, columns = number.shape
+    for i in range(len(en_m)):
+        if layer[i] < 0:
+            continue
+        u, s = en_m[i, 0] / cell_m, en_m[i, 1] / cell_m
+        x, y = int(np.floor(u)), int(np.floor(s))
+        u -= x
+        s -= y
+        whole = total = 0.0
+        for a in range(2):
+            for b in range(2):
+                row, column = ((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west
+                if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
+                    continue
+                tile, p, q = number[row, column], (y + b) & TILE - 1, (x + a) & TILE - 1
+                share = (u if a else 1.0 - u) * (s if b else 1.0 - s)
+                for half in range(2):
+                    sheet = 2 * layer[i] + half
+                    whole += share * weight[tile, sheet, p, q]
+                    total += share * weight[tile, sheet, p, q] * height[tile, sheet, p, q]
+        if whole >= LEAST_KNOWN:
+            out[i] = total / whole
+    return out

@@ -85,6 +85,11 @@ class Solution:
     values: FloatArray
     factor: FloatArray
 
+    def by(self, right: FloatArray) -> FloatArray:
+        """(n,) the unknowns of the same normal matrix with another right-hand side."""
+        out: FloatArray = scipy.linalg.cho_solve_banded((self.factor, True), right)
+        return out
+
     def sigma(self) -> FloatArray:
         """(n,) standard deviations of the unknowns."""
         variance: FloatArray = _inverse_diagonal(np.ascontiguousarray(self.factor.T))
