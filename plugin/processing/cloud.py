@@ -4,7 +4,6 @@
 from qgis.core import (
     QgsProcessingOutputNumber,
     QgsProcessingParameterBoolean,
-    QgsProcessingParameterCrs,
     QgsProcessingParameterEnum,
     QgsProcessingParameterFileDestination,
     QgsProcessingParameterNumber,
@@ -19,8 +18,7 @@ class Cloud(TakesClouds):
     """One clean cloud of any clouds."""
 
     ID, VERB, GROUP = "cloud", ("cloud",), "surfaces"
-    OUTPUT, OUTLIERS, DROP_NOISE, GROUND = "OUTPUT", "OUTLIERS", "DROP_NOISE", "GROUND"
-    EVERY, VOXEL, CRS, DST_CRS = "EVERY", "VOXEL", "CRS", "DST_CRS"
+    OUTPUT, DROP_NOISE, GROUND, VOXEL = "OUTPUT", "DROP_NOISE", "GROUND", "VOXEL"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""
@@ -38,17 +36,7 @@ class Cloud(TakesClouds):
         """Its parameters and outputs."""
         number, enum = QgsProcessingParameterNumber, QgsProcessingParameterEnum
         self.add_clouds(self.tr("LAS, LAZ or COPC files in one CRS."))
-        self.add(
-            enum(
-                self.OUTLIERS,
-                self.tr("Points that are alone become noise"),
-                ["none", "radius", "statistical"],
-                defaultValue="none",
-                usesStaticStrings=True,
-            ),
-            "--outliers",
-            self.tr("How they are told: by their number in a radius, or by their distance to the next ones."),
-        )
+        self.add_outliers(self.tr("Points that are alone become noise"))
         self.add(
             QgsProcessingParameterBoolean(self.DROP_NOISE, self.tr("Leave noise out")),
             "--drop-noise",
@@ -85,24 +73,8 @@ class Cloud(TakesClouds):
             self.tr("Numbers with commas between them; 64,65 is the machine in furrowmap's own clouds."),
             advanced=True,
         )
-        self.add(
-            number(self.EVERY, self.tr("Take every n-th point"), number.Type.Integer, 1, minValue=1),
-            "--every",
-            self.tr("More than 1 for a quick look."),
-            advanced=True,
-        )
-        self.add(
-            QgsProcessingParameterCrs(self.CRS, self.tr("CRS of clouds that state none"), optional=True),
-            "--crs",
-            self.tr("Clouds that state theirs keep it."),
-            advanced=True,
-        )
-        self.add(
-            QgsProcessingParameterCrs(self.DST_CRS, self.tr("CRS of the clean cloud"), optional=True),
-            "--dst-crs",
-            self.tr("In metres. Left out: that of the clouds."),
-            advanced=True,
-        )
+        self.add_every()
+        self.add_crs(self.tr("CRS of the clean cloud"))
         self.add(
             QgsProcessingParameterFileDestination(self.OUTPUT, self.tr("Clean cloud"), "COPC (*.copc.laz)"),
             "--output",

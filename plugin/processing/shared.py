@@ -6,9 +6,12 @@ from pathlib import Path
 from qgis.core import (
     QgsProcessing,
     QgsProcessingParameterBoolean,
+    QgsProcessingParameterCrs,
+    QgsProcessingParameterEnum,
     QgsProcessingParameterExtent,
     QgsProcessingParameterFile,
     QgsProcessingParameterMultipleLayers,
+    QgsProcessingParameterNumber,
     QgsProcessingParameterString,
 )
 
@@ -40,9 +43,10 @@ class TakesResults(VerbAlgorithm):
 
 
 class TakesClouds(VerbAlgorithm):
-    """Takes clouds, only within a box where one is given, and classes of points by their numbers."""
+    """Takes clouds: which of their points, only within a box where one is given, and from which CRS into which."""
 
-    CLOUDS, EXTENT, CLASSES = "CLOUDS", "EXTENT", "CLASSES"
+    CLOUDS, EXTENT, CLASSES, OUTLIERS = "CLOUDS", "EXTENT", "CLASSES", "OUTLIERS"
+    EVERY, CRS, DST_CRS = "EVERY", "CRS", "DST_CRS"
 
     def add_clouds(self, text):
         """Add the parameter."""
@@ -58,6 +62,46 @@ class TakesClouds(VerbAlgorithm):
             QgsProcessingParameterExtent(self.EXTENT, self.tr("Only within"), optional=True),
             "--bbox",
             self.tr("A box, from a layer, the map, or by coordinates."),
+            advanced=True,
+        )
+
+    def add_outliers(self, label, *, advanced=False):
+        """Add how points that are alone are told; the label says what becomes of them."""
+        self.add(
+            QgsProcessingParameterEnum(
+                self.OUTLIERS,
+                label,
+                ["none", "radius", "statistical"],
+                defaultValue="none",
+                usesStaticStrings=True,
+            ),
+            "--outliers",
+            self.tr("How they are told: by their number in a radius, or by their distance to the next ones."),
+            advanced=advanced,
+        )
+
+    def add_every(self):
+        """Add the share of points that is taken."""
+        number = QgsProcessingParameterNumber
+        self.add(
+            number(self.EVERY, self.tr("Take every n-th point"), number.Type.Integer, 1, minValue=1),
+            "--every",
+            self.tr("More than 1 for a quick look."),
+            advanced=True,
+        )
+
+    def add_crs(self, dst_label):
+        """Add the CRS of clouds that state none, and that of the product, which the label names."""
+        self.add(
+            QgsProcessingParameterCrs(self.CRS, self.tr("CRS of clouds that state none"), optional=True),
+            "--crs",
+            self.tr("Clouds that state theirs keep it."),
+            advanced=True,
+        )
+        self.add(
+            QgsProcessingParameterCrs(self.DST_CRS, dst_label, optional=True),
+            "--dst-crs",
+            self.tr("In metres. Left out: that of the clouds."),
             advanced=True,
         )
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from qgis.core import (
     QgsProcessingOutputFolder,
     QgsProcessingOutputRasterLayer,
-    QgsProcessingParameterCrs,
     QgsProcessingParameterEnum,
     QgsProcessingParameterFolderDestination,
     QgsProcessingParameterNumber,
@@ -25,8 +24,7 @@ class Surface(TakesClouds):
 
     ID, VERB, GROUP = "surface", ("surface",), "surfaces"
     OUTPUT, CELL, STATISTIC = "OUTPUT", "CELL", "STATISTIC"
-    GROUND, OUTLIERS, EVERY, FILL, CRS, DST_CRS = "GROUND", "OUTLIERS", "EVERY", "FILL", "CRS", "DST_CRS"
-    TILLAGE = "TILLAGE"
+    GROUND, FILL, TILLAGE = "GROUND", "FILL", "TILLAGE"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""
@@ -78,42 +76,15 @@ class Surface(TakesClouds):
             self.tr("median, trimmed, mean, min, max, or a percentile such as p90."),
             advanced=True,
         )
-        self.add(
-            enum(
-                self.OUTLIERS,
-                self.tr("Leave out points that are alone"),
-                ["none", "radius", "statistical"],
-                defaultValue="none",
-                usesStaticStrings=True,
-            ),
-            "--outliers",
-            self.tr("How they are told: by their number in a radius, or by their distance to the next ones."),
-            advanced=True,
-        )
-        self.add(
-            number(self.EVERY, self.tr("Take every n-th point"), number.Type.Integer, 1, minValue=1),
-            "--every",
-            self.tr("More than 1 for a quick look."),
-            advanced=True,
-        )
+        self.add_outliers(self.tr("Leave out points that are alone"), advanced=True)
+        self.add_every()
         self.add(
             number(self.TILLAGE, self.tr("Direction of tillage (°)"), number.Type.Double, None, optional=True),
             "--tillage",
             self.tr("Clockwise from grid north: random roughness is then told without the marks of the tool."),
             advanced=True,
         )
-        self.add(
-            QgsProcessingParameterCrs(self.CRS, self.tr("CRS of clouds that state none"), optional=True),
-            "--crs",
-            self.tr("Clouds that state theirs keep it."),
-            advanced=True,
-        )
-        self.add(
-            QgsProcessingParameterCrs(self.DST_CRS, self.tr("CRS of the surfaces"), optional=True),
-            "--dst-crs",
-            self.tr("In metres. Left out: that of the clouds."),
-            advanced=True,
-        )
+        self.add_crs(self.tr("CRS of the surfaces"))
         self.add(
             QgsProcessingParameterFolderDestination(self.OUTPUT, self.tr("Folder for the surfaces")),
             "--output",
