@@ -12,7 +12,7 @@ import numpy as np
 
 from furrowmap.core.readers.epochs import week_face
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
@@ -49,21 +49,11 @@ class Positions:
         return cls(GnssTrack.build(np.empty(0), source=name), False, without_position, 0, {}, (), fault)  # noqa: FBT003
 
 
-class PositionLog(ABC):
-    """A reader of one receiver's positions.
-
-    Args:
-        paths: the files of one recording, in the order of time.
-        options: which of them are used, the format's class says.
-    """
+class PositionLog(FileReader, ABC):
+    """A reader of one receiver's positions."""
 
     format: ClassVar[str]
     title: ClassVar[str]
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @abstractmethod
     def _read(self, paths: list[Path]) -> Positions:

@@ -113,6 +113,20 @@ class Reader(Protocol):
         ...
 
 
+class FileReader:
+    """What furrowmap's own readers begin with.
+
+    Args:
+        paths: the files of one recording, in the order of time.
+        options: which of them are used, the format's class says.
+    """
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        self.paths = list(paths)
+        self.options = options
+        self.notices: list[Notice] = []
+
+
 @runtime_checkable
 class GivesScans(Protocol):
     """A reader of a laser scanner's recording.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -12,17 +12,17 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 LARGEST_BYTES: Final = 50_000_000
 _STATES: Final = {state.label: state for state in ToolState}
 
 
-class StatesCsv:
+class StatesCsv(FileReader):
     """A CSV whose rows say from when on the tool was `down`, `up` or `unknown`.
 
     The last row's state lasts to the end of the drive.
@@ -34,11 +34,6 @@ class StatesCsv:
 
     format: ClassVar[str] = "states-csv"
     title: ClassVar[str] = "tool states in CSV"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +12,7 @@ from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.isoxml.content import TaskData
 from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
@@ -22,7 +21,7 @@ from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 
-class TaskDataLog:
+class TaskDataLog(FileReader):
     """The tasks of ISO 11783-10 task data: a TASKDATA folder, its TASKDATA.XML, or a zip archive of it.
 
     Args:
@@ -32,11 +31,6 @@ class TaskDataLog:
 
     format: ClassVar[str] = "isoxml"
     title: ClassVar[str] = "ISO 11783-10 task data (folder or .zip)"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock
 
 CLASSES: Final = {
@@ -25,7 +23,7 @@ OWN_CLASSES: Final = {64: "vehicle", 65: "implement"}
 """In clouds that furrowmap wrote."""
 
 
-class LasCloud:
+class LasCloud(FileReader):
     """A cloud that somebody has already placed: it can be inspected, and surfaces can be made of it; it has no scans.
 
     Args:
@@ -35,11 +33,6 @@ class LasCloud:
 
     format: ClassVar[str] = "las"
     title: ClassVar[str] = "LAS, LAZ or COPC point cloud"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:

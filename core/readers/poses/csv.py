@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
-from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.pose_track import PoseTrack
@@ -45,7 +45,7 @@ WITHIN: Final = {
 """What the values of a column can be; anything else is another unit or another column."""
 
 
-class PoseCsv:
+class PoseCsv(FileReader):
     """Poses from CSV files with the columns of :data:`KNOWN`.
 
     `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of a GPS week that
@@ -60,11 +60,6 @@ class PoseCsv:
 
     format: ClassVar[str] = "pose-csv"
     title: ClassVar[str] = "trajectory in CSV"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:

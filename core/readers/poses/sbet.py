@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
-from furrowmap.core.readers.reader import Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +37,7 @@ LEAST_ANGLE: Final = 1e-12
 """Bytes of other formats, read as doubles, are mostly next to nothing; no place is so near to 0° N 0° E."""
 
 
-class Sbet:
+class Sbet(FileReader):
     """Poses from SBET files.
 
     A record is 17 little-endian doubles: time, latitude, longitude, ellipsoidal height, three velocities, roll, pitch,
@@ -55,11 +54,6 @@ class Sbet:
 
     format: ClassVar[str] = "sbet"
     title: ClassVar[str] = "trajectory in SBET"
-
-    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
 
     @classmethod
     def recognise(cls, head: Head) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
 from furrowmap.core.readers.rosbag.messages import (
@@ -44,7 +44,7 @@ class _Topic:
     last_ns: int
 
 
-class _RosBag:
+class _RosBag(FileReader):
     """What both generations of bags have in common: everything but the files they lie in.
 
     Reading passes over the messages twice: once to see what there is, as a bag's index may be missing or wrong, and
@@ -59,9 +59,7 @@ class _RosBag:
     title: ClassVar[str]
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.paths = list(paths)
-        self.options = options
-        self.notices: list[Notice] = []
+        super().__init__(paths, options)
         self.clock = Clock.RECORDER
         self.clocks: tuple[ClockReading, ...] = ()
         self.share_read = 0.0

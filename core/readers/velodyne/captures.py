@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
-from furrowmap.core.readers.reader import ClockReading, Inspection, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.velodyne.clock import (
     POSITION_BYTES,
@@ -45,7 +45,7 @@ _HOUR_FROM: Final = {
 }
 
 
-class VelodynePcap:
+class VelodynePcap(FileReader):
     """Reader of the scans in captures of a VLP-16, Puck LITE, Puck Hi-Res, VLP-32C or HDL-32E.
 
     Opening it reads the first seconds: which sensor is speaking, and what its clock counts from. Where position
@@ -61,13 +61,11 @@ class VelodynePcap:
     title: ClassVar[str] = "Velodyne packets in a PCAP capture"
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
-        self.notices: list[Notice] = []
+        super().__init__(paths, options)
         self.share_read = 0.0
-        self._paths = list(paths)
-        self._options = options
         if options.model:
             model_named(options.model)
-        self._survey = _Survey.of(self._paths)
+        self._survey = _Survey.of(self.paths)
         self.clock: Clock = settle(*self._survey.clocks, options.near_s)[0].kind
         self.clocks: tuple[ClockReading, ...] = ()
 
@@ -85,15 +83,15 @@ class VelodynePcap:
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete when they have ended."""
-        return self._read(self._paths, _Traffic())
+        return self._read(self.paths, _Traffic())
 
     def inspect(self) -> Inspection:
         """Read the first file through and say what it is and holds."""
         traffic = _Traffic()
-        for _ in self._read(self._paths[:1], traffic):
+        for _ in self._read(self.paths[:1], traffic):
             pass
         return Inspection(
-            self._paths[0],
+            self.paths[0],
             self.format,
             self.title,
             traffic.facts(self._survey.sender),
@@ -103,8 +101,8 @@ class VelodynePcap:
 
     def _read(self, paths: Sequence[Path], traffic: _Traffic) -> Iterator[Scan]:
         self.notices.clear()
-        clock, clock_notices = settle(*self._survey.clocks, self._options.near_s)
-        traffic.decoder = decoder = PacketDecoder(self._options.model, clock=clock, where=str(paths[0]))
+        clock, clock_notices = settle(*self._survey.clocks, self.options.near_s)
+        traffic.decoder = decoder = PacketDecoder(self.options.model, clock=clock, where=str(paths[0]))
         sizes = [path.stat().st_size for path in paths]
         for i, path in enumerate(paths):
             with Source(path) as source:
@@ -112,8 +110,8 @@ class VelodynePcap:
                 for datagrams in capture:
                     self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
                     mine = traffic.sort(datagrams, self._survey.sender)
-                    if self._options.glance_s is not None:
-                        mine &= datagrams.time_s % self._options.glance_s < GLANCE_S
+                    if self.options.glance_s is not None:
+                        mine &= datagrams.time_s % self.options.glance_s < GLANCE_S
                     yield from decoder.push_at(datagrams.data, datagrams.offset[mine], datagrams.time_s[mine])
                 traffic.captures.append(capture)
                 self.notices += capture.notices
