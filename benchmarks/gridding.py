@@ -28,7 +28,7 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.exporters.cog import Origin, surface_arrays, surface_bands, write_cog
+from furrowmap.exporters.cog import SURFACE_BANDS, Origin, surface_arrays, write_cog
 
 FloatArray = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ def main() -> None:
         ours, theirs = Path(folder, "ours.tif"), Path(folder, "gdal.tif")
         origin = Origin("Surface")
         own_s = fastest(
-            lambda: write_cog(ours, grid, CRS("EPSG:6677"), surface_bands(), list(arrays), origin), args.rounds
+            lambda: write_cog(ours, grid, CRS("EPSG:6677"), SURFACE_BANDS, list(arrays), origin), args.rounds
         )
         gdal_s = fastest(lambda: gdal(theirs, arrays, grid), args.rounds)
         megabytes = arrays.nbytes / 1e6

@@ -9,18 +9,18 @@ from furrowmap.core.values.errors import UsageError
 CLASSES: Final = frozenset(range(256))
 
 
-def box_of(text: str | None, option: str = "--bbox") -> tuple[float, float, float, float] | None:
+def box_of(text: str | None) -> tuple[float, float, float, float] | None:
     """West, south, east, north of a box; None where none is given.
 
     Raises:
         UsageError: if they are not.
     """
-    box = _numbers(text, option, 4)
+    box = _numbers(text, "--bbox", 4)
     if box is None:
         return None
     west, south, east, north = box
     if not (west < east and south < north):
-        raise _no_list(option, text, "west, south, east, north, each side less than the one across from it")
+        raise _no_list("--bbox", text, "west, south, east, north, each side less than the one across from it")
     return west, south, east, north
 
 

@@ -21,8 +21,6 @@ FEWEST: Final = 30
 """Edition 2's minimum of check points for a statement of accuracy."""
 BIAS_SHARE: Final = 0.25
 """A mean error of more than this share of the RMSE shows a bias that should be found before the product is used."""
-CONFIDENCE: Final = 1.959964
-"""Of a normal deviate, for 95 %."""
 
 
 @dataclass(frozen=True)

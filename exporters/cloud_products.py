@@ -29,7 +29,7 @@ from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness,
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.cog import FILLED, Band, Bands, cog_output, surface_arrays, surface_bands
+from furrowmap.exporters.cog import FILLED, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.json_text import json_text, plain
 from furrowmap.exporters.provenance import Origin
 from furrowmap.exporters.report import FileRecord, file_records
@@ -214,9 +214,9 @@ class _Work:
         """The surfaces that come from the points themselves."""
         settings = self.settings
         with ExitStack() as stack:
-            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, surface_bands()))
+            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, SURFACE_BANDS))
             if self.method != "none":
-                put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", surface_bands()))
+                put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
                 put_above = stack.enter_context(self._output(ABOVE, "height above ground", [above]))
             for tile in cloud_tiles(spooled, self.method, settings.statistic, settings.outliers, progress):
@@ -281,7 +281,7 @@ class _Work:
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
         title = SURFACE if name == DSM else "ground"
-        with self._output(name, title, [*surface_bands(), FILLED]) as put, rasterio.open(source) as raster:
+        with self._output(name, title, [*SURFACE_BANDS, FILLED]) as put, rasterio.open(source) as raster:
             for inner, outer in _windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=_window(outer, self.grid))
                 height = bridged(bands[0].astype(np.float64), reach)

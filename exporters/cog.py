@@ -64,19 +64,13 @@ SPREAD: Final = Band("spread")
 STANDARD_ERROR: Final = Band("standard error")
 FILLED: Final = Band("filled", "1", 0)
 """1 where the height is from the cells around, else 0."""
-
-
-def surface_bands(*, filled: bool = False) -> tuple[Band, ...]:
-    """What the bands of :func:`surface_arrays` hold."""
-    return (HEIGHT, COUNT, SPREAD, STANDARD_ERROR, *([FILLED] if filled else []))
+SURFACE_BANDS: Final = (HEIGHT, COUNT, SPREAD, STANDARD_ERROR)
+"""What the bands of :func:`surface_arrays` hold."""
 
 
 def surface_arrays(surface: Surface) -> Bands:
-    """The bands of a surface: height, number of returns, their spread, standard error, and what is filled."""
-    bands: list[NDArray[Any]] = [surface.height_m, surface.count, surface.spread_m, surface.standard_error_m]
-    if surface.filled is not None:
-        bands.append(surface.filled)
-    return bands
+    """The bands of a surface: height, number of returns, their spread, standard error."""
+    return [surface.height_m, surface.count, surface.spread_m, surface.standard_error_m]
 
 
 @contextmanager

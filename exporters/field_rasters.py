@@ -17,11 +17,11 @@ from furrowmap.core.surfaces.visits import SwathAgreement, SwathSums, block_grid
 from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.cog import (
     STANDARD_ERROR,
+    SURFACE_BANDS,
     Band,
     Bands,
     cog_output,
     surface_arrays,
-    surface_bands,
     with_heights,
 )
 from furrowmap.exporters.provenance import Origin
@@ -87,7 +87,7 @@ def write_rasters(
     if grid is None:
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
-    bands = {DSM: surface_bands()} | ({BEFORE: surface_bands(), CHANGE: CHANGE_BANDS} if passages else {})
+    bands = {DSM: SURFACE_BANDS} | ({BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
     blocks = block_grid(grid)
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, seen = SoilSums(), SwathSums(), 0

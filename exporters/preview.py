@@ -22,7 +22,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.exporters.cog import cog_output, surface_arrays, surface_bands, with_heights
+from furrowmap.exporters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
 from furrowmap.exporters.field_rasters import style_of
 from furrowmap.exporters.geopackage import write_field
 from furrowmap.exporters.json_text import json_text
@@ -127,7 +127,7 @@ def _write_surface(folder: Path, land: FieldPoints, found: Run, origin: Origin) 
     if grid is None:
         return {}
     crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
-    with cog_output(folder / SURFACE, grid, crs, surface_bands(), origin) as write:
+    with cog_output(folder / SURFACE, grid, crs, SURFACE_BANDS, origin) as write:
         for tile in land.tiles(Passages([]), LOW):
             write(tile.grid, surface_arrays(tile.after))
             seen += int(tile.after.seen.sum())

@@ -68,7 +68,7 @@ def _measured(spool: PointSpool, key: Key) -> tuple[FloatArray, FloatArray]:
     """Places (n, 2) of a tile's points, and their mean distances (n,) from their neighbours."""
     own = spool.tile(key)
     xyz = _surroundings(spool, key, own)
-    mean_m = mean_neighbour_distance(xyz, reach_m=REACH_M)[: len(own.cell)]
+    mean_m = mean_neighbour_distance(xyz, reach_m=REACH_M, asked=len(own.cell))
     west, _, _, north = own.grid.bounds_m
     return xyz[: len(own.cell), :2] + (west, north), mean_m
 

@@ -141,12 +141,11 @@ class Surface:
     Attributes:
         grid: where; the arrays below have its shape, north up.
         height_m: float32, above what the map's heights are above; nan where there is none.
-        count: uint32 returns that made it; 0 where there is none and where it is filled.
+        count: uint32 returns that made it; 0 where there is none.
         spread_m: float32 standard deviation of the returns' heights in the cell, relief within it included; nan where
             fewer than two returns tell it.
         standard_error_m: float32 of `height_m`, from spread and count as if the returns' errors were independent; nan
             likewise. What all returns of a cell have in common, such as an error of the trajectory, is not in it.
-        filled: whether the height is from the cells around; None where nothing was filled.
     """
 
     grid: Grid
@@ -154,7 +153,6 @@ class Surface:
     count: NDArray[np.uint32]
     spread_m: Float32Array
     standard_error_m: Float32Array
-    filled: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         bands = [self.height_m, self.count, self.spread_m, self.standard_error_m]

