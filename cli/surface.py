@@ -100,7 +100,8 @@ def surface(
     """
     box, kept = box_of(bbox), classes_of(classes, "--class")
     from furrowmap.core.surfaces.statistic import Statistic
-    from furrowmap.exporters.cloud_products import CloudSettings, write_cloud_surfaces
+    from furrowmap.exporters.cloud_products import write_cloud_surfaces
+    from furrowmap.exporters.cloud_settings import CloudSettings
 
     settings = CloudSettings(
         cell_m=cell,

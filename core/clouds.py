@@ -194,6 +194,26 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     return Clouds(files, whole, change, unit_m, tuple(notices))
 
 
+def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box | None:
+    """A box in the CRS in which the points of clouds are given out."""
+    if box is None or box_crs is None:
+        return box
+    change = pyproj.Transformer.from_crs(box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
+    west, south, east, north = change.transform_bounds(*box)
+    return west, south, east, north
+
+
+def nothing_left(clouds: Clouds, box: Box | None) -> InputError:
+    """What to say where no point of clouds is wanted."""
+    within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
+    return InputError(
+        f"Of {clouds.points:,} points in {len(clouds.files)} file(s) none is left{within}.",
+        "All lie outside the box, or are of other classes, or the files hold none.",
+        "`furrowmap inspect` says where the points lie and which classes they have.",
+        code="no-points-left",
+    )
+
+
 def _refuse_twice(paths: Sequence[Path]) -> None:
     """Raises UsageError where the points of a file would count twice."""
     seen: dict[Path, Path] = {}

@@ -14,7 +14,7 @@ from pyproj import CRS
 
 from furrowmap.core.cloud_cleaning import Cleaning, cleaned
 from furrowmap.core.cloud_spool import Records
-from furrowmap.core.clouds import Clouds, open_clouds
+from furrowmap.core.clouds import Clouds, box_in, nothing_left, open_clouds
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
@@ -23,7 +23,6 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.atomic import refuse_existing
-from furrowmap.exporters.cloud_products import box_in, nothing_left
 from furrowmap.exporters.copc.points import RETURNS, PointBatch
 from furrowmap.exporters.copc.writer import CopcWriter
 from furrowmap.exporters.json_text import plain

@@ -38,6 +38,21 @@ def filled(height_m: FloatArray, reach: float = math.inf) -> FloatArray:
     return out
 
 
+def bridged(height_m: FloatArray, reach: float) -> FloatArray:
+    """Heights with the gaps filled in which no cell is farther than `reach` cells from a seen one, and nothing outside.
+
+    What is filled is where a disk of that radius cannot stand without touching seen cells (their morphological
+    closing), so that nothing grows beyond the border of what was seen.
+    """
+    seen = np.isfinite(height_m)
+    if seen.all() or not seen.any():
+        return height_m
+    rim = int(np.ceil(reach)) + 1
+    near = distance_transform_edt(~np.pad(seen, rim)) <= reach
+    closed = np.asarray(distance_transform_edt(near))[rim:-rim, rim:-rim] > reach
+    return np.where(closed | seen, filled(height_m, reach), np.nan)
+
+
 def _film(height: FloatArray) -> FloatArray:
     """The soap film, to the heights themselves where there are any; there is at least one."""
     seen = np.isfinite(height)

@@ -121,6 +121,12 @@ class Grid:
         northing = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
         return easting.astype(np.float64), northing.astype(np.float64)
 
+    def coarser(self, factor: int) -> Self:
+        """The least grid over this one with cells `factor` times as large, anchored as all are."""
+        west, north = self.west // factor, -(-self.north // factor)
+        south, east = (self.north - self.rows) // factor, -(-(self.west + self.columns) // factor)
+        return type(self)(self.cell_m * factor, west, north, (north - south, east - west))
+
     def window_in(self, other: Grid) -> tuple[slice, slice]:
         """Rows and columns of `other`, which has the same cells and covers this grid, that this grid takes.
 

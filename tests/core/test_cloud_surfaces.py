@@ -12,10 +12,12 @@ import rasterio
 
 from furrowmap.core.cloud_surfaces import cell_for, cloud_tiles, spool_clouds
 from furrowmap.core.clouds import open_clouds
+from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.errors import Cancelled, InputError, Notice, RefusedError
-from furrowmap.exporters.cloud_products import CloudSettings, bridged, write_cloud_surfaces
+from furrowmap.exporters.cloud_products import write_cloud_surfaces
+from furrowmap.exporters.cloud_settings import CloudSettings
 
 UTM = pyproj.CRS.from_epsg(32633)
 WEST, SOUTH = 500_000.0, 5_300_000.0
@@ -186,7 +188,7 @@ def test_roughness__along_the_tillage_is_without_its_marks(tmp_path: Path) -> No
 def test_windows__leave_no_seams(
     clouds: list[Path], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("furrowmap.exporters.cloud_products.WINDOW", 37)
+    monkeypatch.setattr("furrowmap.exporters.raster_windows.WINDOW", 37)
     write_cloud_surfaces(clouds, tmp_path, CloudSettings(cell_m=0.2))
     for name in ("hillshade.tif", "slope.tif", "roughness.tif", "low_spots.tif"):
         np.testing.assert_array_equal(raster(tmp_path / name)[0], raster(made / name)[0], err_msg=name)

@@ -13,7 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from furrowmap.exporters.cloud_products import CloudSettings, write_cloud_surfaces
+from furrowmap.exporters.cloud_products import write_cloud_surfaces
+from furrowmap.exporters.cloud_settings import CloudSettings
 from furrowmap.exporters.exchange.export import export
 from furrowmap.exporters.products import write_products
 

@@ -52,6 +52,17 @@ def test_two_grids__overlay_where_they_share_ground() -> None:
         whole.window_in(part)
 
 
+@given(st.integers(-50, 50), st.integers(-50, 50), st.integers(1, 40), st.integers(1, 40), st.integers(1, 9))
+def test_coarser__is_the_least_grid_over_it_in_whole_cells_from_the_zero(
+    west: int, north: int, rows: int, columns: int, factor: int
+) -> None:
+    fine = Grid(0.5, west, north, (rows, columns))
+    coarse = fine.coarser(factor)
+    assert coarse.cell_m == 0.5 * factor
+    for of_fine, of_coarse, outward in zip(fine.bounds_m, coarse.bounds_m, (-1, -1, 1, 1), strict=True):
+        assert 0 <= outward * (of_coarse - of_fine) < coarse.cell_m
+
+
 @pytest.mark.parametrize(
     ("cell_m", "bounds", "code"),
     [
