@@ -29,7 +29,7 @@ from furrowmap.core.pipeline import Inputs, LidarReader, open_lidar, open_positi
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import quaternion_to_attitude
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 
 FloatArray = NDArray[np.float64]
 

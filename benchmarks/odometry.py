@@ -47,7 +47,8 @@ from furrowmap.core.values.rotation import (
     quaternion_to_matrix,
     wrap_deg,
 )
-from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -28,7 +28,7 @@ from furrowmap.core.pipeline import Inputs, locate, open_lidar, open_positions
 from furrowmap.core.simulator.scenario import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.projection import map_frame
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 
 ROUNDS = 3
 PASSES = {"1x": 4, "5x": 19}

@@ -16,7 +16,7 @@ from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 
 ROUNDS: Final = 6
 LARGEST_SHARE: Final = 0.85

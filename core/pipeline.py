@@ -40,7 +40,8 @@ from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Clock, Scan
-from furrowmap.core.values.session import Session, load_session, resolve
+from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory
 
 SCANS_AHEAD: Final = 32

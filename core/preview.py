@@ -30,7 +30,8 @@ from furrowmap.core.run_without_lidar import located_without_lidar, tally_withou
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.session_file import load_session
 
 GLANCES: Final = 400
 """So many places of the drive are looked at: each shows the ground for some 15 m around."""

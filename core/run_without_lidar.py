@@ -21,7 +21,8 @@ from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory
 
 SLOWEST_DIRECTIONS_S: Final = 0.3

@@ -19,7 +19,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.compass import compass_word
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 
 FloatArray = NDArray[np.float64]
 

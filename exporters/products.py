@@ -28,7 +28,8 @@ from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.copc.chunk import Columns
 from furrowmap.exporters.copc.points import PointBatch

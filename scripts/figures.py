@@ -25,7 +25,7 @@ from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.motion import local_velocity
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import wrap_deg
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.ground import worked_ground

@@ -26,7 +26,8 @@ from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import Session, load_session
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from furrowmap.core.examination import Examined
 from furrowmap.core.session_proposal import UNKNOWN, Proposal, common_folder, propose_session
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Session, load_session, parse_session, resolve
+from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session_file import load_session, parse_session
 
 
 def sentence(body: str) -> str:

@@ -17,7 +17,7 @@ import rasterio
 from pyproj import CRS
 
 from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.exporters.products import las_wkt, write_products
 
 SCANS_S = 1_453_364_282.341

@@ -9,7 +9,7 @@ import pytest
 
 from furrowmap.core.pipeline import Inputs, locate, open_positions
 from furrowmap.core.trajectory.projection import map_frame
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from furrowmap.exporters.run_report import way
 

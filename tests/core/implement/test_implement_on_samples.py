@@ -15,7 +15,7 @@ from furrowmap.core.implement.states import tool_history
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.tool_states import ToolState
 
 

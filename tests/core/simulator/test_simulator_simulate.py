@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.simulator.scenario import Drive, Lidar, Noise, Scenario, load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
 from furrowmap.core.values.errors import Cancelled, InputError
-from furrowmap.core.values.session import load_session
+from furrowmap.core.values.session_file import load_session
 from tests.core.simulator.conftest import SHORT
 
 

@@ -16,7 +16,8 @@ from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
-from furrowmap.core.values.session import Crs, load_session
+from furrowmap.core.values.session import Crs
+from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Motion
 from tests.core.trajectory.drives import FISHTAIL, Drive, drive
 

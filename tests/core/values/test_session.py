@@ -9,9 +9,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from furrowmap.core.values import session as module
+from furrowmap.core.values import session_file as module
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Session, load_session, parse_session, resolve
+from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session_file import load_session, parse_session
 
 LEAST = """
 furrowmap = 1
