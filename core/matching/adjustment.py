@@ -17,10 +17,12 @@ from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, coarse_pull, fine_step, free_patches
 from furrowmap.core.matching.equations import Aslant, Held, add_slices, hold_blind, position_trust
+from furrowmap.core.matching.facing import facing_deg
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
 from furrowmap.core.matching.relaxation import Relaxation
@@ -64,6 +66,10 @@ WINDOW_ROUNDS: Final = (2, 14)
 TURNED: Final = np.radians(0.4)
 SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
+SETTLED: Final = np.radians(0.15)
+SETTLING: Final = 5
+"""A round in which tilts still move by more than SETTLED (RMS) is repeated, so many times at most: a long chain of
+poses, each of which sees little more than its neighbours' ground, comes to rest slowly."""
 COARSE_EVERY: Final = 40
 """Knots from one coarse knot to the next: a second."""
 COARSE_MOST: Final = 300
@@ -117,6 +123,7 @@ class Problem:
         sensor_m: (3,) the sensor in the vehicle frame.
         sensor_axis: (3,) unit vector along its axis, upwards, in the vehicle frame.
         mounting_turn: (3, 3) what the returns are turned by about the sensor, because the mounting is off.
+        faces_deg: of that, by how much the scanner faces another way than stated, counter-clockwise; 0 if it does not.
         ranges: the lasers' constants; None before the last round, and where the ground does not show them.
         aslant_rad: by how much the vehicle goes to the left of where it looks, and its standard deviation.
         stance: how the vehicle stands on the ground at the end; None before.
@@ -138,6 +145,7 @@ class Problem:
     sensor_m: FloatArray
     sensor_axis: FloatArray
     mounting_turn: FloatArray = field(default_factory=lambda: np.eye(3))
+    faces_deg: float = 0.0
     ranges: LaserRanges | None = None
     aslant_rad: tuple[float, float] = (0.0, np.inf)
     stance: Stance | None = None
@@ -170,12 +178,14 @@ class Last:
         coarse: the coarse knots.
         centre_m: see :meth:`CoarseKnots.centres`.
         together: with the ground free.
+        blind: of the coarse knots as well, without what the scans see.
     """
 
     held: Held
     coarse: CoarseKnots
     centre_m: FloatArray
     together: NormalEquations
+    blind: NormalEquations
 
 
 def problem_of(
@@ -216,6 +226,7 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         told = max(told, min(1.0, done / steps))
         progress(told)
 
+    _face(problem)
     _window_step(problem, None)
     step_done()
     relaxation = Relaxation()
@@ -233,9 +244,14 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         for cell_m, thin in rounds:
             if thin == 1 and problem.ranges is None:
                 problem.ranges = _laser_ranges(problem)
-            for together in (True, False):
-                _session_step(problem, cell_m, thin, together=together)
+            for repeat in range(SETTLING + 1):
+                tilted = _session_step(problem, cell_m, thin, together=True)
                 step_done()
+                _session_step(problem, cell_m, thin, together=False)
+                step_done()
+                if tilted < SETTLED or repeat == SETTLING:
+                    break
+                steps += 2
         problem.stance = _stance(problem)
         turn = problem.stance.turn
         if turn is None or remount == REMOUNTS:
@@ -244,6 +260,14 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         rounds = REMOUNT_ROUNDS
         steps += 2 * len(rounds)
     progress(1.0)
+
+
+def _face(problem: Problem) -> None:
+    """Turn the scanner to where it faces, if that is another way than stated; the vehicle stays as it is."""
+    angle = facing_deg(problem.returns, problem.knots, problem.state, problem.sensor_m)
+    if angle is not None:
+        problem.faces_deg = angle
+        problem.mounting_turn = Rotation.from_euler("z", angle, degrees=True).as_matrix()
 
 
 def _laser_ranges(problem: Problem) -> LaserRanges | None:
@@ -334,8 +358,8 @@ def _window_step(problem: Problem, relaxation: Relaxation | None) -> float:
     return _move(problem, held, relaxation.lengthened(step, problem.knots))
 
 
-def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> None:
-    """One step with the ground of the whole session."""
+def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool) -> float:
+    """One step with the ground of the whole session; returns the RMS of its tilts."""
     every = max(COARSE_EVERY, -(-len(problem.knots) // COARSE_MOST))
     coarse = CoarseKnots.over(problem.knots, every, SESSION_PATCH_M) if together else None
     placing = _Placing.of(problem)
@@ -351,21 +375,30 @@ def _session_step(problem: Problem, cell_m: float, thin: int, *, together: bool)
         surface = _session_surface(placing, blocks, cell_m)
         found = _in_threads(work, blocks)
         held, walls = beside.result()
+    centre = coarse.centres(problem.knots, problem.state) if coarse is not None else np.zeros((0, 3))
+    blind = coarse_equations(held.equations, coarse, centre, problem.state, 1) if coarse is not None else None
     _add_seen(problem, held, [sums for sums, _ in found], walls, together=together)
-    if coarse is None:
+    if coarse is None or blind is None:
         if problem.last is not None:
             problem.last = replace(problem.last, held=held)
-        _move(problem, held, _solved(held.equations, problem.loose).values.reshape(-1, SIZE))
-        return
-    centre = coarse.centres(problem.knots, problem.state)
+        step = _solved(held.equations, problem.loose).values.reshape(-1, SIZE)
+        _move(problem, held, step)
+        return _tilted(step)
     equations = coarse_equations(held.equations, coarse, centre, problem.state, coarse.count)
     free_patches(equations, [p for _, patches in found for p in patches], SESSION_PATCH_M, centre)
     for patches in walls.patches:
         free_patches(equations, patches, WALL_PATCH_M, centre)
-    problem.last = Last(held, coarse, centre, equations)
+    problem.last = Last(held, coarse, centre, equations, blind)
     solution = _solved(equations, coarse.touched(problem.loose))
     problem.aslant_rad = _aslant(problem, coarse, centre, solution)
-    _move(problem, held, fine_step(coarse, centre, problem.state, solution.values))
+    step = fine_step(coarse, centre, problem.state, solution.values)
+    _move(problem, held, step)
+    return _tilted(step)
+
+
+def _tilted(step: FloatArray) -> float:
+    """The RMS of the tilts of a step (n, 9)."""
+    return float(np.sqrt(np.mean((step[:, 3:5] ** 2).sum(axis=1))))
 
 
 def _aslant(problem: Problem, coarse: CoarseKnots, centre_m: FloatArray, solution: Solution) -> tuple[float, float]:

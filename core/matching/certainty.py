@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.matching.bow import Bow
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots
 from furrowmap.core.matching.equations import LEVEL_SIGMA, Held
 from furrowmap.core.matching.knots import STEP_S, State
@@ -28,7 +29,7 @@ PLACED_M: Final = 0.05
 
 
 def sigmas(
-    state: State, held: Held, coarse: CoarseKnots, centre_m: FloatArray, together: NormalEquations
+    state: State, held: Held, coarse: CoarseKnots, centre_m: FloatArray, together: NormalEquations, bow: Bow
 ) -> FloatArray:
     """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots.
 
@@ -41,10 +42,13 @@ def sigmas(
         coarse: the coarse knots.
         centre_m: see :meth:`CoarseKnots.centres`.
         together: equations of the coarse knots with the ground free.
+        bow: of the scanner, which bends what is slow.
     """
     with ThreadPoolExecutor(1) as pool:
         beside = pool.submit(lambda: held.equations.solve().sigma())
         slow = together.inverse()
+        bent = bow.mode - slow @ bow.held
+        slow += np.outer(bent, bent)
         quick = beside.result().reshape(-1, SIZE)[:, :6] ** 2
     variance = _variances(
         np.ascontiguousarray(state.xyz_m),

@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
+from furrowmap.core.matching.bow import bow_of, bow_sigma
 from furrowmap.core.matching.certainty import held_by, sigmas
 from furrowmap.core.matching.clock_offset import clock_offset
 from furrowmap.core.matching.knots import STEP_S
@@ -47,7 +48,8 @@ class Matched:
         mounting: of the sensor: the session's, unless the vehicle's stance shows that it is off.
         ranges: the lasers' constants, which its trajectory goes with; None where the ground does not show them.
         stance: how the vehicle stands on the ground with that mounting.
-        clock_offset_s: what the scanner's clock seems ahead of the receiver's, and its standard deviation.
+        clock_offset_s: what the scanner's clock seems ahead of the receiver's, and its standard deviation, which is inf
+            where the antenna's place is not known.
         figures: for the report.
         notices: for the report.
     """
@@ -76,7 +78,7 @@ def match(
         returns: of the ground.
         start: an approximate trajectory of the vehicle frame.
         positions: of the antenna.
-        lever_m: the antenna in the vehicle frame.
+        lever_m: the antenna in the vehicle frame; zero where that is not known.
         mounting: of the sensor, as the session states it.
         tool: where an implement changes the soil; None if none is known.
         progress: is told how much is done, 0 to 1.
@@ -98,9 +100,12 @@ def match(
     turned = not np.array_equal(problem.mounting_turn, np.eye(3))
     used = right if turned else mounting
     assert problem.stance is not None
-    clock = clock_offset(problem.knots, problem.state, problem.positions, problem.origin_m, problem.lever_m)
+    # An antenna ahead of where it is taken to be looks like a clock that is off; none stands at the vehicle's origin.
+    clock = (0.0, float("inf"))
+    if any(lever_m):
+        clock = clock_offset(problem.knots, problem.state, problem.positions, problem.origin_m, problem.lever_m)
     figures = _figures(problem, used) | {"clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock]}
-    notices = [*_mounting_notices(problem.stance, mounting, used), *_clock_notices(*clock)]
+    notices = [*_mounting_notices(problem, mounting, used), *_clock_notices(*clock)]
     return Matched(trajectory, used, problem.ranges, problem.stance, clock, figures, tuple(notices))
 
 
@@ -118,11 +123,21 @@ def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
     ]
 
 
-def _mounting_notices(stance: Stance, stated: Mounting, used: Mounting) -> list[Notice]:
-    """What the vehicle's stance says about the mounting."""
-    notices = []
-    if used is not stated:
-        was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
+def _mounting_notices(problem: Problem, stated: Mounting, used: Mounting) -> list[Notice]:
+    """What the ground and the vehicle's stance say about the mounting."""
+    stance, notices = problem.stance, []
+    assert stance is not None
+    was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
+    if problem.faces_deg:
+        notices.append(
+            Notice(
+                "mounting-off",
+                f"The session has the scanner at rpy_deg = [{was}], but what it sees of the ground stays where it is "
+                f"with [{now}], which is used: it faces another way, or the vehicle drove in reverse all the time. "
+                "`furrowmap calibrate` writes it into the session.",
+            )
+        )
+    elif used is not stated:
         notices.append(
             Notice(
                 "mounting-off",
@@ -146,7 +161,9 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     assert problem.walls is not None
     assert problem.last is not None
     state, knots, last = problem.state, problem.knots, problem.last
-    sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together)
+    bent = bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
+    bow = bow_of(bent, last.blind, last.centre_m)
+    sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together, bow)
     sigma[:, :2] = np.hypot(sigma[:, :2], _taken_for_white_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     speed = _speed(problem)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.matching.bow import Bow
 from furrowmap.core.matching.certainty import AROUND_S, HEADING_SHARE, held_by, hold_of, sigmas
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
 from furrowmap.core.matching.equations import Held
@@ -32,7 +33,8 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
     coarse = CoarseKnots.over(knots, 10, 1.0)
     centre = coarse.centres(knots, state)
     quick, slow = random_chain(len(knots), 1, 0.01), random_chain(coarse.count, 2, 0.02)
-    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow)
+    bow = Bow(*np.random.default_rng(3).normal(size=(2, coarse.count * SIZE)))
+    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow, bow)
 
     def covariance(equations: NormalEquations) -> np.ndarray:
         n = equations.band.shape[1]
@@ -44,7 +46,8 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
 
     ones = np.eye(coarse.count * SIZE)
     projection = np.column_stack([fine_step(coarse, centre, state, one).reshape(-1) for one in ones])
-    of_slow = projection @ covariance(slow) @ projection.T
+    bent = bow.mode - covariance(slow) @ bow.held
+    of_slow = projection @ (covariance(slow) + np.outer(bent, bent)) @ projection.T
     of_quick = np.diag(covariance(quick)).reshape(-1, SIZE)
     for k in range(len(knots)):
         pose = slice(k * SIZE, k * SIZE + 6)

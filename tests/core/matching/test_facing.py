@@ -1,0 +1,79 @@
+"""Which way a scanner faces, on made ground of which every height is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.matching.facing import facing_deg
+from furrowmap.core.matching.knots import Knots, State, knots_over
+from furrowmap.core.matching.returns import GroundReturns
+
+SPEED_MPS = 0.8
+SENSOR_M = np.array([-0.5, 0.2, 1.8])
+NODE_M = 0.05
+
+
+def drive(relief_m: float, turned_deg: float, seed: int) -> tuple[GroundReturns, Knots, State]:
+    """Half a minute along a curve over random ground, returns turned about the sensor by a wrong mounting."""
+    random = np.random.default_rng(seed)
+    ground = gaussian_filter(random.normal(size=(1200, 1200)), 4.0)
+    ground *= relief_m / ground.std()
+    t = np.sort(random.uniform(0.0, 30.0, 60_000))
+    knots = knots_over(t)
+    yaw = 0.02 * knots.t_s
+    step = SPEED_MPS * np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)]) * np.gradient(knots.t_s)[:, None]
+    rotation = Rotation.from_euler("z", yaw[:, None])
+    state = State(np.cumsum(step, axis=0), rotation.as_matrix(), np.zeros((len(yaw), 3)))
+
+    radius, angle = 6.0 * np.sqrt(random.uniform(size=len(t))), random.uniform(0.0, 2.0 * np.pi, len(t))
+    vehicle = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(len(t))])
+    k, share, _ = knots.at(t)
+    place = state.xyz_m[k] + share[:, None] * (state.xyz_m[k + 1] - state.xyz_m[k])
+    place += Rotation.from_euler("z", 0.02 * t[:, None]).apply(vehicle)
+    node = (place[:, :2].T + 15.0) / NODE_M
+    # The vehicle sways, which nobody knows of at the start.
+    tilt = np.radians(0.5) * np.sin(2.0 * np.pi * 0.7 * t)
+    noise = random.normal(scale=0.01, size=len(t))
+    vehicle[:, 2] = map_coordinates(ground, node, order=1, mode="wrap") + tilt * vehicle[:, 1] + noise
+    turned = Rotation.from_euler("z", -turned_deg, degrees=True).apply(vehicle - SENSOR_M) + SENSOR_M
+    half = (np.floor(10.0 * t) % 2).astype(np.uint8)
+    body: NDArray[np.bool_] = np.zeros((80, 80), np.bool_)
+    return GroundReturns(t, turned.astype(np.float32), half, body), knots, state
+
+
+@pytest.mark.parametrize("turned_deg", [180.0, 90.0, -135.0, 37.0])
+def test_facing__finds_the_angle_by_which_a_mounting_is_off(turned_deg: float) -> None:
+    returns, knots, state = drive(0.02, turned_deg, seed=1)
+    found = facing_deg(returns, knots, state, SENSOR_M)
+    assert found is not None
+    assert abs((found - turned_deg + 180.0) % 360.0 - 180.0) < 3.0
+    if turned_deg % 90.0 == 0.0:
+        assert found == turned_deg
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("relief_m", [0.02, 0.0001])
+def test_facing__leaves_a_right_mounting_alone(relief_m: float, seed: int) -> None:
+    returns, knots, state = drive(relief_m, 0.0, seed)
+    assert facing_deg(returns, knots, state, SENSOR_M) is None
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_facing__says_nothing_where_no_relief_shows_it(seed: int) -> None:
+    returns, knots, state = drive(0.0001, 180.0, seed)
+    assert facing_deg(returns, knots, state, SENSOR_M) is None
+
+
+def test_facing__leaves_small_angles_to_the_stance() -> None:
+    returns, knots, state = drive(0.02, 6.0, seed=4)
+    assert facing_deg(returns, knots, state, SENSOR_M) is None
+
+
+def test_facing__needs_some_way() -> None:
+    returns, knots, state = drive(0.02, 180.0, seed=5)
+    still = State(state.xyz_m * 0.1, state.rotation, state.drift_m)
+    assert facing_deg(returns, knots, still, SENSOR_M) is None
