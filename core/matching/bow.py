@@ -3,9 +3,9 @@
 A laser's elevation is off by a little, and what comes back from a beam that grazes the ground is not its middle. So
 flat ground comes out as a shallow bowl, or a hill: its heights are off by k r² at the distance r. Nothing in the scans
 shows that, because ground and poses bent into a paraboloid of that shape fit them as well as level ground fits a
-scanner without fault: poses that are lifted by k s² over the way s, and tilted by its slope, see the same ground. Only heights
-of GNSS speak against it, over a long way. The bow is therefore not sought, but counts among what is not known (a
-'considered' parameter: Schmidt 1966, Application of state-space methods to navigation problems).
+scanner without fault: poses that are lifted by k s² over the way s, and tilted by its slope, see the same ground. Only
+heights of GNSS speak against it, over a long way. The bow is therefore not sought, but counts among what is not known
+(a 'considered' parameter: Schmidt 1966, Application of state-space methods to navigation problems).
 """
 
 from __future__ import annotations
