@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.pipeline import Inputs, open_lidar, open_positions
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions
 from furrowmap.core.simulator.scenario import Scenario, demo_scenario, scenario_from

@@ -24,7 +24,8 @@ import velodyne_decoder
 
 from furrowmap.core.cloud.placed import place_scans
 from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.pipeline import Inputs, locate, open_lidar, open_positions
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.locating import locate
 from furrowmap.core.simulator.scenario import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.projection import map_frame

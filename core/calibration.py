@@ -9,8 +9,9 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.locating import locate, match_session
 from furrowmap.core.matching.matched import CLOCK_CERTAIN, Matched
-from furrowmap.core.pipeline import Inputs, locate, match_session, open_lidar, open_positions
 from furrowmap.core.toml_edit import with_value
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import RefusedError

@@ -12,20 +12,11 @@ import numpy as np
 from furrowmap.core.classifying import classifier
 from furrowmap.core.cloud.placed import Tally, place_scans
 from furrowmap.core.field_work import FieldWork
-from furrowmap.core.pipeline import (
-    CloudSink,
-    Inputs,
-    Located,
-    Run,
-    locate,
-    open_lidar,
-    open_positions,
-    placer_of,
-    refuse_empty,
-    session_notices,
-    watched,
-)
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions, watched
+from furrowmap.core.locating import Located, locate
+from furrowmap.core.pipeline import CloudSink, Run, placer_of
 from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.run_notices import refuse_empty, session_notices
 from furrowmap.core.run_without_lidar import located_without_lidar, tally_without_lidar
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.progress import Progress, silent

@@ -10,7 +10,9 @@ import numpy as np
 
 from furrowmap.core.cloud.placed import Tally
 from furrowmap.core.field_work import FieldWork, field_boundary, with_ground
-from furrowmap.core.pipeline import Inputs, Located, Run, locate, open_positions
+from furrowmap.core.inputs import Inputs, open_positions
+from furrowmap.core.locating import Located, locate
+from furrowmap.core.pipeline import Run
 from furrowmap.core.readers.reader import GivesTrack, Reader
 from furrowmap.core.states_elsewhere import states_from_elsewhere
 from furrowmap.core.trajectory.coordinates import brought_track

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Geod
 
 from furrowmap.core.crs_choice import choose_crs
-from furrowmap.core.pipeline import Inputs, open_positions
+from furrowmap.core.inputs import Inputs, open_positions
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.trajectory.coordinates import JGD2024_SINCE_S, Brought, brought_poses, brought_track
 from furrowmap.core.trajectory.projection import MapFrame, map_frame, middle_deg

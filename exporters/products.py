@@ -21,7 +21,8 @@ from furrowmap.core.cloud.placed import PlacedScan
 from furrowmap.core.field_surfaces import FieldPoints
 from furrowmap.core.field_work import FieldWork
 from furrowmap.core.implement.saved import save_implement
-from furrowmap.core.pipeline import Inputs, Run, run
+from furrowmap.core.inputs import Inputs
+from furrowmap.core.pipeline import Run, run
 from furrowmap.core.run_without_lidar import run_without_lidar
 from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.trajectory.projection import MapFrame

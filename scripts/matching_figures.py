@@ -18,9 +18,10 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.locating import locate, matched_to_ground
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.surface import TILE, add_returns, empty_surface, tiles_over
-from furrowmap.core.pipeline import Inputs, locate, matched_to_ground, open_lidar, open_positions
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.projection import map_frame

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.pipeline import Inputs, locate, open_positions
+from furrowmap.core.inputs import Inputs, open_positions
+from furrowmap.core.locating import locate
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude

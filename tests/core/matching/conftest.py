@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.pipeline import Inputs, Located, locate, open_lidar, open_positions
+from furrowmap.core.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.locating import Located, locate
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
 from furrowmap.core.simulator.simulate import simulate
