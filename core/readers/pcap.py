@@ -13,9 +13,19 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.pcap_walk import (
+    CONTROL,
+    DAMAGE,
+    MAX_BLOCK,
+    MAX_FRAMES,
+    MORE,
+    SKIPPED,
+    credible,
+    walk_pcap,
+    walk_pcapng,
+)
 from furrowmap.core.readers.source import Source
 from furrowmap.core.values.errors import InputError, Notice
 
@@ -26,19 +36,6 @@ ByteArray = NDArray[np.uint8]
 BLOCK_BYTES: Final = 1 << 21
 """How much is read and walked at a time."""
 
-SKIPPED: Final = (
-    "",
-    "not IP",
-    "not UDP",
-    "IP fragments",
-    "cut short by the capture",
-    "damaged headers",
-    "of a link type that is not read",
-    "without a credible time",
-)
-"""Why a frame gave no datagram, by the kernels' reason code."""
-_NOT_IP, _NOT_UDP, _FRAGMENT, _SHORT, _DAMAGED, _LINK, _NO_TIME = range(1, 8)
-
 _MAGIC: Final = {
     b"\xd4\xc3\xb2\xa1": (False, 1_000_000),
     b"\xa1\xb2\xc3\xd4": (True, 1_000_000),
@@ -46,18 +43,8 @@ _MAGIC: Final = {
     b"\xa1\xb2\x3c\x4d": (True, 1_000_000_000),
 }
 _SECTION: Final = b"\x0a\x0d\x0d\x0a"
-_MAX_FRAME: Final = 65_535 + 64
-"""No IP datagram with its link header is longer."""
-_MAX_BLOCK: Final = 1 << 24
-_MAX_FRAMES: Final = 1 << 14
-"""Frames that one call of a kernel walks over at most."""
-_LAST_TIME_S: Final = 2.0**34
-"""The year 2514: no capture is later."""
 _MAX_INTERFACES: Final = 1 << 10
 _END_OF_OPTIONS, _TIME_RESOLUTION, _TIME_OFFSET = 0, 9, 14
-
-# Why a kernel stopped.
-_MORE, _DAMAGE, _CONTROL, _FULL = range(4)
 
 
 def capture_format(head: bytes) -> str:
@@ -136,11 +123,11 @@ class Capture:
         while True:
             data = np.frombuffer(self._data, np.uint8)
             if self.format == "pcap":
-                count, self._pos, why = _walk_pcap(
+                count, self._pos, why = walk_pcap(
                     data, self._pos, self._big, self.resolution, self._links[0], last_s, *walked.arrays
                 )
             else:
-                count, self._pos, why = _walk_pcapng(
+                count, self._pos, why = walk_pcapng(
                     data,
                     self._pos,
                     self._big,
@@ -154,14 +141,14 @@ class Capture:
             self.skipped.update(walked.take_skipped())
             if count:
                 yield walked.datagrams(data, count)
-            if why == _CONTROL:
+            if why == CONTROL:
                 if not self._control_block():
                     break
-            elif why == _DAMAGE:
+            elif why == DAMAGE:
                 if not self.records:
                     raise self._unreadable()
                 self._step_over(last_s)
-            elif why == _MORE and not self._refill():
+            elif why == MORE and not self._refill():
                 break
         self._left_over = len(self._data) - self._pos
 
@@ -223,7 +210,7 @@ class Capture:
             self._big = self._data[self._pos + 8 : self._pos + 12] == b"\x1a\x2b\x3c\x4d"
             self._interfaces = 0
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
-            if not 28 <= size <= _MAX_BLOCK or size % 4:
+            if not 28 <= size <= MAX_BLOCK or size % 4:
                 raise InputError(
                     f"{self.path}: the section header at byte {self._at + self._pos:,} gives its length as {size:,}.",
                     "Where the next block begins cannot be known.",
@@ -270,7 +257,7 @@ class Capture:
         while True:
             data = np.frombuffer(self._data, np.uint8)
             kind = 0 if self.format == "pcap" else 1
-            pos, found = _credible(data, self._pos, self._big, self.resolution, float(last_s[0]), kind)
+            pos, found = credible(data, self._pos, self._big, self.resolution, float(last_s[0]), kind)
             self._lost_bytes += pos - self._pos
             self._pos = pos
             if found:
@@ -314,10 +301,10 @@ class _Walk:
     """The arrays that the kernels write to."""
 
     def __init__(self) -> None:
-        self.offset = np.empty(_MAX_FRAMES, np.int64)
-        self.length = np.empty(_MAX_FRAMES, np.int64)
-        self.time_s = np.empty(_MAX_FRAMES, np.float64)
-        self.sender = np.empty(_MAX_FRAMES, np.uint64)
+        self.offset = np.empty(MAX_FRAMES, np.int64)
+        self.length = np.empty(MAX_FRAMES, np.int64)
+        self.time_s = np.empty(MAX_FRAMES, np.float64)
+        self.sender = np.empty(MAX_FRAMES, np.uint64)
         self.counts = np.zeros(len(SKIPPED), np.int64)
 
     @property
@@ -337,186 +324,3 @@ class _Walk:
             self.time_s[:count].copy(),
             self.sender[:count].copy(),
         )
-
-
-@njit(cache=True, nogil=True)
-def _u32(data, at, big):  # type: ignore[no-untyped-def]
-    if big:
-        return (
-            (np.int64(data[at]) << 24) | (np.int64(data[at + 1]) << 16) | (np.int64(data[at + 2]) << 8) | data[at + 3]
-        )
-    return (np.int64(data[at + 3]) << 24) | (np.int64(data[at + 2]) << 16) | (np.int64(data[at + 1]) << 8) | data[at]
-
-
-@njit(cache=True, nogil=True)
-def _datagram(data, start, stop, link):  # type: ignore[no-untyped-def]
-    """Reason code, payload's offset and length, and sender of the frame in data[start:stop]."""
-    at = start
-    if link == 1:  # Ethernet
-        at += 14
-        if at > stop:
-            return _SHORT, 0, 0, np.uint64(0)
-        ethertype = (np.int64(data[at - 2]) << 8) | data[at - 1]
-        while ethertype == 0x8100 or ethertype == 0x88A8 or ethertype == 0x9100:  # VLAN tags
-            at += 4
-            if at > stop:
-                return _SHORT, 0, 0, np.uint64(0)
-            ethertype = (np.int64(data[at - 2]) << 8) | data[at - 1]
-        if ethertype != 0x0800 and ethertype != 0x86DD:
-            return _NOT_IP, 0, 0, np.uint64(0)
-    elif link == 113 or link == 276:  # Linux cooked, versions 1 and 2
-        at += 16 if link == 113 else 20
-        if at > stop:
-            return _SHORT, 0, 0, np.uint64(0)
-        kind = start + 14 if link == 113 else start
-        ethertype = (np.int64(data[kind]) << 8) | data[kind + 1]
-        if ethertype != 0x0800 and ethertype != 0x86DD:
-            return _NOT_IP, 0, 0, np.uint64(0)
-    elif link == 0 or link == 108:  # BSD loopback: four bytes of address family
-        at += 4
-    elif link != 101 and link != 12 and link != 14 and link != 228 and link != 229:  # raw IP
-        return _LINK, 0, 0, np.uint64(0)
-
-    if at + 20 > stop:
-        return _SHORT, 0, 0, np.uint64(0)
-    version = data[at] >> 4
-    if version == 4:
-        if data[at + 9] != 17:
-            return _NOT_UDP, 0, 0, np.uint64(0)
-        if ((np.int64(data[at + 6]) << 8) | data[at + 7]) & 0x3FFF:
-            return _FRAGMENT, 0, 0, np.uint64(0)
-        address = np.uint64(0)
-        for i in range(12, 16):
-            address = (address << np.uint64(8)) | np.uint64(data[at + i])
-        header = np.int64(data[at] & 15) * 4
-        if header < 20:
-            return _DAMAGED, 0, 0, np.uint64(0)
-        at += header
-    elif version == 6:
-        if at + 40 > stop:
-            return _SHORT, 0, 0, np.uint64(0)
-        if data[at + 6] != 17:
-            return _NOT_UDP, 0, 0, np.uint64(0)
-        address = np.uint64(14695981039346656037)  # FNV-1a of the address, so that it fits where an IPv4 one does
-        for i in range(16):
-            address = (address ^ np.uint64(data[at + 8 + i])) * np.uint64(1099511628211)
-        address = (address >> np.uint64(16)) | np.uint64(1 << 47)
-        at += 40
-    else:
-        return _NOT_IP, 0, 0, np.uint64(0)
-    if at + 8 > stop:
-        return _SHORT, 0, 0, np.uint64(0)
-    port = (np.uint64(data[at + 2]) << np.uint64(8)) | np.uint64(data[at + 3])
-    length = ((np.int64(data[at + 4]) << 8) | data[at + 5]) - 8
-    if length < 0:
-        return _DAMAGED, 0, 0, np.uint64(0)
-    if at + 8 + length > stop:
-        return _SHORT, 0, 0, np.uint64(0)
-    return 0, at + 8, length, (address << np.uint64(16)) | port
-
-
-@njit(cache=True, nogil=True)
-def _walk_pcap(data, pos, big, ticks, link, last_s, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
-    """Frames from `pos` on; how many gave a datagram, where the first one not walked begins, and why it was not."""
-    end = len(data)
-    n = 0
-    for _ in range(len(offset)):
-        if pos + 16 > end:
-            return n, pos, _MORE
-        seconds = _u32(data, pos, big)
-        fraction = _u32(data, pos + 4, big)
-        captured = _u32(data, pos + 8, big)
-        if fraction >= ticks or captured > _MAX_FRAME or captured > _u32(data, pos + 12, big):
-            return n, pos, _DAMAGE
-        if pos + 16 + captured > end:
-            return n, pos, _MORE
-        why, offset[n], length[n], sender[n] = _datagram(data, pos + 16, pos + 16 + captured, link)
-        time_s[n] = seconds + fraction / ticks
-        last_s[0] = seconds
-        counts[why] += 1
-        if why == 0:
-            n += 1
-        pos += 16 + captured
-    return n, pos, _FULL
-
-
-@njit(cache=True, nogil=True)
-def _walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
-    """As `_walk_pcap`, over blocks; stops also at a block that changes how the following ones are read."""
-    end = len(data)
-    n = 0
-    for _ in range(len(offset)):
-        if pos + 12 > end:
-            return n, pos, _MORE
-        kind = _u32(data, pos, big)
-        if kind == 0x0A0D0D0A:
-            return n, pos, _MORE if pos + 28 > end else _CONTROL
-        size = _u32(data, pos + 4, big)
-        if size < 12 or size % 4 or size > _MAX_BLOCK:
-            return n, pos, _DAMAGE
-        if pos + size > end:
-            return n, pos, _MORE
-        if _u32(data, pos + size - 4, big) != size:
-            return n, pos, _DAMAGE
-        if kind == 1:
-            if size < 20:
-                return n, pos, _DAMAGE
-            return n, pos, _CONTROL
-        if kind == 6:  # enhanced packet
-            if size < 32:
-                return n, pos, _DAMAGE
-            interface = _u32(data, pos + 8, big)
-            captured = _u32(data, pos + 20, big)
-            if captured > size - 32 or interface >= interfaces:
-                return n, pos, _DAMAGE
-            why, offset[n], length[n], sender[n] = _datagram(data, pos + 28, pos + 28 + captured, links[interface])
-            stamp = (_u32(data, pos + 12, big) << 32) | _u32(data, pos + 16, big)
-            per_s = ticks[interface]
-            time_s[n] = shift_s[interface] + stamp // per_s + (stamp % per_s) / per_s
-            if why == 0 and not 0.0 <= time_s[n] < _LAST_TIME_S:
-                why = _NO_TIME
-            counts[why] += 1
-            if why == 0:
-                n += 1
-        elif kind == 2 or kind == 3:  # packets of obsolete and of simple blocks
-            counts[_NO_TIME] += 1
-        pos += size
-    return n, pos, _FULL
-
-
-@njit(cache=True, nogil=True)
-def _credible(data, pos, big, ticks, last_s, kind):  # type: ignore[no-untyped-def]
-    """The next place from `pos` on at which two records (kind 0) or a block (kind 1) follow each other credibly."""
-    end = len(data)
-    if kind == 1:
-        while pos + 12 <= end:
-            size = _u32(data, pos + 4, big)
-            if (
-                _u32(data, pos, big) == 6
-                and 32 <= size <= _MAX_FRAME
-                and size % 4 == 0
-                and (pos + size > end or _u32(data, pos + size - 4, big) == size)
-            ):
-                return pos, True
-            pos += 1
-        return pos, False
-    while pos + 16 <= end:
-        at = pos
-        good = 0
-        while good < 2 and at + 16 <= end:
-            captured = _u32(data, at + 8, big)
-            if (
-                captured < 28
-                or captured > _MAX_FRAME
-                or captured > _u32(data, at + 12, big)
-                or _u32(data, at + 4, big) >= ticks
-                or (last_s > 0.0 and abs(_u32(data, at, big) - last_s) > 86_400.0)
-            ):
-                good = -1
-                break
-            good += 1
-            at += 16 + captured
-        if good == 2 or (good == 1 and at >= end):
-            return pos, True
-        pos += 1
-    return pos, False
