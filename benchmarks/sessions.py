@@ -24,7 +24,8 @@ from trajectory_error import SIGMAS, Errors, Period, judge, load_simulation, loa
 
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import Scenario, as_toml
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.site import laid_out
 

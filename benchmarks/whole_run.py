@@ -26,7 +26,7 @@ from furrowmap.core.cloud.placed import place_scans
 from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.locating import locate
-from furrowmap.core.simulator.scenario import scenario_from
+from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.session_file import load_session

@@ -25,7 +25,7 @@ def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool)
 
     The folder then holds the recording, the GNSS log, a session file, the field's boundary, and truth/.
     """
-    from furrowmap.core.simulator.scenario import demo_scenario, load_scenario
+    from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
     from furrowmap.core.simulator.simulate import simulate as write_recording
 
     if not overwrite and output.is_dir() and any(output.iterdir()):

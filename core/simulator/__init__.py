@@ -1,6 +1,6 @@
 """An oracle: writes what a tractor's recorder would have written, in the real formats, together with the truth.
 
-``simulate.simulate(scenario, folder)`` is the whole of it; ``scenario.load_scenario`` reads what it works from.
+``simulate.simulate(scenario, folder)`` is the whole of it; ``scenario_file.load_scenario`` reads what it works from.
 
 The simulator judges the rest of furrowmap, so it shares no code with it: nothing here imports from the other parts of
 ``core`` except how errors and progress are told. Rotations, clocks and formats are written anew from their sources.

@@ -20,7 +20,8 @@ from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.recording import record
-from furrowmap.core.simulator.scenario import Scenario, as_toml
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.site import Site, find_site, laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground

@@ -25,7 +25,7 @@ import pyproj
 import pytest
 import rasterio
 
-from furrowmap.core.simulator.scenario import demo_scenario
+from furrowmap.core.simulator.scenario_file import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.exporters.staging import STAGING, recover
 from tests.exporters.base.result_folders import write_result

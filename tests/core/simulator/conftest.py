@@ -6,15 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.simulator.scenario import (
-    Clock,
-    Drive,
-    Field,
-    Gnss,
-    Lidar,
-    Receiver,
-    Scenario,
-)
+from furrowmap.core.simulator.scenario import Clock, Drive, Field, Gnss, Lidar, Receiver, Scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
 
 SHORT = Scenario(

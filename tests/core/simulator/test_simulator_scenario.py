@@ -7,17 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.simulator.scenario import (
-    SOILS,
-    Implement,
-    Lidar,
-    Scenario,
-    Soil,
-    as_toml,
-    demo_scenario,
-    load_scenario,
-    scenario_from,
-)
+from furrowmap.core.simulator.scenario import SOILS, Implement, Lidar, Scenario, Soil
+from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, load_scenario, scenario_from
 from furrowmap.core.values.errors import InputError
 
 

@@ -19,7 +19,8 @@ import velodyne_decoder as vd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.simulator.scenario import Drive, Lidar, Noise, Scenario, load_scenario
+from furrowmap.core.simulator.scenario import Drive, Lidar, Noise, Scenario
+from furrowmap.core.simulator.scenario_file import load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
 from furrowmap.core.values.errors import Cancelled, InputError
 from furrowmap.core.values.session_file import load_session

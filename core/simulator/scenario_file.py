@@ -1,0 +1,135 @@
+"""A scenario's TOML file, read with words for what is wrong in it, and written."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+import tomllib
+import typing
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from furrowmap.core.simulator.scenario import Scenario, waits
+from furrowmap.core.values.errors import InputError
+
+
+def load_scenario(path: Path) -> Scenario:
+    """The scenario in the TOML file `path`.
+
+    Raises:
+        InputError: the file cannot be read, is no TOML, or holds a key or value that a scenario does not have.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: the scenario cannot be read ({error.__class__.__name__}).",
+            "A simulation needs a TOML file that describes it.",
+            "Give the path of a scenario; docs/reference/scenario.md lists its keys.",
+            code="scenario-unreadable",
+        ) from error
+    return scenario_from(text, str(path))
+
+
+def demo_scenario() -> Scenario:
+    """The packaged scenario of ``make demo``: two passes and a turn, about 25 seconds."""
+    text = resources.files("furrowmap.core.simulator").joinpath("demo.toml").read_text(encoding="utf-8")
+    return scenario_from(text, "demo.toml")
+
+
+def scenario_from(text: str, name: str) -> Scenario:
+    """The scenario in the TOML `text`; `name` is the file that errors are told of.
+
+    Raises:
+        InputError: as of :func:`load_scenario`.
+    """
+    try:
+        return msgspec.convert(tomllib.loads(text), Scenario)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(
+            f"{name}: not valid TOML: {error}.",
+            "Nothing was simulated.",
+            "Correct the line; text goes in double quotes, lists in square brackets.",
+            code="scenario-toml",
+        ) from error
+    except (msgspec.ValidationError, ValueError) as error:
+        raise _told(error, name) from error
+
+
+def as_toml(scenario: Scenario) -> str:
+    """`scenario` as TOML with every key that has a value, such that loading it gives the same scenario."""
+    whole = _as_builtins(scenario)
+    lines = [f"{key} = {_value(value)}" for key, value in whole.items() if not isinstance(value, dict)]
+    for table, keys in _tables(whole, ""):
+        lines += ["", f"[{table}]", *(f"{key} = {_value(value)}" for key, value in keys.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _tables(whole: Mapping[str, Any], above: str) -> list[tuple[str, dict[str, Any]]]:
+    found: list[tuple[str, dict[str, Any]]] = []
+    for name, value in whole.items():
+        if isinstance(value, dict):
+            keys = {k: v for k, v in value.items() if not isinstance(v, dict)}
+            if keys:
+                found.append((above + name, keys))
+            found += _tables(value, f"{above}{name}.")
+    return found
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    return repr(value)
+
+
+def _as_builtins(scenario: Scenario) -> dict[str, Any]:
+    def plain(value: Any) -> Any:
+        if isinstance(value, msgspec.Struct):
+            fields = {name: getattr(value, name) for name in value.__struct_fields__}
+            return {name: plain(field) for name, field in fields.items() if not waits(field)}
+        return [plain(v) for v in value] if isinstance(value, tuple) else value
+
+    whole: dict[str, Any] = plain(scenario)
+    return whole
+
+
+def _told(error: Exception, name: str) -> InputError:
+    """What msgspec found, with the nearest key there is."""
+    text = str(error)
+    place = re.search(r" - at `\$\.?(.*?)`", text)
+    table = place.group(1) if place else ""
+    unknown = re.search(r"unknown field `(.*?)`", text)
+    if not unknown:
+        what = re.sub(r" - at `.*`", "", text)
+        return InputError(
+            f"{name}: {f'[{table}] ' if table else ''}{what[:1].lower() + what[1:]}.",
+            "The scenario would not be what its file says; nothing was simulated.",
+            "Correct the value; docs/reference/scenario.md has the units and limits of all keys.",
+            code="scenario-value",
+        )
+    key = unknown.group(1)
+    known = _keys_of(table)
+    near = difflib.get_close_matches(key, known, 1, 0.5)
+    return InputError(
+        f"{name}: unknown key `{table + '.' if table else ''}{key}`.",
+        "It would have no effect; nothing was simulated.",
+        f"Did you mean `{near[0]}`?" if near else f"Keys here: {', '.join(sorted(known))}.",
+        code="scenario-unknown-key",
+    )
+
+
+def _keys_of(table: str) -> list[str]:
+    """The keys of a table named as in TOML ("gnss.clas")."""
+    kind: Any = Scenario
+    for part in filter(None, table.split(".")):
+        kind = typing.get_type_hints(kind)[part]
+    return list(kind.__struct_fields__)
