@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
-from string import Template
 from typing import Final
 
 import numpy as np
@@ -18,10 +16,12 @@ from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.exporters.drawings import WIDTH, Axis, Sheet, TimeAxis, curve, drawing, fix_colour
+from furrowmap.exporters.drawings import fix_colour
 from furrowmap.exporters.evaluation_figures import figures, write_epochs
 from furrowmap.exporters.json_text import json_text
+from furrowmap.exporters.page_parts import filled, key, key_figure, section
 from furrowmap.exporters.staging import refuse_products, staged_folder
+from furrowmap.exporters.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
 
 FloatArray = NDArray[np.float64]
 
@@ -52,27 +52,26 @@ def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> Non
 def page(found: Evaluation) -> str:
     """The page, as HTML."""
     matched = found.matched
-    template = Template(files("furrowmap.exporters").joinpath("report.html").read_text("utf-8"))
     sections = [
         *(
-            _section(f"{_kind(kind)}: {next(iter(rows.values())).n:,} epochs", _table(rows))
+            section(f"{_kind(kind)}: {next(iter(rows.values())).n:,} epochs", _table(rows))
             for kind, rows in found.tables.items()
         ),
-        _section("Errors over time", _graphs(found)),
-        _section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
-        _section("Continuity", _continuity(found)),
-        _section("Definitions", _definitions()),
-        *([_section("To know", _list([notice.text for notice in found.notices]))] if found.notices else []),
+        section("Errors over time", _graphs(found)),
+        section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
+        section("Continuity", _continuity(found)),
+        section("Definitions", _definitions()),
+        *([section("To know", _list([notice.text for notice in found.notices]))] if found.notices else []),
     ]
-    return template.substitute(
+    return filled(
         title="Accuracy of a GNSS log",
         when=f"{iso_utc(float(matched.t_s[0]))} to {iso_utc(float(matched.t_s[-1]))}",
         summary=escape(
             f"{Path(found.test).name}{_by(found.service)} against {Path(found.reference).name}"
             f"{_by(found.reference_service)}: {len(matched):,} of {found.continuity.epochs:,} positions compared."
         ),
-        figures="\n".join(_figures(found)),
-        sections="\n".join(sections),
+        figures=_figures(found),
+        sections=sections,
         provenance=escape(
             f"furrowmap {figures(found)['furrowmap']}. Test: {found.test}. Reference: {found.reference}."
         ),
@@ -100,7 +99,7 @@ def _figures(found: Evaluation) -> list[str]:
         ("fixed", f"{found.continuity.share_by_fix.get(Fix.FIXED.label, 0.0):.1%}"),
         ("outliers", f"{found.outlier.mean():.1%}"),
     ]
-    return [f"<div><b>{value}</b><span>{escape(name)}</span></div>" for name, value in told]
+    return [key_figure(value, name) for name, value in told]
 
 
 def _table(rows: Table) -> str:
@@ -199,9 +198,7 @@ def _corners(sheet: Sheet) -> tuple[FloatArray, FloatArray]:
 
 def _key(found: Evaluation) -> str:
     kinds = [(fix_colour(int(code)), Fix(int(code)).label) for code in np.unique(found.fix)]
-    items = [("#8c460a", "reference (map)"), *kinds]
-    rows = "".join(f'<li><i style="background:{colour}"></i>{escape(text)}</li>' for colour, text in items)
-    return f'<ul class="key">{rows}</ul>'
+    return key([("#8c460a", "reference (map)"), *kinds])
 
 
 def _continuity(found: Evaluation) -> str:
@@ -247,10 +244,6 @@ def _definitions() -> str:
 
 def _list(texts: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{escape(title)}</h2>{content}</section>"
 
 
 def _number(value: float) -> str:

@@ -8,12 +8,10 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Final
 
 import numpy as np
@@ -39,6 +37,7 @@ from furrowmap.exporters.drawings import (
     tool_graph,
     work_map,
 )
+from furrowmap.exporters.page_parts import filled, key, key_figure, section, table
 from furrowmap.exporters.png import data_uri
 from furrowmap.exporters.relief import Relief, shaded_ground
 from furrowmap.exporters.run_report import points_by_class
@@ -77,26 +76,25 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None,
     Raises:
         OSError: if a file cannot be read or written.
     """
-    template = Template(files("furrowmap.exporters").joinpath("report.html").read_text("utf-8"))
     poses, work = found.tally.poses, found.work
     box_m = map_box(poses, work)
     relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
     sections = [
-        _section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
+        section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
         *_tool(work),
         *_passes(work),
-        _section("GNSS", _quality(poses, found.frame)),
-        _section("How good it is, and what to know", _accuracy(found)),
+        section("GNSS", _quality(poses, found.frame)),
+        section("How good it is, and what to know", _accuracy(found)),
         *_swaths(swaths),
         *_views(work),
         *_classes(summary),
     ]
-    page = template.substitute(
+    page = filled(
         title=escape(found.session.name or "Field report"),
         when=escape(_when(found)),
         summary=_summary(found),
-        figures="\n".join(_figures(found)),
-        sections="\n".join(sections),
+        figures=_figures(found),
+        sections=sections,
         provenance=_provenance(found),
     )
     with atomic_output(path) as unfinished:
@@ -131,42 +129,32 @@ def _figures(found: Run) -> Iterable[str]:
     ground = found.work.ground
     if ground is not None:
         figures = ground.figures
-        yield _figure(_area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
-        yield _figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
+        yield key_figure(_area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
+        yield key_figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
         missed = figures.missed.grid_m2 > 0.0
-        yield _figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
-        yield _figure(str(figures.passes), "passes")
-        yield _figure(_duration(figures.hours.field_s), "in the field")
-        yield _figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
-        yield _figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
-        yield _figure(_duration(figures.hours.turning_s), "turning and reversing")
-        yield _figure(_duration(figures.hours.idle_s), "standing")
+        yield key_figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
+        yield key_figure(str(figures.passes), "passes")
+        yield key_figure(_duration(figures.hours.field_s), "in the field")
+        yield key_figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
+        yield key_figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
+        yield key_figure(_duration(figures.hours.turning_s), "turning and reversing")
+        yield key_figure(_duration(figures.hours.idle_s), "standing")
     else:
-        yield _figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
+        yield key_figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
     if found.tally.points:
-        yield _figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
-
-
-def _figure(value: str, name: str, *, loud: bool = False) -> str:
-    kind = ' class="loud"' if loud else ""
-    return f"<div{kind}><b>{escape(value)}</b><span>{escape(name)}</span></div>"
+        yield key_figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
 
 
 def _map_key(work: FieldWork, relief: Relief | None) -> str:
     if work.ground is None:
-        return _key([("#8c460a", "way of the vehicle")])
+        return key([("#8c460a", "way of the vehicle")])
     count = len(work.ground.passes)
     rows = [(pass_colour(1, count), "first pass"), (pass_colour(count, count), "last pass")] if count > 1 else []
     rows += [("#e31a1c", "worked twice"), ("#ffed00", "missed"), ("#8c460a", "tool down"), ("#4292c6", "tool up")]
     note = "Areas in the map's plane."
     if relief is not None:
         note += " The ground is drawn as the scanner saw it, lit from the north-west."
-    return _key(rows) + f'<p class="soft">{note}</p>'
-
-
-def _key(rows: Iterable[tuple[str, str]]) -> str:
-    items = "".join(f'<li><i style="background:{colour}"></i>{escape(text)}</li>' for colour, text in rows)
-    return f'<ul class="key">{items}</ul>'
+    return key(rows) + f'<p class="soft">{note}</p>'
 
 
 def _tool(work: FieldWork) -> Iterable[str]:
@@ -179,7 +167,7 @@ def _tool(work: FieldWork) -> Iterable[str]:
         f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted it stands {100 * history.lifted_m:.0f} cm "
         "high. Brown: in the ground. Blue: lifted. Grey: unknown. Numbers are those of the passes."
     )
-    yield _section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
+    yield section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
 
 
 def _passes(work: FieldWork) -> Iterable[str]:
@@ -206,7 +194,7 @@ def _passes(work: FieldWork) -> Iterable[str]:
     note = "Depth is a proxy: the tool's height against the soil beside it, around the working depth of the session."
     if more:
         note = f"The layer passes of field.gpkg holds {more} more. {note}"
-    yield _section("Passes", f'<div class="scroll">{_table(head, rows)}</div><p class="soft">{escape(note)}</p>')
+    yield section("Passes", f'<div class="scroll">{table(head, rows)}</div><p class="soft">{escape(note)}</p>')
 
 
 def _classes(cloud: CopcSummary | None) -> Iterable[str]:
@@ -218,7 +206,7 @@ def _classes(cloud: CopcSummary | None) -> Iterable[str]:
         for name, count in points_by_class(cloud).items()
     ]
     note = "In brackets the class's number in the cloud. Noise: returns alone in the air, or below the ground."
-    yield _section("What the points are", f'{_table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
+    yield section("What the points are", f'{table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
 
 
 def _quality(poses: ScanPoses, frame: MapFrame) -> str:
@@ -232,7 +220,7 @@ def _quality(poses: ScanPoses, frame: MapFrame) -> str:
         f"Map: {frame.name}."
     )
     graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
-    return f'{graph}<div class="maps small">{quality_map(poses)}</div>{_key(rows)}'
+    return f'{graph}<div class="maps small">{quality_map(poses)}</div>{key(rows)}'
 
 
 def _fix_word(fix: int) -> str:
@@ -252,10 +240,10 @@ def _accuracy(found: Run) -> str:
         rows.append(("lowering and lifting", _number(_median(work.states.begin_sigma_s[1:]), 3, " s")))
     if work.ground is not None:
         rows += _ellipsoid(work.ground)
-    table = _table(("median standard deviation", ""), rows)
+    sigmas = table(("median standard deviation", ""), rows)
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>Nothing stood out.</p>"
-    return f'{table}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
+    return f'{sigmas}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
 
 
 def _swaths(swaths: SwathAgreement | None) -> Iterable[str]:
@@ -276,8 +264,8 @@ def _swaths(swaths: SwathAgreement | None) -> Iterable[str]:
     )
     caption = "How much ground differs by how much. Where that is: swaths.tif."
     graph = f"<figure>{swath_histogram(swaths)}<figcaption>{caption}</figcaption></figure>"
-    table = _table(("later less earlier", ""), rows)
-    yield _section("The same ground seen again", f'{table}{graph}<p class="soft">{note}</p>')
+    told = table(("later less earlier", ""), rows)
+    yield section("The same ground seen again", f'{told}{graph}<p class="soft">{note}</p>')
 
 
 def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
@@ -307,7 +295,7 @@ def _views(work: FieldWork) -> Iterable[str]:
         "Depth as the scanner saw it: a line for each laser, the highest on top, azimuth from left to right. "
         "Yellow is near, violet far; what is not the implement is pale."
     )
-    yield _section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
+    yield section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
 
 
 def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
@@ -334,16 +322,6 @@ def _provenance(found: Run) -> str:
         f"{escape(f'{found.frame.words} ' if found.frame.words else '')}"
         f"All figures and the inputs' check sums: report.json. Layers: field.gpkg.{cloud}"
     )
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def _area(area_m2: float) -> str:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathAgreement
-from furrowmap.exporters.drawings import WIDTH, Axis, drawing
+from furrowmap.exporters.svg import WIDTH, Axis, drawing
 
 _REACHES_M: Final = (0.01, 0.02, 0.05, BINS * BIN_M)
 """To either side of zero that a drawing may show."""
