@@ -1,15 +1,20 @@
-"""What a product says of one surveyed point."""
+"""What a product says at surveyed points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import pyproj
 from numpy.typing import NDArray
 
-from furrowmap.core.internal_precision import UNSEEN, SwathHeights
+from furrowmap.core.internal_precision import UNSEEN, SwathHeights, Told
+from furrowmap.core.surveyed_points import SurveyedPoints
+from furrowmap.core.values.errors import Notice
 
 FloatArray = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+"""West, south, east, north."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,27 @@ class PointCheck:
     def error_m(self) -> FloatArray:
         """Product less survey (3,); nan where there is none."""
         return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
+
+
+@dataclass(frozen=True)
+class ProductAtPoints:
+    """A product where points were surveyed.
+
+    Attributes:
+        crs: of the product.
+        points: one for each surveyed point.
+        survey: the points, in that CRS.
+        box_m: of the product, as it states it.
+        told: what tells its swaths apart.
+        notices: what is to be known of product and points.
+    """
+
+    crs: pyproj.CRS
+    points: tuple[PointCheck, ...]
+    survey: SurveyedPoints
+    box_m: Box
+    told: Told
+    notices: tuple[Notice, ...]
 
 
 def three(xyz: FloatArray) -> tuple[float, float, float]:

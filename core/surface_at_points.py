@@ -8,20 +8,16 @@ from typing import Final
 import numpy as np
 import pyproj
 
-from furrowmap.core.point_check import PointCheck, three
-from furrowmap.core.surveyed_points import SurveyedPoints, read_points
+from furrowmap.core.point_check import PointCheck, ProductAtPoints, three
+from furrowmap.core.surveyed_points import read_points
 from furrowmap.core.values.errors import InputError
 
-Box = tuple[float, float, float, float]
-"""West, south, east, north."""
 HEIGHT: Final = "height"
 """What furrowmap calls the first band of a surface; of its other rasters it is something else."""
 
 
-def surface_at_points(
-    path: Path, points_file: Path, points_crs: pyproj.CRS | None
-) -> tuple[pyproj.CRS, tuple[PointCheck, ...], SurveyedPoints, Box]:
-    """The surface's CRS, its height at each point (bilinear between the middles of four cells), the points, its box.
+def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | None) -> ProductAtPoints:
+    """The heights of a surface at each point, bilinear between the middles of four cells.
 
     Args:
         path: of a GeoTIFF, whose first band is heights.
@@ -59,7 +55,7 @@ def surface_at_points(
                 checks.append(PointCheck(name, three(xyz), found, why_not=why))
     except rasterio.errors.RasterioIOError:
         raise _no_surface(path, "is neither a cloud nor a GeoTIFF that GDAL reads") from None
-    return crs, tuple(checks), survey, box
+    return ProductAtPoints(crs, tuple(checks), survey, box, "nothing", tuple(survey.notices))
 
 
 def _no_surface(path: Path, why: str) -> InputError:
