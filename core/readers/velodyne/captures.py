@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from ipaddress import IPv4Address
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,34 +14,20 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.readers.velodyne.clock import (
-    POSITION_BYTES,
-    PPS_LOCKED,
-    SENTENCE_AT,
-    PositionPacket,
-    pps_words,
-    settle,
-)
+from furrowmap.core.readers.velodyne.clock import PositionPacket, settle
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
-from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS, model_named
-from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.readers.velodyne.models import BLOCK_MARK, model_named
+from furrowmap.core.readers.velodyne.traffic import Traffic, address_of, kinds_of, position_packets
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 
 GLANCE_S: Final = 0.12
 """Packets of so long are taken where a glance is enough: a revolution, in two parts."""
-_POSITION_PORT: Final = 8308
 _SURVEY_PACKETS: Final = 4000
 """Data packets (3 to 5 s) that are looked at before the first scan is given out."""
 _STRAY: Final = 0.01
 _STRAY_PACKETS: Final = 10
 """A second sensor with less than this share of the packets, or fewer than so many, is a stray."""
-
-_HOUR_FROM: Final = {
-    Clock.SENSOR: "no receiver confirms it; its hour is the recorder's",
-    Clock.STATED: "its hour as stated",
-    Clock.SENSOR_GPS: "",
-}
 
 
 class VelodynePcap(FileReader):
@@ -83,11 +68,11 @@ class VelodynePcap(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete when they have ended."""
-        return self._read(self.paths, _Traffic())
+        return self._read(self.paths, Traffic())
 
     def inspect(self) -> Inspection:
         """Read the first file through and say what it is and holds."""
-        traffic = _Traffic()
+        traffic = Traffic()
         for _ in self._read(self.paths[:1], traffic):
             pass
         return Inspection(
@@ -99,7 +84,7 @@ class VelodynePcap(FileReader):
             tuple(self.notices),
         )
 
-    def _read(self, paths: Sequence[Path], traffic: _Traffic) -> Iterator[Scan]:
+    def _read(self, paths: Sequence[Path], traffic: Traffic) -> Iterator[Scan]:
         self.notices.clear()
         clock, clock_notices = settle(*self._survey.clocks, self.options.near_s)
         traffic.decoder = decoder = PacketDecoder(self.options.model, clock=clock, where=str(paths[0]))
@@ -150,13 +135,13 @@ class _Survey:
         packets = 0
         skipped: Counter[str] = Counter()
         for datagrams in _blocks(paths, skipped):
-            data, position = _kinds(datagrams)
+            data, position = kinds_of(datagrams)
             if packets < _SURVEY_PACKETS:
                 stamps.append(_stamps_us(datagrams, data))
                 senders.append(datagrams.sender[data])
                 times.append(datagrams.time_s[data])
                 packets += int(data.sum())
-            positions += _positions(datagrams, position)
+            positions += position_packets(datagrams, position)
             skipped["other UDP datagrams"] += int((~data & ~position).sum())
             if packets >= _SURVEY_PACKETS and (
                 not positions or any(p.utc_s(p.host_s) is not None for _, p in positions[-100:])
@@ -175,154 +160,12 @@ class _Survey:
         )
 
 
-@dataclass
-class _Traffic:
-    """What the datagrams of a reading were."""
-
-    decoder: PacketDecoder | None = None
-    captures: list[Capture] = field(default_factory=list)
-    ignored: Counter[str] = field(default_factory=Counter)
-    pps: Counter[int] = field(default_factory=Counter)
-    void: int = 0
-    untied: int = 0
-    first_fix: PositionPacket | None = None
-    last_fix: PositionPacket | None = None
-
-    def sort(self, datagrams: Datagrams, sender: int) -> NDArray[np.bool_]:
-        """Which datagrams are the sensor's data packets; the others are counted."""
-        data, position = _kinds(datagrams)
-        mine: NDArray[np.bool_] = data & (datagrams.sender == np.uint64(sender))
-        for from_, packet in _positions(datagrams, position):
-            if from_ >> 16 == sender >> 16:
-                self._note(packet)
-            else:
-                self.ignored["of another sensor"] += 1
-        self.ignored["of another sensor"] += int((data & ~mine).sum())
-        self.ignored["other UDP datagrams"] += int((~data & ~position).sum())
-        return mine
-
-    def _note(self, packet: PositionPacket) -> None:
-        self.pps[packet.pps] += 1
-        if not packet.valid:
-            self.void += 1
-            return
-        self.untied += packet.utc_s(packet.host_s) is None
-        self.first_fix = self.first_fix or packet
-        self.last_fix = packet
-
-    @property
-    def other_packets(self) -> dict[str, int]:
-        """Frames that are no packets of the sensor, by what they are."""
-        counts = +self.ignored
-        for capture in self.captures:
-            counts.update(capture.skipped)
-        return dict(counts.most_common())
-
-    def notices(self, clock: Clock) -> list[Notice]:
-        notices = []
-        if other := self.other_packets:
-            words = ", ".join(f"{n:,} {why}" for why, n in other.items())
-            notices.append(Notice("other-traffic", f"{sum(other.values()):,} frames are not the sensor's: {words}."))
-        total = self.pps.total()
-        unlocked = total - self.pps[PPS_LOCKED]
-        if clock is Clock.SENSOR_GPS and unlocked:
-            states = pps_words(state for state in self.pps if state != PPS_LOCKED)
-            notices.append(
-                Notice(
-                    "pps-unlocked",
-                    f"In {unlocked:,} of {total:,} position packets the sensor was not locked to the pulse per second"
-                    f" ({states}): its time may have drifted by milliseconds there.",
-                )
-            )
-        if clock is Clock.SENSOR_GPS and self.void:
-            notices.append(Notice("gprmc-void", f"{self.void:,} of {total:,} GPRMC sentences are void or missing."))
-        if clock is Clock.SENSOR_GPS and self.untied:
-            notices.append(
-                Notice(
-                    "gprmc-disagrees",
-                    f"{self.untied:,} of {total:,} GPRMC sentences are of another second than the sensor's own stamps.",
-                )
-            )
-        return notices
-
-    def facts(self, sender: int) -> dict[str, Any]:
-        assert self.decoder is not None
-        counts, model = self.decoder.counts, self.decoder.model
-        capture = self.captures[0]
-        resolution = {1_000_000: ", microseconds", 1_000_000_000: ", nanoseconds"}.get(capture.resolution, "")
-        modes = {RETURN_WORDS.get(mode, f"unknown (0x{mode:02x})"): n for mode, n in counts.modes.most_common()}
-        running_s = counts.last_s - counts.first_s - counts.paused_s
-        facts: dict[str, Any] = {
-            "capture": capture.format + resolution,
-            "model": model.name if model else None,
-            "return_mode": next(iter(modes)) if len(modes) == 1 else modes,
-            "sender": _address(sender),
-            "data_packets": counts.packets,
-            "position_packets": self.pps.total(),
-            "other_packets": self.other_packets,
-            "points": counts.points,
-            "scans": counts.whole + counts.cut,
-            "whole_scans": counts.whole,
-            "rpm": round(counts.rpm, 1),
-            "revolutions": round(counts.rpm / 60.0 * running_s, 2),
-            "first": iso_utc(counts.first_s),
-            "last": iso_utc(counts.last_s),
-            "span_s": round(counts.last_s - counts.first_s, 6),
-        }
-        if self.first_fix and self.first_fix.lat_deg == self.first_fix.lat_deg:
-            facts["gps_position"] = {
-                "lat_deg": round(self.first_fix.lat_deg, 8),
-                "lon_deg": round(self.first_fix.lon_deg, 8),
-            }
-        return facts
-
-    def clock_readings(self, clock: Clock) -> tuple[ClockReading, ...]:
-        assert self.decoder is not None
-        counts = self.decoder.counts
-        note = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s against the sensor's stamps"
-        if clock is not Clock.RECORDER:
-            note += f", {counts.host_first_s:+.3f} s at the start and {counts.host_last_s:+.3f} s at the end"
-        first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s
-        readings = [ClockReading(Clock.RECORDER, first_s, last_s, note)]
-        if clock is not Clock.RECORDER:
-            words = f"PPS {pps_words(self.pps)}" if self.pps else _HOUR_FROM[clock]
-            readings.insert(0, ClockReading(clock, counts.first_s, counts.last_s, words))
-        if self.first_fix and self.last_fix:
-            first, last = self.first_fix, self.last_fix
-            note = f"GPRMC sentences, the last second's; {self.pps.total() - self.void:,} valid, {self.void:,} not"
-            if clock is Clock.SENSOR_GPS and (utc_s := first.utc_s(first.host_s)) is not None:
-                note += f"; the first {utc_s - first.sentence_s:.3f} s old" if first.sentence_s > 86_400 else ""
-            readings.append(ClockReading(Clock.GNSS, first.sentence_s, last.sentence_s, note))
-        return tuple(readings)
-
-
 def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]:
     for path in paths:
         with Source(path) as source:
             capture = Capture(source)
             yield from capture
             skipped.update(capture.skipped)
-
-
-def _kinds(datagrams: Datagrams) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which datagrams are data packets, and which are position packets."""
-    data = datagrams.length == PACKET_BYTES
-    at = datagrams.offset[data]
-    data[data] = (datagrams.data[at] == BLOCK_MARK[0]) & (datagrams.data[at + 1] == BLOCK_MARK[1])
-    position = datagrams.length == POSITION_BYTES
-    at = datagrams.offset[position] + SENTENCE_AT
-    sentence = (datagrams.data[at] == ord("$")) & (datagrams.data[at + 1] == ord("G"))
-    position[position] = sentence | (datagrams.sender[position] & np.uint64(0xFFFF) == _POSITION_PORT)
-    return data, position
-
-
-def _positions(datagrams: Datagrams, which: NDArray[np.bool_]) -> list[tuple[int, PositionPacket]]:
-    found = []
-    for i in np.flatnonzero(which):
-        at = datagrams.offset[i]
-        payload = datagrams.data[at : at + POSITION_BYTES].tobytes()
-        found.append((int(datagrams.sender[i]), PositionPacket.parse(payload, float(datagrams.time_s[i]))))
-    return found
 
 
 def _stamps_us(datagrams: Datagrams, which: NDArray[np.bool_]) -> NDArray[np.uint32]:
@@ -342,20 +185,15 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     least = max(_STRAY * counts[order[0]], _STRAY_PACKETS)
     several = [(int(found[i]), int(counts[i])) for i in order if i == order[0] or counts[i] >= least]
     if len(several) > 1:
-        words = "; ".join(f"{_address(sender)} ({n:,} packets)" for sender, n in several)
+        words = "; ".join(f"{address_of(sender)} ({n:,} packets)" for sender, n in several)
         raise InputError(
             f"{paths[0]} holds packets of {len(several)} sensors: {words}.",
             "Each has its own place on the machine and its own clock, so they cannot be read as one.",
             "Split the capture and name the sensor you mean, such as: tcpdump -r all.pcap -w one.pcap"
-            f" 'src host {str(_address(several[0][0])).split(' ')[0]}'.",
+            f" 'src host {str(address_of(several[0][0])).split(' ')[0]}'.",
             code="two-sensors",
         )
     return several[0][0]
-
-
-def _address(sender: int) -> str:
-    host, port = sender >> 16, sender & 0xFFFF
-    return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"
 
 
 def _no_packets(paths: Sequence[Path], skipped: Counter[str], positions: int) -> InputError:
