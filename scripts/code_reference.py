@@ -12,6 +12,8 @@ CHECKOUT: Final = Path(__file__).resolve().parents[1]
 PAGE: Final = CHECKOUT / "docs" / "reference" / "codes.md"
 PARTS: Final = ("core", "exporters", "cli")
 NOTICE: Final = "Notice"
+CODE: Final = "code"
+"""What the argument is called by which errors, and functions that make them, are given their code."""
 ANYTHING: Final = "…"
 """Stands for what differs from case to case: a file, a number."""
 HEAD: Final = """\
@@ -26,6 +28,10 @@ Programs tell errors and warnings apart by their codes: `code` in the JSON of an
 
 Words: TypeAlias = dict[str, list[ast.expr]]
 """What may have been assigned to each name where a code is told."""
+
+
+Helpers: TypeAlias = dict[str, tuple[ast.FunctionDef, Words]]
+"""Functions by name that tell with a code that they are given, each with what its file assigns."""
 
 
 class Told(NamedTuple):
@@ -60,11 +66,25 @@ def page() -> str:
 def found() -> Iterator[Told]:
     """Every place of the source where a code is used."""
     for part in PARTS:
-        for file in sorted((CHECKOUT / part).rglob("*.py")):
-            yield from _found(ast.parse(file.read_text(encoding="utf-8")).body, {})
+        for folder in sorted({file.parent for file in (CHECKOUT / part).rglob("*.py")}):
+            trees = [ast.parse(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.py"))]
+            helpers = {name: helper for tree in trees for name, helper in _helpers(tree).items()}  # of base classes too
+            for tree in trees:
+                yield from _found(tree.body, {}, helpers | _helpers(tree))
 
 
-def _found(block: list[ast.stmt], outer: Words) -> Iterator[Told]:
+def _helpers(tree: ast.Module) -> Helpers:
+    """Functions that tell with a code that they are given, each with the words of its file."""
+    simple = [statement for statement in tree.body if isinstance(statement, ast.Assign | ast.AnnAssign)]
+    words = {name: values for statement in simple for name, values in _assigned(statement).items()}
+    return {
+        node.name: (node, words)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and CODE in {argument.arg for argument in node.args.args}
+    }
+
+
+def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Told]:
     """The codes of a block of statements, of which each knows what was assigned before it."""
     words = dict(outer)
     for statement in block:
@@ -73,12 +93,28 @@ def _found(block: list[ast.stmt], outer: Words) -> Iterator[Told]:
         for call in ast.walk(statement):
             if isinstance(call, ast.Call) and call not in within:
                 yield from _told(call, words)
+                helper = helpers.get(_name(call))
+                if helper is not None:
+                    yield from _helped(call, *helper, words)
         for inner in blocks:
-            yield from _found(inner, words)
+            yield from _found(inner, words, helpers)
         if isinstance(statement, ast.Assign | ast.AnnAssign):
             words |= _assigned(statement)
         elif not isinstance(statement, ast.FunctionDef | ast.ClassDef):
             words |= {name: words.get(name, []) + values for name, values in _assigned(statement).items()}
+
+
+def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -> Iterator[Told]:
+    """What a helper with its own words tells where it is called so, among these words."""
+    names = [argument.arg for argument in helper.args.args if argument.arg not in ("self", "cls")]
+    given = dict(zip(names, call.args, strict=False)) | {k.arg: k.value for k in call.keywords if k.arg}
+    if CODE not in given:
+        return
+    known = {n: words.get(value.id, [value]) if isinstance(value, ast.Name) else [value] for n, value in given.items()}
+    for inner in ast.walk(helper):
+        if isinstance(inner, ast.Call):
+            for code in _constants(given[CODE]):
+                yield from _told(inner, own | known, given=code)
 
 
 def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
@@ -101,17 +137,28 @@ def _assigned(statement: ast.stmt) -> Words:
     return words
 
 
-def _told(call: ast.Call, words: Words) -> Iterator[Told]:
-    name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+def _name(call: ast.Call) -> str:
+    return call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
+
+
+def _told(call: ast.Call, words: Words, given: str = "") -> Iterator[Told]:
+    """What a call tells; `given` is the code that a helper was given, whose own calls these are."""
     arguments = call.args
-    code = next((keyword.value for keyword in call.keywords if keyword.arg == "code"), None)
-    if name == NOTICE and arguments:
+    code = next((keyword.value for keyword in call.keywords if keyword.arg == CODE), None)
+    if _name(call) == NOTICE and arguments:
         says = arguments[1] if len(arguments) > 1 else next((k.value for k in call.keywords if k.arg == "text"), None)
-        for each in _constants(arguments[0]):
+        for each in _codes(arguments[0], given):
             yield Told(each, _first(_text(says, words)), "", error=False)
     elif code is not None and len(arguments) >= 3:
-        for each in _constants(code):
+        for each in _codes(code, given):
             yield Told(each, _text(arguments[0], words), _text(arguments[2], words), error=True)
+
+
+def _codes(node: ast.expr, given: str) -> list[str]:
+    """The codes that an expression can be."""
+    if given:
+        return [given] if isinstance(node, ast.Name) and node.id == CODE else []
+    return list(_constants(node))
 
 
 def _constants(node: ast.expr) -> Iterator[str]:
@@ -136,6 +183,9 @@ def _raw(node: ast.expr | None, words: Words) -> str:
         return "".join(_raw(value, words) for value in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return _raw(node.left, words) + _raw(node.right, words)
+    if isinstance(node, ast.IfExp):
+        branches = dict.fromkeys(_raw(branch, words) for branch in (node.body, node.orelse))
+        return " / ".join(branches) if all(re.search(r"\w|…", branch) for branch in branches) else ANYTHING
     if isinstance(node, ast.FormattedValue):
         return _raw(node.value, words) if isinstance(node.value, ast.Name) else ANYTHING
     if isinstance(node, ast.Name) and node.id in words:

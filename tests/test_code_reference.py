@@ -6,6 +6,8 @@ import re
 import runpy
 from pathlib import Path
 
+from tests.core.readers.las.test_hostile import ERRORS, NOTICES
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 
 
@@ -24,3 +26,10 @@ def test_code_reference__has_every_code_of_the_source() -> None:
     used = set(re.findall(r'code="([a-z0-9-]+)"', source))
     assert len(used) > 50
     assert not used - told
+
+
+def test_code_reference__has_every_code_that_hostile_clouds_end_in() -> None:
+    page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
+    met = {*ERRORS.values(), *(code for _, codes in NOTICES.values() for code in codes)}
+    assert not met - told

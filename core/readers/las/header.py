@@ -113,7 +113,7 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
         raise _bad(
-            path, f"ends inside its header: {size_bytes} bytes of {least}", "There is no point in it.", "header-cut"
+            path, f" ends inside its header: {size_bytes} bytes of {least}", "There is no point in it.", "header-cut"
         )
     head = _HEAD.unpack_from(data)
     (_, source, encoding, major, version, system, software, day, year, header_bytes, offset, records) = head[:12]
@@ -180,18 +180,18 @@ def _check_layout(
     nowhere = "Where and how the points lie cannot be told, so none can be read."
     if header_bytes < least:
         raise _bad(
-            path, f"byte 94: a header of {header_bytes} bytes, where {least} are the least", nowhere, "header-size"
+            path, f", byte 94: a header of {header_bytes} bytes, where {least} are the least", nowhere, "header-size"
         )
     if not header_bytes <= offset <= size_bytes:
         between = f"after the header ({header_bytes}) and before the end ({size_bytes})"
         raise _bad(
-            path, f"byte 96: the points begin at byte {offset}, which is not {between}", nowhere, "points-offset"
+            path, f", byte 96: the points begin at byte {offset}, which is not {between}", nowhere, "points-offset"
         )
     if kind & 0x7F >= len(LEAST_RECORD_BYTES):
-        raise _bad(path, f"byte 104: point format {kind}; known are 0 to 10", nowhere, "point-format")
+        raise _bad(path, f", byte 104: point format {kind}; known are 0 to 10", nowhere, "point-format")
     shortest = LEAST_RECORD_BYTES[kind & 0x7F]
     if record_bytes < shortest:
-        said = f"byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which takes {shortest}"
+        said = f", byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which takes {shortest}"
         raise _bad(path, said, nowhere, "record-length")
 
 
@@ -202,16 +202,15 @@ def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...])
         if not (step >= FINEST and reach <= FARTHEST):
             raise _bad(
                 path,
-                f"header: a scale of {step:g} and an offset of {start:g} for {axis}",
+                f", header: a scale of {step:g} and an offset of {start:g} for {axis}",
                 "Coordinates are whole numbers times scale plus offset: with these they are no places.",
                 "scale-impossible",
             )
 
 
 def _bad(path: Path, what: str, meaning: str, code: str) -> InputError:
-    return InputError(
-        f"{path} {what}." if what.startswith("ends") else f"{path}, {what}.", meaning, _DAMAGED, code=code
-    )
+    """The error of a header; `what` goes on behind the file's name."""
+    return InputError(f"{path}{what}.", meaning, _DAMAGED, code=code)
 
 
 def _date(year: int, day: int) -> dt.date | None:
