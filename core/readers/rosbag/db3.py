@@ -16,21 +16,18 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, ros2_type
+from furrowmap.core.readers.rosbag.storage import BagMessage, StorageFile, ros2_type
 from furrowmap.core.readers.source import Source
-from furrowmap.core.values.errors import Notice
 
 MAGIC: Final = b"SQLite format 3\x00"
 _JOURNALS: Final = ("-wal", "-journal")
 
 
-class Db3File:
+class Db3File(StorageFile):
     """A .db3 file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notices: list[Notice] = []
-        self.declared: int | None = None
+        super().__init__(path)
         self.share_read = 0.0
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
@@ -106,6 +103,3 @@ class Db3File:
                 damaged += 1
         if damaged:
             self._note("bag-orphans", f"{damaged} rows that are no messages of a known topic were left out")
-
-    def _note(self, code: str, text: str) -> None:
-        self.notices.append(Notice(code, f"{self.path.name}: {text}."))

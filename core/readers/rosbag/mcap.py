@@ -13,8 +13,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, RecordsFile, inflate, ros2_type
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 
@@ -26,23 +25,13 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 
 
-class McapFile:
+class McapFile(RecordsFile):
     """An MCAP file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notices: list[Notice] = []
-        self.declared: int | None = None
-        self._stream = ByteStream(path)
+        super().__init__(path)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str, str]] = {}
-        self._orphans = 0
-        self._last_ns: int | None = None
-
-    @property
-    def share_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        return self._stream.share_read
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages (of some topics) in the order of recording."""
@@ -60,12 +49,10 @@ class McapFile:
                     else:
                         yield from self._message(op, content, topics)
                 else:
-                    where, lost = self._stream.where(), lost_after(self._last_ns)
-                    self._note("bag-cut", f"the file ends at {where}, before its footer; {lost}")
+                    self._note("bag-cut", f"the file ends at {self._stream.where()}, before its footer; {self._lost()}")
             except Damage as damage:
-                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {lost_after(self._last_ns)}")
-            if self._orphans:
-                self._note("bag-orphans", f"{self._orphans} messages of channels that are damaged were left out")
+                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
+            self._note_orphans("channels")
 
     def _record(self) -> tuple[int, bytes] | None:
         """The next record of the file, or None at its end."""
@@ -136,9 +123,6 @@ class McapFile:
                 self._channels[channel] = (topic, ros2_type(self._schemas.get(schema, "")), encoding)
         except (KeyError, struct.error, UnicodeDecodeError):
             self._orphans += 1
-
-    def _note(self, code: str, text: str) -> None:
-        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
 
 
 def _string(content: bytes, position: int) -> tuple[str, int]:

@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, ByteStream, Damage, inflate, lost_after, ros2_type
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, RecordsFile, inflate, ros2_type
+from furrowmap.core.values.errors import InputError
 
 MAGIC: Final = b"#ROSBAG V"
 _VERSION: Final = b"#ROSBAG V2.0\n"
@@ -25,22 +25,12 @@ _TIME = struct.Struct("<II")
 _Fields = dict[bytes, bytes]
 
 
-class Rosbag1File:
+class Rosbag1File(RecordsFile):
     """A ROS 1 bag, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.notices: list[Notice] = []
-        self.declared: int | None = None
-        self._stream = ByteStream(path)
+        super().__init__(path)
         self._connections: dict[int, tuple[str, str]] = {}
-        self._orphans = 0
-        self._last_ns: int | None = None
-
-    @property
-    def share_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        return self._stream.share_read
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
         """The messages (of some topics) in the order of recording.
@@ -70,16 +60,14 @@ class Rosbag1File:
                             "bag-record-unknown", f"the record before {self._stream.where()} is of no known kind"
                         )
             except Damage as damage:
-                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {lost_after(self._last_ns)}")
+                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
             else:
                 self.declared = counted
                 if not indexed:
                     self._note("bag-unindexed", "the bag was never closed and has no index; it was read through")
                 elif counted is None:
-                    where, lost = self._stream.where(), lost_after(self._last_ns)
-                    self._note("bag-cut", f"the bag ends at {where}, before its index; {lost}")
-            if self._orphans:
-                self._note("bag-orphans", f"{self._orphans} messages of connections that are damaged were left out")
+                    self._note("bag-cut", f"the bag ends at {self._stream.where()}, before its index; {self._lost()}")
+            self._note_orphans("connections")
 
     def _begin(self) -> None:
         line = self._stream.take(len(_VERSION))
@@ -162,9 +150,6 @@ class Rosbag1File:
                     yield BagMessage(topic, kind, "ros1", self._last_ns, data)
         except (KeyError, struct.error, UnicodeDecodeError):
             self._orphans += 1
-
-    def _note(self, code: str, text: str) -> None:
-        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
 
 
 def _inner_record(content: bytes, position: int) -> tuple[_Fields, int, int]:

@@ -69,11 +69,6 @@ class Storage(Protocol):
         ...
 
 
-def lost_after(last_ns: int | None) -> str:
-    """What a recording that ends too early has lost, as far as anyone can tell."""
-    return "no message was found" if last_ns is None else f"what was recorded after {iso_utc(last_ns * 1e-9)} is lost"
-
-
 class Damage(Exception):
     """A part of a bag that makes no sense; says which and why."""
 
@@ -110,6 +105,45 @@ class ByteStream:
         """The byte reached, in words."""
         packed = self.source.compression
         return f"byte {self.offset}" + (f" (unpacked from {packed})" if packed else f" of {self.source.size_bytes}")
+
+
+class StorageFile:
+    """What all storages begin with."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notices: list[Notice] = []
+        self.declared: int | None = None
+
+    def _note(self, code: str, text: str) -> None:
+        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
+
+
+class RecordsFile(StorageFile):
+    """A storage that is a row of records, which may break off anywhere."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._stream = ByteStream(path)
+        self._orphans = 0
+        self._last_ns: int | None = None
+
+    @property
+    def share_read(self) -> float:
+        """How much of the file has been read, 0 to 1."""
+        return self._stream.share_read
+
+    def _lost(self) -> str:
+        """What records that end too early have lost, as far as anyone can tell."""
+        last_ns = self._last_ns
+        return (
+            "no message was found" if last_ns is None else f"what was recorded after {iso_utc(last_ns * 1e-9)} is lost"
+        )
+
+    def _note_orphans(self, kind: str) -> None:
+        """Tell how many messages are left out because what they belong to, of that kind, is damaged."""
+        if self._orphans:
+            self._note("bag-orphans", f"{self._orphans} messages of {kind} that are damaged were left out")
 
 
 def ros2_type(name: str) -> str:
