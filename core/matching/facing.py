@@ -5,11 +5,13 @@ walls nothing in a cloud of many either: the ground comes out as flat, only blur
 all that the scanner sees moves the wrong way. So relief that several scans show is in one place under the right angle
 only. The measure is that of :class:`~furrowmap.core.matching.agreement.Relief`: the mean product of the heights that
 even and odd scans show at the same place, which is the relief's variance where they agree and nothing where they do
-not. It needs no pose better than GNSS gives: each scan's own slope and bow are taken out of its heights.
+not. It needs no pose better than GNSS gives: each scan's own slope and bow are taken out of its heights. Where the soil
+is too smooth to tell, what stands does, by how much of it even and odd scans show at the same place.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final
 
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.matching.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.walls import UprightReturns
 
 FloatArray = NDArray[np.float64]
 
@@ -32,8 +35,12 @@ LEAST_WINDOWS: Final = 8
 """Most windows that are looked at, spread over the recording, and fewest that say anything."""
 NEAR_M: Final = 6.0
 LEAST_RETURNS: Final = 500
+MOST_RETURNS: Final = 10_000
+"""So many returns of a window show as much as all of them."""
 LEAST_IN_SCAN: Final = 50
 CELL_M: Final = 0.15
+STANDING_CELL_M: Final = 0.25
+LEAST_STANDING: Final = 300
 ROUGH_M: Final = 0.03
 """Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
 CERTAIN: Final = 4.5
@@ -48,7 +55,7 @@ def facing_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m: Flo
     """By how much the scanner is to be turned about the vehicle's z axis (counter-clockwise) to face as it did.
 
     Args:
-        returns: of the ground, in the vehicle frame by the mounting as stated.
+        returns: of the ground and of what stands, in the vehicle frame by the mounting as stated.
         knots: times.
         state: poses at them, as GNSS alone has them.
         sensor_m: (3,) the sensor in the vehicle frame.
@@ -56,26 +63,34 @@ def facing_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m: Flo
     Returns:
         None where the stated mounting faces right, or too little shows that it does not.
     """
-    found = [_agreement(returns, part, knots, state, sensor_m) for part in _windows(returns, knots, state)]
-    shown = np.array([row for row in found if row is not None])
-    if len(shown) < LEAST_WINDOWS:
-        return None
-    mean = shown.mean(axis=0)
-    best = int(np.argmax(mean))
-    better = shown[:, best] - shown[:, 0]
-    if better.mean() <= CERTAIN * better.std(ddof=1) / np.sqrt(len(better)):
-        return None
+    windows, upright = _windows(knots, state), returns.upright
+    ground = (_ground(returns, part, knots, state, sensor_m) for part in _parts(returns.t_s, windows))
+    standing = (_standing(upright, part, knots, state, sensor_m) for part in _parts(upright.t_s, windows))
+    for measured in (ground, standing):
+        shown = np.array([row for row in measured if row is not None])
+        if len(shown) < LEAST_WINDOWS:
+            continue
+        best = int(np.argmax(shown.mean(axis=0)))
+        if best == 0:
+            return None
+        better = shown[:, best] - shown[:, 0]
+        if better.mean() > CERTAIN * better.std(ddof=1) / np.sqrt(len(better)):
+            angle = _refined(shown.mean(axis=0), best)
+            return angle if abs(angle) > TURNED_DEG else None
+    return None
+
+
+def _refined(mean: FloatArray, best: int) -> float:
+    """The angle in degrees, −180 to 180, at which the measure is best, by the parabola through three of them."""
     left, middle, right = mean[[best - 1, best, (best + 1) % ANGLES]]
-    step = 360.0 / ANGLES
-    angle = step * (best + 0.5 * (left - right) / (left - 2.0 * middle + right))
+    angle = 360.0 / ANGLES * (best + 0.5 * (left - right) / (left - 2.0 * middle + right))
     quarter = 90.0 * round(angle / 90.0)
     angle = quarter if abs(angle - quarter) < QUARTER_DEG else angle
-    angle = 180.0 - (180.0 - angle) % 360.0
-    return float(angle) if abs(angle) > TURNED_DEG else None
+    return float(180.0 - (180.0 - angle) % 360.0)
 
 
-def _windows(returns: GroundReturns, knots: Knots, state: State) -> list[slice]:
-    """Returns of the windows, evenly chosen of all."""
+def _windows(knots: Knots, state: State) -> FloatArray:
+    """(k, 2) times of the windows, evenly chosen of all."""
     found = []
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
@@ -83,43 +98,70 @@ def _windows(returns: GroundReturns, knots: Knots, state: State) -> list[slice]:
         cuts = knots.t_s[part][np.searchsorted(way, np.arange(0.0, way[-1], WAY_M))]
         found += [(a, b) for a, b in pairwise(cuts.tolist()) if b - a < LONGEST_S]
     chosen = np.unique(np.linspace(0, len(found) - 1, WINDOWS).astype(int)) if found else ()
-    ends = np.searchsorted(returns.t_s, [found[k] for k in chosen]) if found else ()
-    return [slice(int(a), int(b)) for a, b in ends]
+    return np.array([found[k] for k in chosen]).reshape(-1, 2)
 
 
-def _agreement(
-    returns: GroundReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray
-) -> FloatArray | None:
+def _parts(t_s: FloatArray, windows: FloatArray) -> list[slice]:
+    """Which of the returns are in each window."""
+    return [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)]
+
+
+def _ground(returns: GroundReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray) -> FloatArray | None:
     """(ANGLES,) relief (m²) that both halves of the scans show in a window; None where it has too few returns."""
+    part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MOST_RETURNS))
     vehicle = np.asarray(returns.xyz_m[part], np.float64)
     near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < NEAR_M
+    if near.sum() < LEAST_RETURNS:
+        return None
     vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
     half = np.array(returns.half[part], np.int64)[near]
-    if len(t_s) < LEAST_RETURNS:
-        return None
     relief = _relief(vehicle, half)
+    out = np.empty(ANGLES)
+    for number, cell in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, CELL_M)):
+        count = _by_half(cell, half)
+        height = _by_half(cell, half, relief)
+        both = np.flatnonzero(count.all(axis=1))
+        weight = count[both].min(axis=1)
+        product = (height[both] / count[both]).prod(axis=1)
+        out[number] = (weight * product).sum() / max(weight.sum(), 1.0)
+    return out
+
+
+def _standing(
+    returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray
+) -> FloatArray | None:
+    """(ANGLES,) share of what stands that both halves of the scans show in a window; None where that is too little."""
+    vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
+    if len(half) < LEAST_STANDING:
+        return None
+    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, STANDING_CELL_M)
+    return np.array([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
+
+
+def _cells(
+    t_s: FloatArray, vehicle_m: FloatArray, knots: Knots, state: State, sensor_m: FloatArray, cell_m: float
+) -> Iterator[NDArray[np.int64]]:
+    """For each angle the number of the cell on the map in which each return (n,) lies."""
     k, share, _ = knots.at(t_s)
     plan, forward = state.xyz_m[:, 0] + 1j * state.xyz_m[:, 1], state.rotation[:, 0, 0] + 1j * state.rotation[:, 1, 0]
     # Straight from knot to knot, as complex numbers: easting + i northing.
     origin, course = (v[k] + share * (v[k + 1] - v[k]) for v in (plan, forward))
     course /= np.abs(course)
     sensor = complex(sensor_m[0], sensor_m[1])
-    arm = (vehicle[:, 0] + 1j * vehicle[:, 1] - sensor) * course
+    arm = (vehicle_m[:, 0] + 1j * vehicle_m[:, 1] - sensor) * course
     origin = origin + sensor * course
-    out = np.empty(ANGLES)
     for number in range(ANGLES):
         place = origin + np.exp(2j * np.pi * number / ANGLES) * arm
-        column, row = (np.floor(v / CELL_M).astype(np.int64) for v in (place.real, place.imag))
+        column, row = (np.floor(v / cell_m).astype(np.int64) for v in (place.real, place.imag))
         column -= column.min()
         row -= row.min()
-        cell = 2 * (column + (int(column.max()) + 1) * row) + half
-        size = int(cell.max()) // 2 + 1
-        count = np.bincount(cell, minlength=2 * size).reshape(size, 2)
-        height = np.bincount(cell, relief, 2 * size).reshape(size, 2)
-        both = np.flatnonzero(count.all(axis=1))
-        weight = count[both].min(axis=1)
-        product = (height[both] / count[both]).prod(axis=1)
-        out[number] = float((weight * product).sum() / max(weight.sum(), 1))
+        yield column + (int(column.max()) + 1) * row
+
+
+def _by_half(cell: NDArray[np.int64], half: NDArray[np.int64], value: FloatArray | None = None) -> FloatArray:
+    """(cells, 2) how many returns of either half each cell has, or the sum of their values."""
+    size = int(cell.max()) + 1
+    out: FloatArray = np.bincount(2 * cell + half, value, 2 * size).reshape(size, 2).astype(np.float64)
     return out
 
 

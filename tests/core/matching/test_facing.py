@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.matching.facing import facing_deg
 from furrowmap.core.matching.knots import Knots, State, knots_over
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.walls import UprightReturns
 
 SPEED_MPS = 0.8
 SENSOR_M = np.array([-0.5, 0.2, 1.8])
 NODE_M = 0.05
 
 
-def drive(relief_m: float, turned_deg: float, seed: int) -> tuple[GroundReturns, Knots, State]:
+def drive(relief_m: float, turned_deg: float, seed: int, trees: int = 0) -> tuple[GroundReturns, Knots, State]:
     """Half a minute along a curve over random ground, returns turned about the sensor by a wrong mounting."""
     random = np.random.default_rng(seed)
     ground = gaussian_filter(random.normal(size=(1200, 1200)), 4.0)
@@ -42,7 +43,21 @@ def drive(relief_m: float, turned_deg: float, seed: int) -> tuple[GroundReturns,
     turned = Rotation.from_euler("z", -turned_deg, degrees=True).apply(vehicle - SENSOR_M) + SENSOR_M
     half = (np.floor(10.0 * t) % 2).astype(np.uint8)
     body: NDArray[np.bool_] = np.zeros((80, 80), np.bool_)
-    return GroundReturns(t, turned.astype(np.float32), half, body), knots, state
+
+    # Every third return sees a tree instead, of which there are some round the way.
+    seen = slice(None, None, 3)
+    where = np.column_stack([random.uniform([-15.0, -25.0], [40.0, 25.0], (trees, 2)), np.full(trees, 2.0)])
+    standing = where[random.integers(trees, size=len(t[seen]))] if trees else np.zeros((0, 3))
+    known = slice(0, len(standing))
+    standing += random.normal(scale=0.2, size=standing.shape)
+    origin = (place - Rotation.from_euler("z", 0.02 * t[:, None]).apply(vehicle * [1.0, 1.0, 0.0]))[seen][known]
+    beside = Rotation.from_euler("z", -0.02 * t[seen][known, None]).apply(standing - origin)
+    upright = UprightReturns(
+        t[seen][known],
+        (Rotation.from_euler("z", -turned_deg, degrees=True).apply(beside - SENSOR_M) + SENSOR_M).astype(np.float32),
+        half[seen][known],
+    )
+    return GroundReturns(t, turned.astype(np.float32), half, body, upright), knots, state
 
 
 @pytest.mark.parametrize("turned_deg", [180.0, 90.0, -135.0, 37.0])
@@ -66,6 +81,12 @@ def test_facing__leaves_a_right_mounting_alone(relief_m: float, seed: int) -> No
 def test_facing__says_nothing_where_no_relief_shows_it(seed: int) -> None:
     returns, knots, state = drive(0.0001, 180.0, seed)
     assert facing_deg(returns, knots, state, SENSOR_M) is None
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 180.0, 90.0, -135.0])
+def test_facing__is_shown_by_trees_where_soil_is_smooth(turned_deg: float) -> None:
+    returns, knots, state = drive(0.0001, turned_deg, seed=6, trees=25)
+    assert facing_deg(returns, knots, state, SENSOR_M) == (pytest.approx(turned_deg, abs=3.0) if turned_deg else None)
 
 
 def test_facing__leaves_small_angles_to_the_stance() -> None:
