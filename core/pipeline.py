@@ -8,6 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Final, Protocol
 
+import msgspec
 import numpy as np
 
 from furrowmap.core.classifying import classifier
@@ -17,12 +18,14 @@ from furrowmap.core.cloud.placing import Placer
 from furrowmap.core.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
 from furrowmap.core.inputs import Inputs, open_lidar, open_positions, watched
 from furrowmap.core.locating import SCANS_AHEAD, Located, locate, matched_to_ground
+from furrowmap.core.matching.facing import TURNED_DEG
 from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.run_notices import gap_notices, refuse_empty, session_notices, tally_notices
 from furrowmap.core.states_elsewhere import states_from_elsewhere
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
@@ -87,10 +90,16 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
     watch.lap("positions")
     near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
-    implement = ImplementWatch(session, earlier_implement(session_file, session))
+    earlier = earlier_implement(session_file, session)
+    implement = ImplementWatch(session, earlier)
     lidar = open_lidar(inputs, session, near_s)
     if located.antenna is not None:
         located = matched_to_ground(located, lidar, session, implement.look, progress)
+        if located.mounting is not None and _faces_elsewhere(located.mounting, session.lidar.mounting):
+            # By the mounting as stated it was looked for on another side of the vehicle than it is.
+            implement = ImplementWatch(_mounted(session, located.mounting), earlier)
+            for scan in open_lidar(inputs, session, near_s).scans():
+                implement.look(scan)
         watch.lap("matching")
     else:
         for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
@@ -120,6 +129,18 @@ def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run
     ]
     unique = tuple(dict.fromkeys(notices))
     return Run(session, inputs.all, frame, located, tally, work, lidar.clocks, unique, watch.laps_s)
+
+
+def _faces_elsewhere(used: Mounting, stated: Mounting) -> bool:
+    """Whether the scanner faces another way than stated, not just a little beside it."""
+    forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
+    return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
+
+
+def _mounted(session: Session, mounting: Mounting) -> Session:
+    """The session with another mounting of the scanner."""
+    lidar = msgspec.structs.replace(session.lidar, rpy_deg=mounting.rpy_deg)
+    return msgspec.structs.replace(session, lidar=lidar)
 
 
 def _with_ranges(scans: Iterator[Scan], ranges: LaserRanges | None) -> Iterator[Scan]:
