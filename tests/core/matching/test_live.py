@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.matching.live import LiveMatching, LivePose
 from furrowmap.core.inputs import open_positions
+from furrowmap.core.matching.live import LiveMatching, LivePose
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.gnss import GnssTrack
