@@ -9,8 +9,9 @@ from typing import Any, Final
 
 import rasterio
 
-from furrowmap.core.cloud_surfaces import GroundMethod, SpooledClouds, cell_for, spool_clouds
+from furrowmap.core.cloud_surfaces import GroundMethod
 from furrowmap.core.clouds import box_in, nothing_left, open_clouds
+from furrowmap.core.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs_name import name_of

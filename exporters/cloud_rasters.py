@@ -13,9 +13,10 @@ import rasterio
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.cloud_surfaces import GroundMethod, SpooledClouds, cloud_tiles
+from furrowmap.core.cloud_surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.spooled_clouds import SpooledClouds
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid, Surface

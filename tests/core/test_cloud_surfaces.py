@@ -10,8 +10,9 @@ import pyproj
 import pytest
 import rasterio
 
-from furrowmap.core.cloud_surfaces import cell_for, cloud_tiles, spool_clouds
+from furrowmap.core.cloud_surfaces import cloud_tiles
 from furrowmap.core.clouds import open_clouds
+from furrowmap.core.spooled_clouds import cell_for, spool_clouds
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
