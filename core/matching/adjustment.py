@@ -17,9 +17,25 @@ from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
+from furrowmap.core.matching.bridging import (
+    AHEAD_S,
+    HOLD_S,
+    LEAD_S,
+    LOST,
+    STEP_IN_S,
+    Gap,
+    apart,
+    gaps_between,
+    in_gaps,
+    joined_in_gap,
+    outside,
+    part_of,
+    with_carried,
+)
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, coarse_pull, fine_step, free_patches
 from furrowmap.core.matching.equations import Aslant, Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.facing import facing_deg
@@ -64,6 +80,10 @@ WALL_WINDOW_THIN: Final = 3
 WINDOW_ROUNDS: Final = (2, 14)
 """At least and at most so many rounds of windows; they end when no heading turns by more than TURNED."""
 TURNED: Final = np.radians(0.4)
+CARRY_CELL_M: Final = 0.2
+CARRY_THIN: Final = 2
+CARRY_STEPS: Final = 2
+"""Cells, how many returns to one, and how many steps, with which poses are carried into a gap between positions."""
 SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
 SETTLED: Final = np.radians(0.15)
@@ -118,6 +138,7 @@ class Problem:
         knots: whose poses are sought.
         origin_m: (3,) local origin.
         state: the poses as they are now.
+        withheld: gaps between positions, whose scans take no part as yet.
         trust: (n,) uint8 weights of the returns in the surface, 255 for a whole one; set by rounds that match them all.
         position_trust: (m,) weights of the positions.
         sensor_m: (3,) the sensor in the vehicle frame.
@@ -144,6 +165,7 @@ class Problem:
     position_trust: FloatArray
     sensor_m: FloatArray
     sensor_axis: FloatArray
+    withheld: tuple[Gap, ...] = ()
     mounting_turn: FloatArray = field(default_factory=lambda: np.eye(3))
     faces_deg: float = 0.0
     ranges: LaserRanges | None = None
@@ -226,19 +248,28 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> None:
         told = max(told, min(1.0, done / steps))
         progress(told)
 
-    _face(problem)
-    _window_step(problem, None)
-    step_done()
-    relaxation = Relaxation()
-    for number in range(most):
-        turned = _window_step(problem, relaxation)
-        step_done()
+    def window_rounds() -> None:
+        nonlocal steps
         _window_step(problem, None)
         step_done()
-        if number + 1 >= least:
-            if turned < TURNED:
-                break
-            steps += 2
+        relaxation = Relaxation()
+        for number in range(most):
+            turned = _window_step(problem, relaxation)
+            step_done()
+            _window_step(problem, None)
+            step_done()
+            if number + 1 >= least:
+                if turned < TURNED:
+                    break
+                steps += 2
+
+    _face(problem)
+    problem.withheld = gaps_between(problem.positions.t_s, problem.knots)
+    if problem.withheld:
+        steps += 1 + 2 * least
+        window_rounds()
+        problem.withheld = _bridge(problem, problem.withheld)
+    window_rounds()
     rounds: tuple[tuple[float, int], ...] = SESSION_ROUNDS
     for remount in range(REMOUNTS + 1):
         for cell_m, thin in rounds:
@@ -268,6 +299,59 @@ def _face(problem: Problem) -> None:
     if angle is not None:
         problem.faces_deg = angle
         problem.mounting_turn = Rotation.from_euler("z", angle, degrees=True).as_matrix()
+
+
+def _bridge(problem: Problem, gaps: Sequence[Gap]) -> tuple[Gap, ...]:
+    """Take the poses in gaps from both of their ends; returns those in which that fails, whose scans say nothing."""
+    lost = []
+    for gap in gaps:
+        inside = np.flatnonzero(in_gaps(problem.knots.t_s, [gap]))
+        meet = int(inside[len(inside) // 2])
+        before, after = (_carried(problem, gap, gap.middle_s, forward=forward) for forward in (True, False))
+        if apart(before, after)[meet] > 1.0:
+            before, after = (
+                _carried(problem, gap, end_s, forward=forward)
+                for end_s, forward in ((gap.end_s, True), (gap.begin_s, False))
+            )
+            meet = int(inside[np.argmin(apart(before, after)[inside])])
+        if apart(before, after)[meet] > LOST:
+            lost.append(gap)
+        else:
+            problem.state = joined_in_gap(problem.knots, problem.state, gap, before, after, meet)
+    return tuple(lost)
+
+
+def _carried(problem: Problem, gap: Gap, to_s: float, *, forward: bool) -> State:
+    """The state with poses carried into a gap from its begin, or from its end, to a time in it and somewhat beyond."""
+    p, state = problem, problem.state
+    way_s = to_s - gap.begin_s if forward else gap.end_s - to_s
+    for number in range(1, int(np.ceil(way_s / STEP_IN_S)) + 2):
+        reach_s = number * STEP_IN_S
+        if forward:
+            begin_s, end_s = gap.begin_s + reach_s - LEAD_S, gap.begin_s + reach_s
+            part, knots = part_of(p.knots, gap.chain, begin_s, end_s + AHEAD_S)
+            rest = gap.begin_s, end_s - HOLD_S
+        else:
+            begin_s, end_s = gap.end_s - reach_s, gap.end_s - reach_s + LEAD_S
+            part, knots = part_of(p.knots, gap.chain, begin_s - AHEAD_S, end_s)
+            rest = begin_s + HOLD_S, gap.end_s
+        ends = np.clip((begin_s, end_s), knots.t_s[0], knots.t_s[-1])
+        within = slice(*np.searchsorted(p.returns.t_s, ends).tolist())
+        positions = with_carried(p.positions, p.knots, state, p.origin_m, p.lever_m, *rest)
+        small = replace(
+            p,
+            returns=p.returns.part(within),
+            positions=positions,
+            knots=knots,
+            withheld=(),
+            state=state.part(part),
+            trust=p.trust[within].copy(),
+            position_trust=np.ones(len(positions.t_s)),
+        )
+        for _ in range(CARRY_STEPS):
+            _session_step(small, CARRY_CELL_M, CARRY_THIN, together=False)
+        state = state.put(part, small.state)
+    return state
 
 
 def _laser_ranges(problem: Problem) -> LaserRanges | None:
@@ -325,7 +409,7 @@ def _window_step(problem: Problem, relaxation: Relaxation | None) -> float:
     windows = [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WINDOW_THIN)
+        for part in _windows(problem.returns.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WINDOW_THIN, problem.withheld)
     ]
 
     def work(share: Sequence[tuple[int, slice]]) -> tuple[Sums, NormalEquations]:
@@ -416,11 +500,12 @@ def _aslant(problem: Problem, coarse: CoarseKnots, centre_m: FloatArray, solutio
 
 def _window_walls(problem: Problem, placing: _Placing, coarse: CoarseKnots | None) -> WallSums:
     """What the walls of short windows say, which overlap by half as those of the ground."""
+    upright = problem.returns.upright
     windows = [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.upright.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WALL_WINDOW_THIN)
-        if len(problem.returns.upright) >= LEAST_UPRIGHT
+        for part in _windows(upright.t_s, chain, WINDOW_S, 0.5 * WINDOW_S, WALL_WINDOW_THIN, problem.withheld)
+        if len(upright) >= LEAST_UPRIGHT
     ]
 
     def work(share: Sequence[tuple[int, slice]]) -> WallSums:
@@ -431,11 +516,12 @@ def _window_walls(problem: Problem, placing: _Placing, coarse: CoarseKnots | Non
 
 def _session_walls(problem: Problem, placing: _Placing, thin: int, coarse: CoarseKnots | None) -> WallSums:
     """What the walls of the whole session say."""
+    upright = problem.returns.upright
     blocks = [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.upright.t_s, chain, BLOCK_S, BLOCK_S, thin)
-        if len(problem.returns.upright) >= LEAST_UPRIGHT
+        for part in _windows(upright.t_s, chain, BLOCK_S, BLOCK_S, thin, problem.withheld)
+        if len(upright) >= LEAST_UPRIGHT
     ]
     if not blocks:
         return _walls_together(problem, [])
@@ -463,7 +549,7 @@ def _blocks(problem: Problem, thin: int) -> list[tuple[int, slice]]:
     return [
         (c, part)
         for c, chain in enumerate(problem.knots.chains)
-        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S, thin)
+        for part in _windows(problem.returns.t_s, chain, BLOCK_S, BLOCK_S, thin, problem.withheld)
     ]
 
 
@@ -577,12 +663,15 @@ def _passage(problem: Problem) -> Passage | None:
     )
 
 
-def _windows(t_s: FloatArray, chain: Chain, length_s: float, step_s: float, thin: int) -> list[slice]:
+def _windows(
+    t_s: FloatArray, chain: Chain, length_s: float, step_s: float, thin: int, withheld: Sequence[Gap]
+) -> list[slice]:
     """Every `thin`-th return of a chain in windows of time; the first begins early, so that all overlap alike."""
     begins = np.arange(chain.begin_s - length_s + step_s, chain.end_s, step_s)
     first = np.searchsorted(t_s, np.maximum(begins, chain.begin_s))
     last = np.searchsorted(t_s, np.minimum(begins + length_s, chain.end_s))
-    return [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
+    windows = [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
+    return outside(windows, t_s, withheld)
 
 
 def _in_threads(work: Callable[[Sequence[tuple[int, slice]]], Found], items: list[tuple[int, slice]]) -> list[Found]:
@@ -633,6 +722,11 @@ def _solved(equations: NormalEquations, loose: NDArray[np.bool_]) -> Solution:
 
 
 def _move(problem: Problem, held: Held, step: FloatArray) -> float:
+    """Take a step; returns the largest turn of a heading, on the mean of a window, where scans take part."""
     problem.position_trust = position_trust(held.misfit)
     problem.state = problem.state.moved(step)
-    return float(np.abs(step[:, 5]).max())
+    turned = np.where(in_gaps(problem.knots.t_s, problem.withheld), 0.0, step[:, 5])
+    # Single poses at the ends of a chain, which little holds, turn to and fro for ever.
+    over = round(WINDOW_S / STEP_S)
+    chains = (slice(c.first, c.first + c.count) for c in problem.knots.chains)
+    return max(float(np.abs(uniform_filter1d(turned[chain], over, mode="constant")).max()) for chain in chains)

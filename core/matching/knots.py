@@ -101,6 +101,16 @@ class State:
         turn = Rotation.from_rotvec(step[:, 3:6]) * Rotation.from_matrix(self.rotation)
         return State(self.xyz_m + step[:, :3], turn.as_matrix(), self.drift_m + step[:, 6:9])
 
+    def part(self, chosen: slice) -> State:
+        """Those of some knots."""
+        return State(self.xyz_m[chosen], self.rotation[chosen], self.drift_m[chosen])
+
+    def put(self, chosen: slice, part: State) -> State:
+        """The state with others at some knots."""
+        xyz, rotation, drift = self.xyz_m.copy(), self.rotation.copy(), self.drift_m.copy()
+        xyz[chosen], rotation[chosen], drift[chosen] = part.xyz_m, part.rotation, part.drift_m
+        return State(xyz, rotation, drift)
+
 
 def knots_over(t_s: NDArray[np.float64]) -> Knots:
     """Knots that cover the times (n,), which increase."""

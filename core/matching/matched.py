@@ -21,6 +21,7 @@ from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
 from furrowmap.core.matching.stance import Stance
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE, Positions
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.mounting import Mounting
@@ -105,8 +106,21 @@ def match(
     if any(lever_m):
         clock = clock_offset(problem.knots, problem.state, problem.positions, problem.origin_m, problem.lever_m)
     figures = _figures(problem, used) | {"clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock]}
-    notices = [*_mounting_notices(problem, mounting, used), *_clock_notices(*clock)]
+    notices = [*_gap_notices(problem), *_mounting_notices(problem, mounting, used), *_clock_notices(*clock)]
     return Matched(trajectory, used, problem.ranges, problem.stance, clock, figures, tuple(notices))
+
+
+def _gap_notices(problem: Problem) -> list[Notice]:
+    """Times without positions across which the scans did not carry the poses."""
+    return [
+        Notice(
+            "gap-not-bridged",
+            f"From {iso_utc(gap.begin_s)} there are no positions for {gap.end_s - gap.begin_s:.0f} s, and what the "
+            "scans carry on from before and back from after does not meet: poses between are held by inertia alone, and "
+            "their standard deviations say so.",
+        )
+        for gap in problem.withheld
+    ]
 
 
 def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, islice
 from typing import Final, Self
 
@@ -68,6 +68,14 @@ class GroundReturns:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def part(self, chosen: slice) -> GroundReturns:
+        """Some of them, with what stands seen in the same time."""
+        if not len(t := self.t_s[chosen]):
+            return replace(self, t_s=t, xyz_m=self.xyz_m[chosen], half=self.half[chosen], upright=no_upright())
+        within = slice(*np.searchsorted(self.upright.t_s, (t[0], t[-1])))
+        upright = UprightReturns(self.upright.t_s[within], self.upright.xyz_m[within], self.upright.half[within])
+        return GroundReturns(t, self.xyz_m[chosen], self.half[chosen], self.body, upright, self.laser[chosen])
 
 
 def ground_returns(
