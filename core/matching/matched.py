@@ -116,8 +116,8 @@ def _gap_notices(problem: Problem) -> list[Notice]:
         Notice(
             "gap-not-bridged",
             f"From {iso_utc(gap.begin_s)} there are no positions for {gap.end_s - gap.begin_s:.0f} s, and what the "
-            "scans carry on from before and back from after does not meet: poses between are held by inertia alone, and "
-            "their standard deviations say so.",
+            "scans carry on from before and back from after does not meet: poses between are held by inertia alone, "
+            "and their standard deviations say so.",
         )
         for gap in problem.withheld
     ]
