@@ -62,7 +62,7 @@ from furrowmap.core.matching.wall_steps import (
     wall_session,
     wall_windows,
 )
-from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter
+from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter, UprightReturns
 from furrowmap.core.trajectory.banded import NormalEquations, Solution
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.mounting import Mounting
@@ -601,10 +601,7 @@ class _Placing:
     def returns(self, chain: int, part: slice) -> _Placed:
         """Returns of the ground."""
         source = self.problem.returns
-        xyz_m, ranges = source.xyz_m[part], self.problem.ranges
-        if ranges is not None:
-            xyz_m = shortened(xyz_m, source.laser[part], self.problem.sensor_m, ranges.offset_m)
-        t, xyz = self._placed(chain, source.t_s[part], xyz_m)
+        t, xyz = self._placed(chain, source, part)
         layer = layers(t, xyz, self.passage, GUARD_S)
         # Of all returns a view, in which :func:`agree` leaves their weights for the next surface; else a copy.
         trust = np.ascontiguousarray(self.problem.trust[part])
@@ -613,13 +610,15 @@ class _Placing:
     def upright(self, chain: int, part: slice) -> PlacedUpright:
         """Returns of what stands."""
         source = self.problem.returns.upright
-        t, xyz = self._placed(chain, source.t_s[part], source.xyz_m[part])
+        t, xyz = self._placed(chain, source, part)
         return PlacedUpright(t, xyz, np.array(source.half[part]))
 
-    def _placed(self, chain: int, t_s: FloatArray, vehicle_m: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
+    def _placed(self, chain: int, source: GroundReturns | UprightReturns, part: slice) -> tuple[FloatArray, FloatArray]:
         """Copies of the times, and the places in the map."""
         chained, turn, sensor = self.problem.knots.chains[chain], self.problem.mounting_turn, self.problem.sensor_m
-        t, vehicle = np.array(t_s), np.array(vehicle_m)
+        t, vehicle, ranges = np.array(source.t_s[part]), np.array(source.xyz_m[part]), self.problem.ranges
+        if ranges is not None:
+            vehicle = shortened(vehicle, source.laser[part], sensor, ranges.offset_m)
         if not np.array_equal(turn, np.eye(3)):
             vehicle = (vehicle @ turn.T + (sensor - turn @ sensor)).astype(np.float32)
         return t, place(t, vehicle, chained.first, chained.begin_s, STEP_S, self.position_m, self.rotation, self.turn)

@@ -74,7 +74,8 @@ class GroundReturns:
         if not len(t := self.t_s[chosen]):
             return replace(self, t_s=t, xyz_m=self.xyz_m[chosen], half=self.half[chosen], upright=no_upright())
         within = slice(*np.searchsorted(self.upright.t_s, (t[0], t[-1])))
-        upright = UprightReturns(self.upright.t_s[within], self.upright.xyz_m[within], self.upright.half[within])
+        u = self.upright
+        upright = UprightReturns(u.t_s[within], u.xyz_m[within], u.half[within], u.laser[within])
         return GroundReturns(t, self.xyz_m[chosen], self.half[chosen], self.body, upright, self.laser[chosen])
 
 
@@ -130,7 +131,7 @@ def ground_returns(
             for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
                 scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
         body = grown(seen >= max(1.0, BODY_SHARE * count))
-        what_stands = UprightReturns(*_without_body(upright.stored(), body)[:3])
+        what_stands = UprightReturns(*_without_body(upright.stored(), body))
         times, places, halves, lasers = _without_body(ground.stored(), body)
         return GroundReturns(times, places, halves, body, what_stands, lasers)
 

@@ -66,11 +66,13 @@ class UprightReturns:
         t_s: (n,) float64 UTC by the trajectory's clock.
         xyz_m: (n, 3) float32 in the vehicle frame.
         half: (n,) uint8: 0 or 1, which of two independent halves of the scans a return belongs to.
+        laser: (n,) uint8 which laser measured a return; none of them where that is not known.
     """
 
     t_s: FloatArray
     xyz_m: NDArray[np.float32]
     half: NDArray[np.uint8]
+    laser: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -78,7 +80,8 @@ class UprightReturns:
 
 def no_upright() -> UprightReturns:
     """Nothing stands anywhere."""
-    return UprightReturns(np.zeros(0), np.zeros((0, 3), np.float32), np.zeros(0, np.uint8))
+    none = np.zeros(0, np.uint8)
+    return UprightReturns(np.zeros(0), np.zeros((0, 3), np.float32), none, none)
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ def drive(relief_m: float, turned_deg: float, seed: int, trees: int = 0) -> tupl
         t[seen][known],
         (Rotation.from_euler("z", -turned_deg, degrees=True).apply(beside - SENSOR_M) + SENSOR_M).astype(np.float32),
         half[seen][known],
+        np.zeros(0, np.uint8),
     )
     return GroundReturns(t, turned.astype(np.float32), half, body, upright), knots, state
 
