@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.matching.agreement import CORRELATED
 from furrowmap.core.matching.bow import Bow
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots
 from furrowmap.core.matching.equations import LEVEL_SIGMA, Held
@@ -18,10 +19,6 @@ from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
 
-HEADING_SHARE: Final = 0.5
-"""What neighbouring returns have wrong alike lifts a scan more than it turns it: the headings that halves of the lasers
-show agree in half of the standard deviation (0.2 to 0.55 of it on simulated soils, 0.9 on a robot's low scanner) that
-:data:`~furrowmap.core.matching.agreement.CORRELATED` makes of it."""
 AROUND_S: Final = 0.5
 """What the scans hold is judged over this time to either side."""
 PLACED_M: Final = 0.05
@@ -29,12 +26,20 @@ PLACED_M: Final = 0.05
 
 
 def sigmas(
-    state: State, held: Held, coarse: CoarseKnots, centre_m: FloatArray, together: NormalEquations, bow: Bow
+    state: State,
+    held: Held,
+    coarse: CoarseKnots,
+    centre_m: FloatArray,
+    together: NormalEquations,
+    bow: Bow,
+    normal: FloatArray,
 ) -> FloatArray:
     """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots.
 
     What is slow comes from the equations in which the ground moves along, what is quick from those in which it is
-    held; a covariance of both is their sum.
+    held; a covariance of both is their sum. What neighbouring returns have wrong alike lifts and tilts a scan but does
+    not turn it, as relief slopes to all sides: of the quick part of a heading, what returns hold is as good as
+    independent returns make it.
 
     Args:
         state: the solution.
@@ -43,6 +48,7 @@ def sigmas(
         centre_m: see :meth:`CoarseKnots.centres`.
         together: equations of the coarse knots with the ground free.
         bow: of the scanner, which bends what is slow.
+        normal: (n, 21) normal matrices of the returns between knots.
     """
     with ThreadPoolExecutor(1) as pool:
         beside = pool.submit(lambda: held.equations.solve().sigma())
@@ -50,6 +56,8 @@ def sigmas(
         bent = bow.mode - slow @ bow.held
         slow += np.outer(bent, bent)
         quick = beside.result().reshape(-1, SIZE)[:, :6] ** 2
+    by_returns = np.minimum(hold_of(normal).heading * quick[:, 5], 1.0)
+    quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
     variance = _variances(
         np.ascontiguousarray(state.xyz_m),
         np.ascontiguousarray(state.rotation),
@@ -188,5 +196,5 @@ def _variances(xyz_m, rotation, before, share, centre_m, slow, quick):  # type: 
         for axis in range(2):
             along = rotation[j, :, axis].copy()
             out[j, 3 + axis] = along @ (turn @ along)
-        out[j, 5] = turn[2, 2] * HEADING_SHARE * HEADING_SHARE
+        out[j, 5] = turn[2, 2]
     return out

@@ -177,7 +177,8 @@ def _trajectory(problem: Problem, start: Trajectory) -> Trajectory:
     state, knots, last = problem.state, problem.knots, problem.last
     bent = bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
     bow = bow_of(bent, last.blind, last.centre_m)
-    sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together, bow)
+    seen = problem.sums.normal + problem.walls.sums.normal
+    sigma = sigmas(state, last.held, last.coarse, last.centre_m, last.together, bow, seen)
     sigma[:, :2] = np.hypot(sigma[:, :2], _taken_for_white_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     speed = _speed(problem)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.matching.agreement import CORRELATED
 from furrowmap.core.matching.bow import Bow
-from furrowmap.core.matching.certainty import AROUND_S, HEADING_SHARE, held_by, hold_of, sigmas
+from furrowmap.core.matching.certainty import AROUND_S, held_by, hold_of, sigmas
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
 from furrowmap.core.matching.equations import Held
 from furrowmap.core.matching.knots import STEP_S, State, knots_over
@@ -25,7 +26,8 @@ def random_chain(count: int, seed: int, scale: float) -> NormalEquations:
     return equations
 
 
-def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
+@pytest.mark.parametrize(("held_by_returns", "independent"), [(0.0, 1.0), (1e12, CORRELATED)])
+def test_sigmas__are_of_slow_and_quick_errors_together(held_by_returns: float, independent: float) -> None:
     knots = knots_over(np.array([0.0, 0.9]))
     s = knots.t_s
     rotation = Rotation.from_euler("ZYX", np.column_stack([0.5 + s, 0.05 * np.sin(s), 0.04 * np.cos(s)]))
@@ -34,7 +36,8 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
     centre = coarse.centres(knots, state)
     quick, slow = random_chain(len(knots), 1, 0.01), random_chain(coarse.count, 2, 0.02)
     bow = Bow(*np.random.default_rng(3).normal(size=(2, coarse.count * SIZE)))
-    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow, bow)
+    normal = np.tile(held_by_returns * np.eye(6)[np.triu_indices(6)], (len(knots), 1))
+    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow, bow, normal)
 
     def covariance(equations: NormalEquations) -> np.ndarray:
         n = equations.band.shape[1]
@@ -48,7 +51,10 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
     projection = np.column_stack([fine_step(coarse, centre, state, one).reshape(-1) for one in ones])
     bent = bow.mode - covariance(slow) @ bow.held
     of_slow = projection @ (covariance(slow) + np.outer(bent, bent)) @ projection.T
-    of_quick = np.diag(covariance(quick)).reshape(-1, SIZE)
+    # Where returns hold it, the quick part of a heading is that of independent ones.
+    of_quick = np.diag(covariance(quick)).reshape(-1, SIZE) / np.array(
+        [1.0, 1.0, 1.0, 1.0, 1.0, independent, 1.0, 1.0, 1.0]
+    )
     for k in range(len(knots)):
         pose = slice(k * SIZE, k * SIZE + 6)
         both = of_slow[pose, pose] + np.diag(of_quick[k, :6])
@@ -57,7 +63,7 @@ def test_sigmas__are_of_slow_and_quick_errors_together() -> None:
         # Roll turns about the vehicle's x axis, pitch about its y axis, heading about the map's up.
         axes = [state.rotation[k, :, 0], state.rotation[k, :, 1], np.array([0.0, 0.0, 1.0])]
         expected = np.degrees([np.sqrt(axis @ turn @ axis) for axis in axes])
-        np.testing.assert_allclose(found[k, 3:], expected * np.array([1.0, 1.0, HEADING_SHARE]), rtol=1e-8)
+        np.testing.assert_allclose(found[k, 3:], expected, rtol=1e-8)
 
 
 def some_normals(n: int, first: int, last: int, seed: int, scale: float) -> tuple[np.ndarray, np.ndarray]:
