@@ -23,12 +23,14 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
 from furrowmap.core.matching.bridging import (
     AHEAD_S,
+    ALIKE_S,
     HOLD_S,
     LEAD_S,
     LOST,
     STEP_IN_S,
     Gap,
     apart,
+    continued,
     gaps_between,
     in_gaps,
     joined_in_gap,
@@ -351,7 +353,8 @@ def _carried(problem: Problem, gap: Gap, to_s: float, *, forward: bool) -> State
         for _ in range(CARRY_STEPS):
             _session_step(small, CARRY_CELL_M, CARRY_THIN, together=False)
         state = state.put(part, small.state)
-    return state
+    ends = (gap.begin_s - ALIKE_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + ALIKE_S)
+    return continued(p.knots, p.state, state, *ends)
 
 
 def _laser_ranges(problem: Problem) -> LaserRanges | None:

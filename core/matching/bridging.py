@@ -38,6 +38,8 @@ AHEAD_S: Final = 0.5
 """Poses so far beyond a step's scans go along, so that it ends on a motion and not on a single pose."""
 HOLD_S: Final = 4.0
 """Poses in the gap that are longer ago than this have come to rest: they hold the later ones as positions do."""
+ALIKE_S: Final = 1.0
+"""So long before a gap, and after it, what is carried into it is brought to what is known there."""
 CARRIED_M: Final = 0.004
 """How well, from one to the next."""
 CARRIED_EVERY: Final = 4
@@ -141,6 +143,23 @@ def with_carried(
         fix=both(positions.fix, np.full(count, Fix.ESTIMATED, np.int8)),
         yaw_rad=both(positions.yaw_rad, np.full(count, np.nan)),
     )
+
+
+def continued(knots: Knots, state: State, carried: State, begin_s: float, end_s: float) -> State:
+    """Carried poses, moved rigidly to where they go on from a state.
+
+    Args:
+        knots: of both.
+        state: outside the gap, where positions and a longer drive hold it.
+        carried: of the same knots; in the few seconds in which it came about, roll and height may have moved along.
+        begin_s: from here on the two are to be alike.
+        end_s: up to here.
+    """
+    at = (knots.t_s >= begin_s) & (knots.t_s <= end_s)
+    turn = Rotation.from_matrix(state.rotation[at] @ carried.rotation[at].transpose(0, 2, 1)).mean()
+    here, there = carried.xyz_m[at].mean(axis=0), state.xyz_m[at].mean(axis=0)
+    rotation = turn.as_matrix() @ carried.rotation
+    return State(there + turn.apply(carried.xyz_m - here), rotation, carried.drift_m)
 
 
 def apart(before: State, after: State) -> FloatArray:

@@ -13,6 +13,7 @@ from furrowmap.core.matching.bridging import (
     APART_RAD,
     Gap,
     apart,
+    continued,
     gaps_between,
     in_gaps,
     joined_in_gap,
@@ -101,6 +102,20 @@ def test_what_adds_up_evenly_from_either_end_is_taken_out(
 
     meet = int(np.searchsorted(knots.t_s, meet_s))
     found = joined_in_gap(knots, truth, GAP, drifted(knots.t_s - GAP.begin_s), drifted(knots.t_s - GAP.end_s), meet)
+    np.testing.assert_allclose(found.xyz_m, truth.xyz_m, atol=1e-9)
+    np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3),
+    st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3),
+)
+def test_poses_that_were_moved_all_together_are_brought_back(shift_m: list[float], turn_rad: list[float]) -> None:
+    knots, truth = drive()
+    turn = Rotation.from_rotvec(turn_rad)
+    moved = State(turn.apply(truth.xyz_m) + shift_m, turn.as_matrix() @ truth.rotation, truth.drift_m)
+    found = continued(knots, truth, moved, GAP.begin_s - 1.0, GAP.begin_s)
     np.testing.assert_allclose(found.xyz_m, truth.xyz_m, atol=1e-9)
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
 
