@@ -353,8 +353,8 @@ def _carried(problem: Problem, gap: Gap, to_s: float, *, forward: bool) -> State
         for _ in range(CARRY_STEPS):
             _session_step(small, CARRY_CELL_M, CARRY_THIN, together=False)
         state = state.put(part, small.state)
-    ends = (gap.begin_s - ALIKE_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + ALIKE_S)
-    return continued(p.knots, p.state, state, *ends)
+    border = (gap.begin_s - ALIKE_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + ALIKE_S)
+    return continued(p.knots, p.state, state, *border)
 
 
 def _laser_ranges(problem: Problem) -> LaserRanges | None:
