@@ -16,7 +16,7 @@ demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show
 	$(BIN)/python scripts/demo.py
 
 test: lint typecheck  ## everything that must hold: style, types, tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 setup: $(INSTALLED)  ## only the virtual environment
 

@@ -18,23 +18,6 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 
-LONGEST_FIRST = (
-    "test_end_to_end.py",
-    "test_desktop.py",
-    "test_worked_ground_end_to_end.py",
-    "test_algorithms.py",
-    "test_base_postgis.py",
-    "test_tutorial.py",
-    "test_base_geopackage.py",
-)
-"""Files that take long begin first, so that no worker is left alone with one at the end."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    order = {name: number for number, name in enumerate(LONGEST_FIRST)}
-    items.sort(key=lambda item: order.get(item.path.name, len(order)))
-
-
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of sample recordings that lies beside the checkout."""
