@@ -54,7 +54,9 @@ def test_what_cannot_be_done__is_three_lines(
     assert command_line([argument.format(**known) for argument in arguments]) == status
     error = capfd.readouterr().err
     assert words in error
-    assert len([line for line in error.splitlines() if line.strip()]) == 3
+    # Where no test before compiled them, that is told as well.
+    told = [line for line in error.splitlines() if line.strip() and not line.startswith("Compiling kernels")]
+    assert len(told) == 3
 
 
 @pytest.mark.parametrize("date", [["--date", "2025-09-09"], []])
