@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
+from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.gnss import Fix
 
@@ -29,8 +30,6 @@ APART_RAD: Final = np.radians(5.0)
 """Where both sides are further apart in the middle, each goes on to the other end: one of them has lost its way."""
 LOST: Final = 3.0
 """Sides that are nowhere nearer to each other than so many times this bridge nothing."""
-LEAST_S: Final = 1.0
-"""A shorter gap is bridged by wheels and inertia alone."""
 LEAD_S: Final = 8.0
 """So much of the drive before each step takes part in it: its ground is what the step is matched to."""
 STEP_IN_S: Final = 0.15
@@ -66,12 +65,16 @@ class Gap:
 
 
 def gaps_between(t_s: FloatArray, knots: Knots) -> tuple[Gap, ...]:
-    """The gaps between positions at times (m,), which increase, in which scans go on."""
+    """The gaps between positions at times (m,), which increase, in which scans go on, as they do before and after.
+
+    What is no longer than :func:`~furrowmap.core.trajectory.motion.longest_gap_s` wheels and inertia bridge alone.
+    """
+    longest_s = longest_gap_s(t_s) if len(t_s) > 1 else np.inf
     return tuple(
         Gap(float(t_s[i]), float(t_s[i + 1]), c)
-        for i in np.flatnonzero(np.diff(t_s) > LEAST_S)
+        for i in np.flatnonzero(np.diff(t_s) > longest_s)
         for c, chain in enumerate(knots.chains)
-        if chain.begin_s <= t_s[i] and t_s[i + 1] <= chain.end_s
+        if chain.begin_s + ALIKE_S <= t_s[i] and t_s[i + 1] + ALIKE_S <= chain.end_s
     )
 
 

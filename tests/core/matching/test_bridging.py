@@ -52,6 +52,14 @@ def test_gaps_are_those_in_which_scans_go_on() -> None:
     # From 16 to 50 s the scans pause as well, and shorter than a second is no gap.
     assert gaps_between(at, knots) == (Gap(at[80], at[81], 0),)
     assert gaps_between(np.arange(0.0, 60.0, 0.9), knots) == ()
+    # At one position a second, with the jitter of a clock, one missing is none yet, five in a row are one.
+    slow = np.arange(0.0, 20.0) + 0.001 * np.sin(np.arange(20.0))
+    assert gaps_between(np.delete(slow, 9), knots) == ()
+    assert len(gaps_between(np.delete(slow, range(9, 14)), knots)) == 1
+    assert gaps_between(slow[:1], knots) == ()
+    # Nothing can be carried into a gap at whose ends no scans are.
+    assert gaps_between(np.array([0.1, 0.2, 0.3, 12.0, 12.1]), knots) == ()
+    assert gaps_between(np.array([7.9, 8.0, 8.1, 19.9, 20.0]), knots) == ()
     np.testing.assert_array_equal(
         in_gaps(np.array([7.0, 8.0, 8.1, 13.9, 14.0]), [GAP]), [False, False, True, True, False]
     )
