@@ -30,9 +30,9 @@ lint: $(INSTALLED)
 
 # The type checker sees the folders under their import names, as an installation has them.
 typecheck: $(INSTALLED)
-	@mkdir -p build/typing/furrowmap
-	@for part in $(PARTS); do ln -sfn ../../../$$part build/typing/furrowmap/$$part; done
-	$(BIN)/mypy $(PARTS:%=-p furrowmap.%)
+	@rm -rf build/typing && mkdir -p build/typing/furrowmap
+	@for part in $(PARTS) $(wildcard app/*); do ln -sfn ../../../$$part build/typing/furrowmap/$${part##*/}; done
+	$(BIN)/mypy -p furrowmap
 
 format: $(INSTALLED)  ## let ruff lay out the code
 	$(BIN)/ruff check --fix

@@ -23,14 +23,14 @@ import copclib
 import lazrs
 import numpy as np
 
-from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
-from furrowmap.core.trajectory.projection import MapFrame
-from furrowmap.exporters.copc.file import las_header
-from furrowmap.exporters.copc.octree import Key, Limits, Octree
-from furrowmap.exporters.copc.points import PointBatch, pack
-from furrowmap.exporters.copc.records import Chosen, Records, gathered
-from furrowmap.exporters.copc.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.exporters.cloud.file import las_header
+from furrowmap.exporters.cloud.octree import Key, Limits, Octree
+from furrowmap.exporters.cloud.points import PointBatch, pack
+from furrowmap.exporters.cloud.records import Chosen, Records, gathered
+from furrowmap.exporters.cloud.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
 SCAN = (("scan", "uint32", "number of the scan"),)

@@ -14,7 +14,7 @@ import numpy as np
 
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import read_tasks
-from furrowmap.core.task_work import task_works
+from furrowmap.core.work.task_work import task_works
 
 HARVEST = Path(__file__).resolve().parents[2] / "shared" / "data" / "isoxml" / "field_days" / "harvest_21_fields"
 UNION_M2 = {

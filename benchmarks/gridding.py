@@ -28,7 +28,7 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.exporters.cog import SURFACE_BANDS, Origin, surface_arrays, write_cog
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Origin, surface_arrays, write_cog
 
 FloatArray = NDArray[np.float64]
 

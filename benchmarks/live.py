@@ -23,13 +23,13 @@ from sessions import line, over_sigma, print_over_sigma, simulated
 from trajectory_error import Poses, judge, load_simulation
 from whole_run import recording as long_recording
 
-from furrowmap.core.inputs import Inputs, LidarReader, open_lidar, open_positions
+from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.adjustment import Tool
 from furrowmap.core.matching.live import LiveMatching, LivePose
 from furrowmap.core.readers.reader import GivesTrack
-from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, LidarReader, open_lidar, open_positions
 from furrowmap.core.values.rotation import quaternion_to_attitude
-from furrowmap.core.values.session_file import load_session
 
 FloatArray = NDArray[np.float64]
 

@@ -32,16 +32,17 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import (
     attitude_to_quaternion,
     quaternion_to_attitude,
@@ -49,7 +50,6 @@ from furrowmap.core.values.rotation import (
     wrap_deg,
 )
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -19,12 +19,12 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cog import HEIGHT, Band, cog_output
-from furrowmap.exporters.copc.points import PointBatch
-from furrowmap.exporters.copc.writer import CopcWriter
-from furrowmap.exporters.field_rasters import style_of
-from furrowmap.exporters.products import las_wkt, write_products
-from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.writer import CopcWriter
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import HEIGHT, Band, cog_output
+from furrowmap.exporters.rasters.field_rasters import style_of
+from furrowmap.workflows.run import las_wkt, write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DAY = Path.home() / ".cache" / "furrowmap" / "benchmarks" / "qgis_day"

@@ -22,14 +22,14 @@ from pathlib import Path
 import numpy as np
 import velodyne_decoder
 
-from furrowmap.core.cloud.placed import place_scans
-from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.inputs import Inputs, open_lidar, open_positions
-from furrowmap.core.locating import locate
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.matching.locating import locate
+from furrowmap.core.pointclouds.placed import place_scans
+from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.trajectory.projection import map_frame
-from furrowmap.core.values.session_file import load_session
 
 ROUNDS = 3
 PASSES = {"1x": 4, "5x": 19}

@@ -21,22 +21,22 @@ import shapely
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from furrowmap.core.field_work import FieldWork
+from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.simulator.drive import RATE_HZ, Track, drive_path
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Drive, Implement
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
-from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.session import Implement as Stated
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from furrowmap.core.work.depth import Depth
+from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground
 from furrowmap.core.work.track import events, tool_paths
-from furrowmap.exporters.geopackage import write_field
+from furrowmap.exporters.vectors.geopackage import write_field
 
 FloatArray = NDArray[np.float64]
 

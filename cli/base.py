@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pyproj import CRS
 
-    from furrowmap.exporters.base.base import Change
+    from furrowmap.exporters.farm.farm_map import Change
 
 _DB_SCHEMA: Final = "furrowmap"
 
@@ -68,7 +68,7 @@ def add(
     BASE is made where it is not there. A session that it has already is replaced by its new result. Either all of
     DIR... get into it or none; an interruption leaves it as it was.
     """
-    from furrowmap.exporters.base.base import add_results
+    from furrowmap.exporters.farm.farm_map import add_results
 
     options: dict[str, Any] = {"crs": _crs(crs), "same_crs": same_crs, "zone": _zone(zone), "schema": schema}
     with console.work(passing=True) as progress:
@@ -88,8 +88,8 @@ def add(
 @common_options
 def list_sessions(console: Console, target: str, *, schema: str) -> None:
     """Tell which sessions are in BASE: identity, day, ground worked, name."""
-    from furrowmap.exporters.base.base import known_sessions
-    from furrowmap.exporters.base.edit import KnownSession
+    from furrowmap.exporters.farm.edit import KnownSession
+    from furrowmap.exporters.farm.farm_map import known_sessions
 
     def row(session: KnownSession) -> tuple[str, str]:
         area_m2 = session.worked_area_m2
@@ -115,7 +115,7 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
 
     The folders of their results stay as they are.
     """
-    from furrowmap.exporters.base.base import remove_sessions
+    from furrowmap.exporters.farm.farm_map import remove_sessions
 
     with console.work(passing=True) as progress:
         change = remove_sessions(target, sessions, schema=schema, progress=progress)
@@ -153,8 +153,8 @@ def mosaic(
     The latest session wins where they overlap. A .vrt is a small file that refers to the surfaces' heights where they
     lie; a .tif is a cloud-optimised GeoTIFF with all their bands.
     """
-    from furrowmap.exporters.base.mosaic import mosaic as put_together
-    from furrowmap.exporters.base.surfaces import find_surfaces, refuse_output
+    from furrowmap.exporters.farm.mosaic import mosaic as put_together
+    from furrowmap.exporters.farm.surfaces import find_surfaces, refuse_output
 
     refuse_output(output, overwrite=overwrite)
     with console.work(passing=True) as progress:

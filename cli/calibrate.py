@@ -12,7 +12,7 @@ from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.words import table
 
 if TYPE_CHECKING:
-    from furrowmap.core.calibration import Calibration
+    from furrowmap.workflows.calibrate import Calibration
 
 
 @click.command(
@@ -28,8 +28,8 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
     The ground under the vehicle is level on the mean of a session, the vehicle drives where it looks, and ground seen
     on the way there and back lies in one place.
     """
-    from furrowmap.core.calibration import calibrate as estimate
-    from furrowmap.core.calibration import calibrated_text
+    from furrowmap.workflows.calibrate import calibrate as estimate
+    from furrowmap.workflows.calibrate import calibrated_text
 
     with console.work() as progress:
         found = estimate(session, progress)

@@ -13,8 +13,8 @@ from furrowmap.cli.words import table
 from furrowmap.core.values.errors import RefusedError, printable
 
 if TYPE_CHECKING:
-    from furrowmap.core.cloud_check import Check
-    from furrowmap.core.positional_accuracy import Component
+    from furrowmap.core.checking.check import Check
+    from furrowmap.core.checking.positional_accuracy import Component
 
 CLASS = click.FloatRange(0.0, min_open=True)
 
@@ -67,9 +67,9 @@ def check(
     precision within and between swaths. An RMSE that is asked for and not met, or cannot be told, sets the exit status
     4; precision beyond that class is a warning.
     """
-    from furrowmap.core.cloud_check import check_product
-    from furrowmap.exporters.atomic import refuse_existing
-    from furrowmap.exporters.check_table import point_rows, write_check_table
+    from furrowmap.core.checking.check import check_product
+    from furrowmap.exporters.files.atomic import refuse_existing
+    from furrowmap.exporters.reports.check_table import point_rows, write_check_table
 
     if table_file is not None:
         refuse_existing(table_file, overwrite=overwrite)

@@ -76,8 +76,8 @@ def cloud(
     classes, every N-th point, outliers, ground, cubes. What a file says that is not so is told on standard error.
     """
     box, without = box_of(bbox), classes_of(without_class, "--without-class")
-    from furrowmap.core.cloud_cleaning import Cleaning
-    from furrowmap.exporters.clean_cloud import CleanSettings, write_clean_cloud
+    from furrowmap.core.pointclouds.cleaning import Cleaning
+    from furrowmap.workflows.clean import CleanSettings, write_clean_cloud
 
     cleaning = Cleaning(box, without or frozenset(), every, outliers, drop_noise, ground, voxel)
     settings = CleanSettings(cleaning, named_crs(bbox_crs), named_crs(crs), named_crs(dst_crs))

@@ -118,7 +118,7 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
 
 def put_json(value: object) -> None:
     """Write `value` as JSON to standard output, in UTF-8 whatever the terminal's encoding is."""
-    from furrowmap.exporters.json_text import json_text
+    from furrowmap.exporters.files.json_text import json_text
 
     click.echo(json_text(value).encode(), nl=False)
 

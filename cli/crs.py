@@ -24,7 +24,7 @@ def crs(console: Console, session: Path) -> None:
     Frame and epoch, how far and where to positions are moved, the geoid's height, easting and northing, grid
     convergence and scale, and areas in the map's plane and on the ellipsoid.
     """
-    from furrowmap.core.site_coordinates import site_coordinates
+    from furrowmap.core.session.site_coordinates import site_coordinates
 
     with console.work() as progress:
         progress("reading positions", 0.0)

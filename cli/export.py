@@ -11,7 +11,7 @@ from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.core.values.errors import printable
 
 FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
-"""As `furrowmap.exporters.exchange.export` has them, which `--help` has no time to import."""
+"""As `furrowmap.workflows.export` has them, which `--help` has no time to import."""
 
 
 @click.command(
@@ -44,7 +44,7 @@ def export(
     terminals, as a folder or, if TARGET ends so, a .zip; stac takes many DIRs and makes a catalogue over them. GeoJSON
     and KML are always in WGS 84.
     """
-    from furrowmap.exporters.exchange.export import export as write
+    from furrowmap.workflows.export import export as write
 
     crs = named_crs(dst_crs)
     with console.work() as progress:

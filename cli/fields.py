@@ -51,9 +51,9 @@ def fields(
     No scanner is needed: position, working state and width stand in the time logs. "way × width" is what the machine's
     counter should show: it counts ground twice that was worked twice.
     """
-    from furrowmap.core.task_work import task_works
-    from furrowmap.exporters.atomic import refuse_existing
-    from furrowmap.exporters.task_fields import task_figures, write_fields
+    from furrowmap.core.work.task_work import task_works
+    from furrowmap.exporters.files.atomic import refuse_existing
+    from furrowmap.exporters.vectors.task_fields import task_figures, write_fields
 
     if output is not None:
         refuse_existing(output, overwrite=overwrite)

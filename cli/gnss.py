@@ -80,9 +80,9 @@ def evaluate(
     those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, of all epochs and by kind of
     fix.
     """
-    from furrowmap.core.gnss_evaluation import evaluate_logs
-    from furrowmap.exporters.evaluation_figures import figures
-    from furrowmap.exporters.evaluation_page import write_evaluation
+    from furrowmap.core.evaluation.receivers import evaluate_logs
+    from furrowmap.exporters.reports.evaluation_figures import figures
+    from furrowmap.exporters.reports.evaluation_page import write_evaluation
 
     with console.work(passing=True) as progress:
         found = evaluate_logs(

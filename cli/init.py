@@ -26,9 +26,9 @@ def init(console: Console, recordings: tuple[Path, ...], output: Path | None, *,
 
     What it could not find out, such as how the sensor is mounted, stands in the file as a comment, and is told.
     """
-    from furrowmap.core.examination import Examined
-    from furrowmap.core.session_proposal import common_folder, propose_session
-    from furrowmap.exporters.atomic import atomic_output
+    from furrowmap.core.session.examination import Examined
+    from furrowmap.core.session.proposal import common_folder, propose_session
+    from furrowmap.exporters.files.atomic import atomic_output
 
     session_file = output or common_folder(recordings) / "session.toml"
     if session_file.exists() and not overwrite:

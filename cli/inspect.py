@@ -27,7 +27,7 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
 
     A file that cannot be read is told on standard error; the others still come, and the exit status is 3.
     """
-    from furrowmap.core.examination import Examined, time_matches
+    from furrowmap.core.session.examination import Examined, time_matches
 
     examined: list[Examined] = []
     answers: list[dict[str, Any]] = []

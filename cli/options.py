@@ -48,7 +48,7 @@ def named_crs(text: str | None) -> CRS | None:
     Raises:
         InputError: if it names none.
     """
-    from furrowmap.core.crs_change import crs_of  # brings pyproj, which --help does without
+    from furrowmap.core.geodesy.crs_change import crs_of  # brings pyproj, which --help does without
 
     return crs_of(text) if text is not None else None
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.exporters.atomic import atomic_output
+from furrowmap.exporters.files.atomic import atomic_output
 
 PLUGIN: Final = "furrowmap"
 INSTALLED_BY: Final = "installed_by.json"

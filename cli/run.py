@@ -42,7 +42,7 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
     if preview:
         _preview(console, session, output or session.resolve().parent / f"{session.stem}_preview")
         return
-    from furrowmap.exporters.products import write_products
+    from furrowmap.workflows.run import write_products
 
     folder = output or session.resolve().parent / f"{session.stem}_result"
     with console.work() as progress:
@@ -52,7 +52,7 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
 
 
 def _preview(console: Console, session: Path, folder: Path) -> None:
-    from furrowmap.exporters.preview import write_preview
+    from furrowmap.workflows.preview import write_preview
 
     with console.work() as progress:
         account = write_preview(session, folder, progress)

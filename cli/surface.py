@@ -99,11 +99,11 @@ def surface(
     standard error.
     """
     box, kept = box_of(bbox), classes_of(classes, "--class")
+    from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
     from furrowmap.core.surfaces.statistic import Statistic
-    from furrowmap.exporters.cloud_products import write_cloud_surfaces
-    from furrowmap.exporters.cloud_settings import CloudSettings
+    from furrowmap.workflows.surface import write_cloud_surfaces
 
-    settings = CloudSettings(
+    settings = SurfaceSettings(
         cell_m=cell,
         box=box,
         box_crs=named_crs(bbox_crs),

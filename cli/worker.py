@@ -152,7 +152,7 @@ class _Teller:
         self._lock = threading.Lock()
 
     def __call__(self, kind: str, **content: object) -> None:
-        from furrowmap.exporters.json_text import plain
+        from furrowmap.exporters.files.json_text import plain
 
         line = json.dumps(plain({"type": kind, **content}), ensure_ascii=False, allow_nan=False)
         with self._lock:

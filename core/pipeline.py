@@ -11,25 +11,25 @@ from typing import Final, Protocol
 import msgspec
 import numpy as np
 
-from furrowmap.core.classifying import classifier
-from furrowmap.core.cloud.ahead import ahead, behind
-from furrowmap.core.cloud.placed import PlacedScan, Tally, place_scans
-from furrowmap.core.cloud.placing import Placer
-from furrowmap.core.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
-from furrowmap.core.inputs import Inputs, open_lidar, open_positions, watched
-from furrowmap.core.locating import SCANS_AHEAD, Located, locate, matched_to_ground
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.matching.facing import TURNED_DEG
 from furrowmap.core.matching.laser_ranges import LaserRanges
+from furrowmap.core.matching.locating import SCANS_AHEAD, Located, locate, matched_to_ground
+from furrowmap.core.pointclouds.classifying import classifier
+from furrowmap.core.pointclouds.placed import PlacedScan, Tally, place_scans
+from furrowmap.core.pointclouds.placement_notices import gap_notices, refuse_empty, session_notices, tally_notices
+from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.reader import ClockReading
-from furrowmap.core.run_notices import gap_notices, refuse_empty, session_notices, tally_notices
-from furrowmap.core.states_elsewhere import states_from_elsewhere
-from furrowmap.core.trajectory.projection import MapFrame, map_frame
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions, watched
+from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import load_session
+from furrowmap.core.work.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
+from furrowmap.core.work.states_elsewhere import states_from_elsewhere
 
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a whole multiple of this."""

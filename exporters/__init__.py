@@ -1,1 +1,1 @@
-"""."""
+"""Writers of files: values in, files out."""

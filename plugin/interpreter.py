@@ -74,7 +74,7 @@ def command_of(path):
     if path.is_dir():
         path = python_in(path)
     if path.stem.lower().startswith("python"):
-        return (str(path), "-I", "-m", "furrowmap.cli")
+        return (str(path), "-I", "-m", "furrowmap")
     return (str(path),)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from furrowmap.exporters.picture import draw_map
+from furrowmap.exporters.rasters.picture import draw_map
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DEMO = CHECKOUT / "demo"

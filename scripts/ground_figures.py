@@ -19,7 +19,7 @@ from furrowmap.core.surfaces.depressions import find_depressions
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.terrain import hillshade
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.exporters.products import CLOUD, write_products
+from furrowmap.workflows.run import CLOUD, write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SAMPLE = CHECKOUT.parent / "shared" / "data" / "tractor_loop"

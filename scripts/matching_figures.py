@@ -18,17 +18,17 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.inputs import Inputs, open_lidar, open_positions
-from furrowmap.core.locating import locate, matched_to_ground
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.matching.locating import locate, matched_to_ground
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.surface import TILE, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LightSource
 from numpy.typing import NDArray
 
-from furrowmap.exporters.products import write_products
+from furrowmap.workflows.run import write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DATA = CHECKOUT.parent / "shared" / "data"

@@ -11,8 +11,8 @@ import msgspec
 import pytest
 from packaging.requirements import Requirement
 
+from furrowmap.core.session.file import parse_session
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import parse_session
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOCS = CHECKOUT / "docs"

@@ -18,10 +18,10 @@ import laspy
 import numpy as np
 import pytest
 
-from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import Run, run
-from furrowmap.core.trajectory.projection import MapFrame
-from furrowmap.exporters.products import write_products
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.workflows.run import write_products
 
 TRACTORS = ("tractor_loop", "tractor_fishtail")
 COUNTED = {"tractor_loop": (7_977_874, 599, 597), "tractor_fishtail": (7_807_777, 627, 625)}

@@ -18,44 +18,45 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 CHECKOUT = Path(__file__).resolve().parents[1]
+PARTS = ("app", "core", "exporters", "cli")
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
 
-# What each part may import of furrowmap: data flows one way. The longest name that fits a module rules it.
-VALUES = ["furrowmap.core.values"]
-READERS = [*VALUES, "furrowmap.core.readers"]
-TRAJECTORY = [*READERS, "furrowmap.core.trajectory"]
-CLOUD = [*TRAJECTORY, "furrowmap.core.cloud"]
-MATCHING = [*TRAJECTORY, "furrowmap.core.matching"]
-IMPLEMENT = [*CLOUD, "furrowmap.core.implement"]
-WORK = [*IMPLEMENT, "furrowmap.core.work"]
-SURFACES = [*CLOUD, "furrowmap.core.surfaces"]
-EVALUATION = [*VALUES, "furrowmap.core.evaluation"]
+# Which rooms of `core` each room may import, besides itself: data flows one way, and no room imports one above it.
+ROOMS = {
+    "values": [],
+    "estimation": ["values"],
+    "geodesy": ["values"],
+    "readers": ["values"],
+    "session": ["geodesy", "readers", "values"],
+    "trajectory": ["estimation", "geodesy", "readers", "values"],
+    "surfaces": ["values"],
+    "implement": ["values"],
+    "matching": ["estimation", "geodesy", "readers", "session", "trajectory", "values"],
+    "pointclouds": ["geodesy", "implement", "matching", "readers", "session", "surfaces", "values"],
+    "work": ["geodesy", "implement", "pointclouds", "readers", "session", "surfaces", "trajectory", "values"],
+    "checking": ["geodesy", "pointclouds", "readers", "values"],
+    "evaluation": ["readers", "values"],
+    "simulator": [],
+}
+# What each part may import of furrowmap. The longest name that fits a module rules it.
 MAY_IMPORT = {
-    "furrowmap.core.values": VALUES,
-    "furrowmap.core.readers": READERS,
-    "furrowmap.core.trajectory": TRAJECTORY,
-    "furrowmap.core.matching": MATCHING,
-    "furrowmap.core.cloud": CLOUD,
-    "furrowmap.core.implement": IMPLEMENT,
-    "furrowmap.core.work": WORK,
-    "furrowmap.core.surfaces": SURFACES,
-    "furrowmap.core.evaluation": EVALUATION,
+    **{
+        f"furrowmap.core.{room}": [f"furrowmap.core.{name}" for name in (room, *rooms)] for room, rooms in ROOMS.items()
+    },
     # The oracle of the tests shares no code with what it judges.
     "furrowmap.core.simulator": [
         "furrowmap.core.simulator",
         "furrowmap.core.values.errors",
         "furrowmap.core.values.progress",
     ],
-    # What composes the others stands directly in core; nobody there composes the simulator.
-    "furrowmap.core": [
-        *MATCHING,
-        *WORK,
-        *SURFACES,
-        *EVALUATION,
-        *(f"furrowmap.core.{path.stem}" for path in (CHECKOUT / "core").glob("*.py")),
+    # The pipeline composes the rooms, but not the simulator, nor what judges its results.
+    "furrowmap.core.pipeline": [
+        f"furrowmap.core.{room}" for room in ROOMS if room not in {"simulator", "checking", "evaluation"}
     ],
+    "furrowmap.core": [],
     "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],
-    "furrowmap.cli": ["furrowmap.core", "furrowmap.exporters", "furrowmap.cli"],
+    "furrowmap": ["furrowmap"],
+    "furrowmap.cli": ["furrowmap"],
 }
 
 
@@ -69,10 +70,12 @@ def repository_files() -> list[Path]:
 @cache
 def module_files() -> dict[str, Path]:
     """Import name → file, of everything that is furrowmap when installed."""
-    files = [p for part in ("core", "exporters", "cli") for p in sorted((CHECKOUT / part).rglob("*.py"))]
     return {
-        ".".join(("furrowmap", *p.relative_to(CHECKOUT).with_suffix("").parts)).removesuffix(".__init__"): p
-        for p in files
+        ".".join(("furrowmap", *p.relative_to(CHECKOUT).with_suffix("").parts))
+        .replace("furrowmap.app", "furrowmap")
+        .removesuffix(".__init__"): p
+        for part in PARTS
+        for p in sorted((CHECKOUT / part).rglob("*.py"))
     }
 
 
@@ -125,8 +128,8 @@ def test_licences__only_the_plugin_says_gpl() -> None:
 
 def test_packages__are_those_on_disk() -> None:
     on_disk = {
-        ".".join(("furrowmap", *p.parent.relative_to(CHECKOUT).parts))
-        for part in ("core", "exporters", "cli", "plugin")
+        ".".join(("furrowmap", *p.parent.relative_to(CHECKOUT).parts)).replace("furrowmap.app", "furrowmap")
+        for part in (*PARTS, "plugin")
         for p in (CHECKOUT / part).rglob("__init__.py")
     }
     assert set(PROJECT["tool"]["setuptools"]["packages"]) == on_disk
@@ -177,16 +180,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wheel__holds_every_module_and_its_data_and_nothing_else(wheel: Path) -> None:
     data = {".typed", ".toml", ".qml", ".html", ".css", ".js"}
     expected = {
-        f"furrowmap/{path.relative_to(CHECKOUT).as_posix()}"
+        f"furrowmap/{path.relative_to(CHECKOUT).as_posix()}".replace("furrowmap/app/", "furrowmap/")
         for path in repository_files()
-        if (path.relative_to(CHECKOUT).parts[0] in {"core", "exporters", "cli"} and path.suffix in data | {".py"})
+        if (path.relative_to(CHECKOUT).parts[0] in PARTS and path.suffix in data | {".py"})
         or path.relative_to(CHECKOUT).parts[0] == "plugin"
     }
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         licences = [name for name in archive.namelist() if name.endswith("LICENSE") and ".dist-info/" in name]
     assert names == expected
-    assert {f"furrowmap/{part}/py.typed" for part in ("core", "exporters", "cli")} <= names
+    assert "furrowmap/py.typed" in names
     assert len(licences) == 2  # furrowmap's own, and the plugin's
 
 

@@ -16,7 +16,7 @@ from furrowmap.core.simulator.rays import Met
 from furrowmap.core.simulator.scenario import Drive, Field, Implement, Scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.exporters.products import write_products
+from furrowmap.workflows.run import write_products
 
 SCENARIO = Scenario(
     name="classes",

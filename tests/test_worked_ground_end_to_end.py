@@ -22,7 +22,7 @@ import rasterio
 from playwright.sync_api import Browser, sync_playwright
 
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.exporters.products import write_products
+from furrowmap.workflows.run import write_products
 from tests.test_end_to_end import TRACTORS, rover_session, session_folder, tool_module
 
 AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations, Solution
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
 from furrowmap.core.matching.bridging import (
     AHEAD_S,
@@ -41,7 +43,6 @@ from furrowmap.core.matching.bridging import (
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, coarse_pull, fine_step, free_patches
 from furrowmap.core.matching.equations import Aslant, Held, add_slices, hold_blind, position_trust
 from furrowmap.core.matching.facing import facing_deg
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
 from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
 from furrowmap.core.matching.relaxation import Relaxation
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
@@ -65,7 +66,6 @@ from furrowmap.core.matching.wall_steps import (
     wall_windows,
 )
 from furrowmap.core.matching.walls import WALL_PATCH_M, Scatter, UprightReturns
-from furrowmap.core.trajectory.banded import NormalEquations, Solution
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory

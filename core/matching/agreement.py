@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.knots import STEP_S, Chain
+from furrowmap.core.estimation.knots import STEP_S, Chain
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
 
 FloatArray = NDArray[np.float64]

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
 

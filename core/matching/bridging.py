@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.gnss import Fix

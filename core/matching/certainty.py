@@ -10,12 +10,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, State
 from furrowmap.core.matching.agreement import CORRELATED
 from furrowmap.core.matching.bow import Bow
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots
 from furrowmap.core.matching.equations import LEVEL_SIGMA, Held
-from furrowmap.core.matching.knots import STEP_S, State
-from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
 

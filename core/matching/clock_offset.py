@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.knots import STEP_S, Knots, State
+from furrowmap.core.estimation.knots import STEP_S, Knots, State
 from furrowmap.core.trajectory.positions import Positions
 
 FloatArray = NDArray[np.float64]

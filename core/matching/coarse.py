@@ -18,9 +18,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.matching.agreement import CoarseGrid, Patches
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
-from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

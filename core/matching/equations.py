@@ -9,10 +9,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Knots, State, turns
 from furrowmap.core.matching.agreement import Sums
 from furrowmap.core.matching.coarse import SIZE
-from furrowmap.core.matching.knots import STEP_S, Knots, State, turns
-from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.kinematic import CORRELATION_S, HUBER, SLIP
 from furrowmap.core.trajectory.positions import Positions
 

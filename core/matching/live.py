@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.knots import PAUSE_S, STEP_S, Chain, Knots, State, place, start_from, turns
+from furrowmap.core.geodesy.coordinates import brought_track
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.matching.adjustment import GUARD_S, TOOL_CELL_M, TOOL_MARGIN_M, Tool
 from furrowmap.core.matching.agreement import CoarseGrid, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.equations import hold, position_trust
-from furrowmap.core.matching.knots import PAUSE_S, STEP_S, Chain, Knots, State, place, start_from, turns
 from furrowmap.core.matching.returns import BODY_SHARE, LEARN_SCANS, PIXELS, ground_height_m, grown, on_body, select
 from furrowmap.core.matching.rolling_base import RollingBase
 from furrowmap.core.matching.sliding import (
@@ -33,11 +35,9 @@ from furrowmap.core.matching.sliding import (
     ways_m,
 )
 from furrowmap.core.matching.surface import add_returns, layers, passage_of
-from furrowmap.core.trajectory.coordinates import brought_track
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.positions import Positions, positions_of, sigmas_m, white_noise_m
-from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.mounting import Mounting

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
 from furrowmap.core.matching.bow import bow_of, bow_sigma
 from furrowmap.core.matching.certainty import held_by, sigmas
 from furrowmap.core.matching.clock_offset import clock_offset
-from furrowmap.core.matching.knots import STEP_S
 from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
 from furrowmap.core.matching.stance import Stance

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from furrowmap.core.matching.knots import STEP_S, Knots
+from furrowmap.core.estimation.knots import STEP_S, Knots
 
 FloatArray = NDArray[np.float64]
 

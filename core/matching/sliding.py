@@ -16,10 +16,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Knots, State
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.equations import Headings, Seen
-from furrowmap.core.matching.knots import STEP_S, Knots, State
-from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
 
 FloatArray = NDArray[np.float64]

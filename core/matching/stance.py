@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, stdtrit
 
-from furrowmap.core.matching.knots import STEP_S, Knots, State
+from furrowmap.core.estimation.knots import STEP_S, Knots, State
 from furrowmap.core.matching.surface import Passage, Surface, heights, layers
 
 FloatArray = NDArray[np.float64]

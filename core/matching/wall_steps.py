@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Sums
 from furrowmap.core.matching.coarse import CoarseKnots
-from furrowmap.core.matching.knots import Knots, State
 from furrowmap.core.matching.walls import (
     FAR_M,
     Columns,

@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.knots import STEP_S, Chain
 from furrowmap.core.matching.agreement import UPPER, CoarseGrid, Patches, Sums
-from furrowmap.core.matching.knots import STEP_S, Chain
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Tiles, tiles_over
 
 FloatArray = NDArray[np.float64]

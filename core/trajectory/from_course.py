@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
-from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
@@ -25,7 +26,6 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
     without_jumps,
 )
-from furrowmap.core.trajectory.projection import MapFrame
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack

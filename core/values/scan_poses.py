@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.values.rotation import quaternion_to_attitude
+from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -62,6 +63,25 @@ class ScanPoses:
                 )
         if n > 1 and not bool(np.all(np.diff(self.scan) > 0)):
             raise ValueError("ScanPoses.scan does not increase")
+
+    @classmethod
+    def at_knots(cls, trajectory: Trajectory) -> ScanPoses:
+        """The poses of a trajectory's knots, each as a scan without points: for a recording without scans."""
+        return cls(
+            scan=np.arange(len(trajectory)),
+            t_s=trajectory.t_s,
+            xyz_m=trajectory.xyz_m,
+            quaternion=trajectory.quaternion,
+            speed_mps=trajectory.speed_mps,
+            motion=trajectory.motion,
+            fix=trajectory.fix,
+            sigma=trajectory.sigma,
+            heading_from=trajectory.heading_from,
+            position_from=trajectory.position_from,
+            height_from=trajectory.height_from,
+            level_from=trajectory.level_from,
+            points=np.zeros(len(trajectory), np.int64),
+        )
 
     def __len__(self) -> int:
         return len(self.scan)

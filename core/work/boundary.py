@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.values.errors import InputError, RefusedError
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyproj import Proj
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory

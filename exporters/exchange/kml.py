@@ -12,7 +12,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.values.errors import Notice, printable
-from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.files.provenance import Origin
 
 if TYPE_CHECKING:
     import geopandas as gpd

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from furrowmap.core.values.errors import InputError
-from furrowmap.exporters.provenance import Origin
-from furrowmap.exporters.staging import recover
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import recover
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -129,7 +129,7 @@ def open_result(folder: Path) -> Result:
         InputError: if there are none, or what is there cannot be read.
         RefusedError: if a run is writing them just now.
     """
-    from furrowmap.exporters.ogr import pyogrio
+    from furrowmap.exporters.vectors.ogr import pyogrio
 
     if folder.is_dir():
         recover(folder)

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.crs_change import crs_change
-from furrowmap.core.trajectory.stated_frame import stated_frame
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.stated_frame import stated_frame
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.exchange.result import Result, result_origin
-from furrowmap.exporters.json_text import json_text
+from furrowmap.exporters.files.json_text import json_text
 
 if TYPE_CHECKING:
     import pystac

@@ -26,10 +26,10 @@ from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_matrix
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.exporters.atomic import atomic_output
 from furrowmap.exporters.exchange.result import Result, open_result
 from furrowmap.exporters.exchange.vectors import changed_crs
-from furrowmap.exporters.staging import staged_folder
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.staging import staged_folder
 
 if TYPE_CHECKING:
     import geopandas as gpd

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.crs_change import crs_change
+from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.exchange.kml import write_kml
-from furrowmap.exporters.geopackage import write_styles
-from furrowmap.exporters.provenance import Origin
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.vectors.geopackage import write_styles
 
 if TYPE_CHECKING:
     import geopandas as gpd

@@ -12,9 +12,9 @@ from pyproj import CRS
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.cog import HEIGHT, write_cog
-from furrowmap.exporters.provenance import Origin
-from tests.exporters.base.result_folders import write_result
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
+from tests.exporters.farm.result_folders import write_result
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from furrowmap.cli.main import command_line
-from furrowmap.core import cloud_cleaning
+from furrowmap.core.pointclouds import cleaning as cloud_cleaning
 from furrowmap.core.surfaces.ground import classify_ground
 
 WEST, SOUTH = 500_000.0, 5_300_000.0

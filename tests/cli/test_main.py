@@ -14,7 +14,7 @@ import pytest
 from pyproj import proj_version_str
 
 from furrowmap.cli.main import VERBS, command_line
-from furrowmap.core.examination import Examined
+from furrowmap.core.session.examination import Examined
 
 FURROWMAP = Path(sys.executable).with_name("furrowmap")
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.cloud.placed import PlacedScan
+from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import Run, run
-from furrowmap.core.trajectory.projection import MapFrame
+from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.values.errors import Cancelled, InputError
 
 SESSION = """furrowmap = 1

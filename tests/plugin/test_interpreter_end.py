@@ -34,7 +34,7 @@ print("the end")
 @pytest.fixture
 def script(tmp_path: Path) -> Path:
     """What leaves an iterator behind whose thread is at work, beside the module alone."""
-    shutil.copyfile(CHECKOUT / "core" / "cloud" / "ahead.py", tmp_path / "ahead.py")
+    shutil.copyfile(CHECKOUT / "core" / "values" / "ahead.py", tmp_path / "ahead.py")
     path = tmp_path / "left_behind.py"
     path.write_text(LEFT_BEHIND)
     return path

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.evaluation.constant_offsets import offset_notices
-from furrowmap.core.gnss_evaluation import evaluate_logs
+from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.values.compass import compass_word
 from furrowmap.core.values.errors import InputError
 

@@ -16,8 +16,8 @@ from pyproj import Geod, Transformer
 from furrowmap.core.evaluation.continuity import Continuity
 from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
 from furrowmap.core.evaluation.matching import match
+from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.evaluation.statistics import Row, outliers, table
-from furrowmap.core.gnss_evaluation import evaluate_logs
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 

@@ -13,9 +13,9 @@ from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import NearScans
 from furrowmap.core.implement.states import tool_history
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
+from furrowmap.core.session.file import load_session
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.tool_states import ToolState
 
 

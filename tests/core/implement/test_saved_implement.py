@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.field_work import ImplementWatch
 from furrowmap.core.implement.saved import load_implement, save_implement
+from furrowmap.core.session.file import parse_session
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import parse_session
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import trajectory_from_attitude
+from furrowmap.core.work.field_work import ImplementWatch
 from tests.core.implement.conftest import MOUNTING, T0_S, Scene
 
 SESSION = """

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.inputs import Inputs, open_lidar, open_positions
-from furrowmap.core.locating import Located, locate
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.matching.locating import Located, locate
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.trajectory import Trajectory
 
 STRAIGHT = Scenario(

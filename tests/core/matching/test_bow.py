@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.matching.bow import ELEVATION_SIGMA, bow_of, bow_sigma
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.trajectory.banded import NormalEquations
 
 HEIGHT_M = 0.4
 UP = np.array([0.0, 0.0, 1.0])

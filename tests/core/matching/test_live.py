@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.inputs import open_positions
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.matching.live import LiveMatching, LivePose
 from furrowmap.core.readers.reader import GivesTrack
-from furrowmap.core.trajectory.projection import MapFrame, map_frame
+from furrowmap.core.session.inputs import open_positions
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan

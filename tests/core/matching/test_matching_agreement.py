@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.knots import STEP_S, Chain
 from furrowmap.core.matching.agreement import (
     CORRELATED,
     NOISE_M,
@@ -19,7 +20,6 @@ from furrowmap.core.matching.agreement import (
     Sums,
     agree,
 )
-from furrowmap.core.matching.knots import STEP_S, Chain
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, tiles_over
 
 FloatArray = NDArray[np.float64]

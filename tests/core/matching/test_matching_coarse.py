@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State, knots_over, place, turns
 from furrowmap.core.matching.agreement import Patches, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
 from furrowmap.core.matching.equations import hold
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State, knots_over, place, turns
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
-from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
 
 FloatArray = NDArray[np.float64]

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.knots import STEP_S, Knots, State, knots_over
 from furrowmap.core.matching.agreement import Sums
 from furrowmap.core.matching.equations import (
     ACCELERATION,
@@ -24,7 +25,6 @@ from furrowmap.core.matching.equations import (
     hold,
     position_trust,
 )
-from furrowmap.core.matching.knots import STEP_S, Knots, State, knots_over
 from furrowmap.core.trajectory.kinematic import CORRELATION_S, HUBER, SLIP
 from furrowmap.core.trajectory.positions import Positions
 

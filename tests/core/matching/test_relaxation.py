@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
 from furrowmap.core.matching.relaxation import LONGEST, Relaxation
 
 COUNT = 600

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.matching.coarse import SIZE
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.matching.sliding import (
     START_SIGMA,
     STILL_TURN,
@@ -20,7 +21,6 @@ from furrowmap.core.matching.sliding import (
     marginalised,
     ways_m,
 )
-from furrowmap.core.trajectory.banded import NormalEquations
 
 STEADY_S = 1e-5
 """For so short a time the local frame does not wander."""

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.matching.equations import SIZE, Aslant, hold_blind
-from furrowmap.core.matching.knots import Knots, State, knots_over
 from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
-from furrowmap.core.trajectory.banded import NormalEquations
 from furrowmap.core.trajectory.positions import Positions
 
 CELL_M = 0.1

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.matching.agreement import CoarseGrid, Patches, Sums
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, free_patches
-from furrowmap.core.matching.knots import STEP_S, Chain, Knots, State
 from furrowmap.core.matching.walls import (
     FAR_M,
     FLOOR_M,
@@ -23,7 +24,6 @@ from furrowmap.core.matching.walls import (
     select_upright,
     wall_grid,
 )
-from furrowmap.core.trajectory.banded import NormalEquations
 
 FloatArray = NDArray[np.float64]
 KNOTS = 41

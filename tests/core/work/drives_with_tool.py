@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.reader import ReadOptions, open_recording
+from furrowmap.core.session.file import load_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.projection import MapFrame, map_frame
 from furrowmap.core.values.session import Crs, Session
-from furrowmap.core.values.session_file import load_session
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from tests.core.trajectory.drives import Drive

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
+from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import read_boundary
-from furrowmap.core.trajectory.projection import map_frame
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map

@@ -14,15 +14,15 @@ import shapely
 from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.util.isoxml_io import isoxml_from_path
 
-from furrowmap.core.task_work import task_works
-from furrowmap.core.trajectory.projection import map_frame
+from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs
+from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.task_data import write_task_data
-from furrowmap.exporters.geopackage import write_field
-from furrowmap.exporters.json_text import json_text
+from furrowmap.exporters.files.json_text import json_text
+from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME
-from tests.exporters.worked_field import TILLER, worked_field
+from tests.exporters.vectors.worked_field import TILLER, worked_field
 
 DEGREE_M = 111_200.0
 

@@ -12,8 +12,8 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.examination import Examined
-from furrowmap.core.session_proposal import propose_session
+from furrowmap.core.session.examination import Examined
+from furrowmap.core.session.proposal import propose_session
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 NUMBER = st.integers(-(10**9), 10**9) | st.floats(allow_nan=False, allow_infinity=False)

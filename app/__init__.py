@@ -1,0 +1,1 @@
+"""Georeferenced point clouds, surfaces and worked ground from a vehicle's LiDAR and GNSS."""

@@ -1,0 +1,132 @@
+"""What a recording says about how its sensors are mounted and how their clocks stand to each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.matching.locating import locate, match_session
+from furrowmap.core.matching.matched import CLOCK_CERTAIN, Matched
+from furrowmap.core.session.file import load_session
+from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.toml_edit import with_value
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.progress import Progress, silent
+
+ROUNDS: Final = 6
+LARGEST_SHARE: Final = 0.85
+ENOUGH_S: Final = 0.003
+"""A clock offset found in parts is whole when the next part is smaller."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the session states, and what its recording shows.
+
+    Attributes:
+        stated: mounting in the session.
+        found: mounting as the recording shows it; the stated one where that is right.
+        sigma_deg: standard deviations of roll, pitch, yaw of the vehicle; inf where the recording does not show them.
+        height_m: of the vehicle's origin above the ground it stands on, and its standard deviation.
+        stated_offset_s: `lidar_minus_gnss_s` in the session.
+        offset_s: the same as the recording shows it, and its standard deviation; nan where it does not.
+    """
+
+    stated: Mounting
+    found: Mounting
+    sigma_deg: tuple[float, float, float]
+    height_m: tuple[float, float]
+    stated_offset_s: float
+    offset_s: tuple[float, float]
+
+    @property
+    def mounting_differs(self) -> bool:
+        """Whether the recording shows another mounting than the session states."""
+        return self.found != self.stated
+
+    @property
+    def clock_differs(self) -> bool:
+        """Whether the recording shows another clock offset than the session states."""
+        return bool(abs(self.offset_s[0] - self.stated_offset_s) > CLOCK_CERTAIN * self.offset_s[1])
+
+
+def calibrate(session_file: Path, progress: Progress = silent) -> Calibration:
+    """Estimate mounting and clock offset from a session's recording.
+
+    A wrong clock hides in the positions' own errors in part, so that it is found in several rounds.
+
+    Raises:
+        RefusedError: if the scans do not show enough of the ground.
+        FurrowmapError: if the session or its files do not make a trajectory.
+    """
+    session = load_session(session_file)
+    inputs = Inputs.of(session_file, session)
+    frame = map_frame(session.crs, session_file)
+    located = locate(open_positions(inputs, session), session, frame)
+    stated = session.recording.lidar_minus_gnss_s
+    offset, sigma, matched = stated, float("nan"), None
+    before = 0.0
+    for _ in range(ROUNDS):
+        recording = msgspec.structs.replace(session.recording, lidar_minus_gnss_s=offset)
+        attempt = msgspec.structs.replace(session, recording=recording)
+        near_s = float(np.mean(located.trajectory.span_s)) + offset
+        if located.antenna is None:
+            raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
+        try:
+            matched = match_session(located, open_lidar(inputs, session, near_s), attempt, progress=progress)
+        except np.linalg.LinAlgError as error:
+            why = "positions and ground leave a part of the drive without any hold"
+            raise _not_shown(session_file, why) from error
+        if matched is None:
+            raise _not_shown(session_file, "the scans see too little ground")
+        part, sigma = matched.clock_offset_s
+        if abs(part) < max(ENOUGH_S, sigma):
+            break
+        # Each round shows a like share of what is left: the sum of that series is taken once two of them are known.
+        share = part / before if before else 0.0
+        offset += part / (1.0 - share) if 0.0 < share < LARGEST_SHARE else part
+        before = part
+    assert matched is not None
+    return _answer(matched, session.lidar.mounting, stated, offset, sigma)
+
+
+def _answer(matched: Matched, mounting: Mounting, stated_s: float, offset_s: float, sigma_s: float) -> Calibration:
+    stance = matched.stance
+    shown = (offset_s, sigma_s) if np.isfinite(sigma_s) else (float("nan"), float("nan"))
+    return Calibration(
+        mounting,
+        matched.mounting,
+        stance.sigma_deg,
+        (stance.height_m, stance.sigma_height_m),
+        stated_s,
+        shown,
+    )
+
+
+def _not_shown(session_file: Path, why: str) -> RefusedError:
+    return RefusedError(
+        f"{session_file.name}: the recording shows no mounting, because {why}.",
+        "There is nothing to calibrate with.",
+        "Use a recording of some passes back and forth on open ground, with its GNSS log.",
+        code="calibration-refused",
+    )
+
+
+def calibrated_text(text: str, calibration: Calibration) -> str:
+    """A session file's text with what was found in its place; everything else, comments too, stays as it is.
+
+    Raises:
+        RefusedError: if the file writes its tables in a way that is not understood.
+    """
+    if calibration.mounting_differs:
+        rpy = ", ".join(f"{angle:.2f}" for angle in calibration.found.rpy_deg)
+        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
+    if calibration.clock_differs:
+        text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.3f}")
+    return text

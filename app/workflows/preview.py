@@ -1,0 +1,135 @@
+"""The products of a preview: the track, and a coarse surface."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline import Run
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.surfaces.passage import Passages
+from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.work.field_surfaces import FieldPoints
+from furrowmap.exporters.files.json_text import json_text
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
+from furrowmap.exporters.rasters.field_rasters import style_of
+from furrowmap.exporters.reports.report import files_in
+from furrowmap.exporters.reports.run_report import run_origin, way
+from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.workflows.preview_run import preview
+
+TRACK: Final = "preview_track.gpkg"
+SURFACE: Final = "preview_dsm.tif"
+ACCOUNT: Final = "preview.json"
+CELL_M: Final = 0.25
+MOST_KNOTS: Final = 20_000
+"""Of the track: more take a map seconds to draw and show nothing more."""
+LOW: Final = Statistic.parse("p10")
+"""Of a cell's returns: those of the vehicle itself, which a preview does not tell apart, lie above it."""
+
+
+def write_preview(session_file: Path, folder: Path, progress: Progress = silent) -> dict[str, Any]:
+    """Preview a session and write its track and surface into `folder`.
+
+    Their names are none of a run's products, so that these stay even in the same folder. There is no surface where the
+    session does not say how the scanner is mounted.
+
+    Returns:
+        The content of `preview.json`.
+
+    Raises:
+        FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
+    """
+    with staged_folder(folder) as staging:
+        with FieldPoints(staging, CELL_M) as land:
+            found = preview(session_file, _Sink(land), progress)
+            progress("writing the preview", 0.0)
+            origin = run_origin(found, ())
+            figures = _figures(found)
+            if found.session.lidar.mounting != Mounting():  # at the origin and upright: nobody has said
+                figures |= _write_surface(staging, land, found, origin)
+        frame = found.frame
+        write_field(staging / TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
+        account = {
+            "preview": True,
+            "session": msgspec.to_builtins(found.session),
+            "inputs": _sizes(found.inputs, session_file.resolve().parent),
+            "figures": figures,
+            "positions": found.located.positions,
+            "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
+            "timings": found.timings_s,
+            "products": sorted({ACCOUNT, *(path.name for path in staging.iterdir())}),
+        }
+        (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
+    return account
+
+
+class _Sink:
+    """Keeps the points of the scans that are looked at."""
+
+    def __init__(self, land: FieldPoints) -> None:
+        self._land = land
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:  # noqa: ARG002 (a sink's)
+        """Take the local origin."""
+        self._land.begin(origin_m)
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of a scan."""
+        self._land.add(placed)
+
+
+def _track(found: Run) -> ScanPoses:
+    """The trajectory's knots, evenly fewer where there are very many."""
+    knots = ScanPoses.at_knots(found.located.trajectory)
+    some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
+    return ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
+
+
+def _figures(found: Run) -> dict[str, Any]:
+    begin_s, end_s = found.located.trajectory.span_s
+    distance_m, standing_s = way(found.located.trajectory, begin_s, end_s)
+    return {
+        "start": iso_utc(begin_s),
+        "end": iso_utc(end_s),
+        "duration_s": round(end_s - begin_s, 3),
+        "distance_m": round(distance_m, 1),
+        "standing_s": round(standing_s, 1),
+        "crs": found.frame.name,
+        "scans": found.tally.scans,
+        "scans_without_pose": found.tally.scans_without_pose,
+        "points": found.tally.points,
+    }
+
+
+def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
+    """The files as `report.json` lists them, but for the digests, which take longer than all else here."""
+    read = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
+    return [{"name": path.relative_to(root).as_posix(), "bytes": path.stat().st_size} for path in read]
+
+
+def _write_surface(folder: Path, land: FieldPoints, found: Run, origin: Origin) -> dict[str, float]:
+    """Write the surface with its style; what is to be told of it: nothing where no point lies on the land."""
+    grid = land.grid
+    if grid is None:
+        return {}
+    crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
+    with cog_output(folder / SURFACE, grid, crs, SURFACE_BANDS, origin) as write:
+        for tile in land.tiles(Passages([]), LOW):
+            write(tile.grid, surface_arrays(tile.after))
+            seen += int(tile.after.seen.sum())
+    style = files("furrowmap.exporters").joinpath("styles", "dsm.qml").read_text(encoding="utf-8")
+    (folder / style_of(SURFACE)).write_text(style, encoding="utf-8")
+    return {"dsm_cell_m": grid.cell_m, "dsm_area_m2": round(seen * grid.cell_area_m2, 1)}

@@ -1,0 +1,123 @@
+"""A cloud or a surface compared with surveyed points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
+from furrowmap.core.checking.internal_precision import InternalPrecision, Told
+from furrowmap.core.checking.notices import accuracy_notices, precision_notices
+from furrowmap.core.checking.point_check import Box, PointCheck
+from furrowmap.core.checking.positional_accuracy import Accuracy, Component
+from furrowmap.core.checking.surface_at_points import surface_at_points
+from furrowmap.core.checking.surveyed_points import SurveyedPoints
+from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.progress import Progress, silent
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """What surveyed points say of a product.
+
+    Attributes:
+        kind: "cloud" or "surface".
+        crs: of the product.
+        points: one for each surveyed point.
+        accuracy: from those that could be compared.
+        notices: what a user should know.
+    """
+
+    kind: str
+    crs: pyproj.CRS
+    points: tuple[PointCheck, ...]
+    accuracy: Accuracy
+    notices: tuple[Notice, ...]
+
+
+def check_product(
+    product: Path,
+    points_file: Path,
+    *,
+    points_crs: pyproj.CRS | None = None,
+    targets: Targets = "none",
+    diameter_m: float = 0.3,
+    sigma_m: float | None = None,
+    class_m: float | None = None,
+    progress: Progress = silent,
+) -> Check:
+    """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
+
+    Args:
+        product: the file.
+        points_file: of the points; see :func:`furrowmap.core.checking.surveyed_points.read_points`.
+        points_crs: of a points file that states none, and of a cloud likewise.
+        targets: by what of the returns discs are looked for, which show the horizontal error.
+        diameter_m: of the discs.
+        sigma_m: standard deviation of the survey along each axis, where the file states none.
+        class_m: the vertical accuracy class that is asked for; None for none.
+        progress: is told of the share of the cloud that was read.
+
+    Raises:
+        InputError: if a file cannot be read, or no point lies in the product.
+        RefusedError: if PROJ cannot vouch for the way between their CRS.
+    """
+    if not product.is_file():
+        raise InputError(
+            f"{product} {'is a folder' if product.is_dir() else 'is not there'}.",
+            "There is nothing to check.",
+            "Give a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF).",
+            code="no-such-file",
+        )
+    with product.open("rb") as file:
+        is_cloud = file.read(4) == SIGNATURE
+    found = (
+        cloud_at_points(product, points_file, points_crs, targets, diameter_m, progress)
+        if is_cloud
+        else surface_at_points(product, points_file, points_crs)
+    )
+    checks, survey = found.points, found.survey
+    stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
+    accuracy = _accuracy(checks, stated, found.told)
+    if accuracy.vertical is None:
+        raise InputError(
+            f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
+            f"{checks[0].name} {checks[0].why_not}.",
+            "There is nothing to compare.",
+            _exchanged(survey, found.box_m)
+            or "See in a GIS whether they lie together; name the points' CRS with --crs if it is another.",
+            code="check-nowhere",
+        )
+    notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
+    if is_cloud:
+        notices += precision_notices(accuracy.precision, class_m)
+    return Check("cloud" if is_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
+
+
+def _exchanged(survey: SurveyedPoints, box: Box) -> str:
+    """What to do about points that lie in the product with easting and northing exchanged; empty where they do not."""
+    north, east = survey.xyz_m[:, 0], survey.xyz_m[:, 1]
+    inside = (east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])
+    if not inside.any():
+        return ""
+    return (
+        f"With easting and northing exchanged {int(inside.sum())} points lie in it: X is the northing in Japan's plane "
+        "coordinates. Name the columns n_m and e_m."
+    )
+
+
+def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, told: Told) -> Accuracy:
+    error = np.array([check.error_m for check in checks])
+    parts: list[Component | None] = []
+    for axis in range(3):
+        known = np.isfinite(error[:, axis])
+        parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
+    precision = InternalPrecision.of((check.swaths for check in checks), told)
+    return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)

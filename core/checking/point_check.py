@@ -1,0 +1,71 @@
+"""What a product says at surveyed points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, Told
+from furrowmap.core.checking.surveyed_points import SurveyedPoints
+from furrowmap.core.values.errors import Notice
+
+FloatArray = NDArray[np.float64]
+Box = tuple[float, float, float, float]
+"""West, south, east, north."""
+
+
+@dataclass(frozen=True)
+class PointCheck:
+    """One surveyed point and what the product says there.
+
+    Attributes:
+        name: of the point.
+        surveyed_m: easting, northing, height.
+        found_m: of the product; nan where it shows none, easting and northing without a target.
+        returns: that made the height; 0 for a surface.
+        slope: of the plane; nan for a surface.
+        swaths: what each swath says of the place.
+        why_not: why its height was not compared; empty where it was.
+    """
+
+    name: str
+    surveyed_m: tuple[float, float, float]
+    found_m: tuple[float, float, float]
+    returns: int = 0
+    slope: float = float("nan")
+    swaths: SwathHeights = UNSEEN
+    why_not: str = ""
+
+    @property
+    def error_m(self) -> FloatArray:
+        """Product less survey (3,); nan where there is none."""
+        return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
+
+
+@dataclass(frozen=True)
+class ProductAtPoints:
+    """A product where points were surveyed.
+
+    Attributes:
+        crs: of the product.
+        points: one for each surveyed point.
+        survey: the points, in that CRS.
+        box_m: of the product, as it states it.
+        told: what tells its swaths apart.
+        notices: what is to be known of product and points.
+    """
+
+    crs: pyproj.CRS
+    points: tuple[PointCheck, ...]
+    survey: SurveyedPoints
+    box_m: Box
+    told: Told
+    notices: tuple[Notice, ...]
+
+
+def three(xyz: FloatArray) -> tuple[float, float, float]:
+    """Coordinates as a point's."""
+    return float(xyz[0]), float(xyz[1]), float(xyz[2])

@@ -1,0 +1,126 @@
+"""Accuracy from surveyed points, as the field reports it.
+
+ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2 (2023): the root mean square error is that of
+the product, so the error of the survey is added to what the comparison shows: RMSE² = RMSE₁² + RMSE₂², where 1 is the
+fit to the points and 2 the points' own. Fewer than 30 points make no statement of accuracy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.internal_precision import InternalPrecision
+
+FloatArray = NDArray[np.float64]
+
+FEWEST: Final = 30
+"""Edition 2's minimum of check points for a statement of accuracy."""
+BIAS_SHARE: Final = 0.25
+"""A mean error of more than this share of the RMSE shows a bias that should be found before the product is used."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """Errors along one axis.
+
+    Attributes:
+        n: number of points.
+        mean_m, sigma_m: mean and (sample) standard deviation of product less survey.
+        fit_m: RMSE of product less survey.
+        survey_m: RMS of the points' own standard deviations; nan where none is stated.
+        rmse_m: of the product, the survey's error included where it is stated.
+        median_m, p95_m, greatest_m: median of the errors, 95th percentile and greatest of their absolute values.
+    """
+
+    n: int
+    mean_m: float
+    sigma_m: float
+    fit_m: float
+    survey_m: float
+    rmse_m: float
+    median_m: float
+    p95_m: float
+    greatest_m: float
+
+    @classmethod
+    def of(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> Component:
+        """Of errors (n,), n at least 1, and the survey's own standard deviations (n,), nan where unstated."""
+        known = survey_sigma_m[np.isfinite(survey_sigma_m)]
+        survey = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+        fit = float(np.sqrt(np.mean(error_m**2)))
+        return cls(
+            n=len(error_m),
+            mean_m=float(error_m.mean()),
+            sigma_m=float(error_m.std(ddof=1)) if len(error_m) > 1 else float("nan"),
+            fit_m=fit,
+            survey_m=survey,
+            rmse_m=float(np.hypot(fit, survey)) if len(known) else fit,
+            median_m=float(np.median(error_m)),
+            p95_m=float(np.percentile(np.abs(error_m), 95.0)),
+            greatest_m=float(np.abs(error_m).max()),
+        )
+
+    @property
+    def biased(self) -> bool:
+        """Whether the mean is more of the error than scatter explains, and than the standard lets pass."""
+        if self.n < 2 or not self.fit_m:
+            return False
+        return bool(abs(self.mean_m) > max(BIAS_SHARE * self.rmse_m, 2.0 * self.sigma_m / np.sqrt(self.n)))
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON; null where unknown."""
+        return {name: value if isinstance(value, int) else _rounded(value) for name, value in vars(self).items()}
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Of a product.
+
+    Attributes:
+        vertical: None where no point could be compared.
+        easting, northing: None where no target was found.
+        precision: how well the product agrees with itself.
+    """
+
+    vertical: Component | None
+    easting: Component | None
+    northing: Component | None
+    precision: InternalPrecision
+
+    @property
+    def horizontal_m(self) -> float | None:
+        """RMSE of easting and northing together: the root of the sum of their squares."""
+        if self.easting is None or self.northing is None:
+            return None
+        return float(np.hypot(self.easting.rmse_m, self.northing.rmse_m))
+
+    @property
+    def spatial_m(self) -> float | None:
+        """RMSE in three dimensions."""
+        if self.horizontal_m is None or self.vertical is None:
+            return None
+        return float(np.hypot(self.horizontal_m, self.vertical.rmse_m))
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON; null where unknown."""
+        parts = {"vertical": self.vertical, "easting": self.easting, "northing": self.northing}
+        return {
+            **{name: part.plain() if part is not None else None for name, part in parts.items()},
+            "rmse_vertical_m": _rounded(self.vertical.rmse_m) if self.vertical is not None else None,
+            "rmse_horizontal_m": _rounded(self.horizontal_m),
+            "rmse_3d_m": _rounded(self.spatial_m),
+            "within_swath_m": _rounded(self.precision.within_swath_m),
+            "within_swath_max_m": _rounded(self.precision.within_swath_max_m),
+            "between_swath_m": _rounded(self.precision.between_swath_m),
+            "between_swath_max_m": _rounded(self.precision.between_swath_max_m),
+            "swath_pairs": self.precision.swath_pairs,
+            "swaths_told_by": self.precision.told_by,
+        }
+
+
+def _rounded(value: float | None) -> float | None:
+    return round(float(value), 5) if value is not None and np.isfinite(value) else None

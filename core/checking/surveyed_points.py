@@ -1,0 +1,192 @@
+"""Surveyed points that a product is checked against, from a table or a GeoPackage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.survey_table import read_table
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_BYTES: Final = 50_000_000
+_NAMES: Final = {
+    "name": ("name", "id", "point", "point_id", "label", "点名"),
+    "x": ("e_m", "easting", "e", "x", "east", "y座標", "lon_deg", "lon", "longitude"),
+    "y": ("n_m", "northing", "n", "y", "north", "x座標", "lat_deg", "lat", "latitude"),
+    "h": ("h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高"),
+    "sigma_x": ("sigma_e_m", "sigma_e", "sd_e"),
+    "sigma_y": ("sigma_n_m", "sigma_n", "sd_n"),
+    "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
+}
+"""Columns by what they hold; upper or lower case, a unit in brackets left out.
+
+Japan's surveyors write X for north: a bare X and Y needs other names, which is told where points lie nowhere.
+"""
+_DEGREES: Final = ("lon_deg", "lon", "longitude")
+
+
+@dataclass(frozen=True)
+class SurveyedPoints:
+    """Points, n of them, in the CRS of the product that they are for.
+
+    Attributes:
+        name: (n,) of each.
+        xyz_m: (n, 3) easting, northing, height.
+        sigma_m: (n, 3) standard deviations that the survey states; nan where it states none.
+        notices: what a user should know.
+    """
+
+    name: tuple[str, ...]
+    xyz_m: FloatArray
+    sigma_m: FloatArray
+    notices: tuple[Notice, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+
+def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:
+    """Surveyed points of a CSV or GeoPackage, in the horizontal CRS of a product.
+
+    Args:
+        path: of the file. A CSV has columns such as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m.
+        target: of the product, with or without heights.
+        crs: of a file that states none; without it a CSV of eastings and northings is taken to be in `target`, one of
+            longitudes and latitudes in the geographic CRS that `target` stands on.
+
+    Raises:
+        InputError: if the file cannot be read, or has no points with heights.
+        RefusedError: if PROJ cannot vouch for the way from the points' CRS, or their heights are of another kind.
+    """
+    if not path.is_file():
+        raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
+    if path.stat().st_size > LARGEST_BYTES:
+        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: it is a cloud rather than a survey")
+    if path.read_bytes()[:16].startswith(b"SQLite format 3"):
+        columns, stated = _from_geopackage(path)
+    else:
+        columns, degrees = _from_csv(path)
+        stated = _flat(target).geodetic_crs if degrees and crs is None else None
+    source = stated or crs or target
+    xyz = np.column_stack([columns["x"], columns["y"], columns["h"]])
+    whole = np.isfinite(xyz).all(axis=1)
+    if not whole.any():
+        raise _unreadable(path, "has no point with easting, northing and height")
+    notices = (
+        []
+        if whole.all()
+        else [Notice("points-incomplete", f"{path.name}: {int((~whole).sum())} points have no full coordinates.")]
+    )
+    xyz = xyz[whole]
+    kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
+    names = tuple(str(columns["name"][k]) for k in kept)
+    _expect_same_heights(path, source, target)
+    flat, wanted = _flat(source), _flat(target)
+    if not flat.equals(wanted, ignore_axis_order=True):
+        low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+        change = crs_change(flat, wanted, (float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
+        notices += change.notices
+    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
+
+
+def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
+    """The columns, and whether they are longitudes and latitudes."""
+    try:
+        table = read_table(path)
+    except (ValueError, OSError) as error:
+        raise _unreadable(path, f"is no table: {error}") from None
+    found = {key: next((n for n in names if n in table.columns), None) for key, names in _NAMES.items()}
+    missing = [_NAMES[key][0] for key in "xyh" if found[key] is None]
+    if missing:
+        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {', '.join(table.columns)[:200]})")
+    n = len(table.lines)
+    columns: dict[str, Any] = {
+        key: table.numbers(column) if column is not None else np.full(n, np.nan)
+        for key, column in found.items()
+        if key != "name"
+    }
+    name, degrees = found["name"], found["x"] in _DEGREES
+    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
+    if not all(np.isfinite(columns[key]).any() for key in "xyh"):
+        faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
+        said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
+        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+    if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
+        raise _unreadable(
+            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are exchanged"
+        )
+    return columns, degrees
+
+
+def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
+    import geopandas
+    import shapely
+
+    try:
+        table = geopandas.read_file(path, engine="pyogrio")
+    except Exception as error:  # noqa: BLE001 GDAL's and pandas' errors have no family of their own
+        raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
+    shapes = np.asarray(table.geometry.array, object)
+    if not len(shapes) or not all(isinstance(shape, shapely.Point) for shape in shapes):
+        raise _unreadable(path, "holds other geometries than points in its first layer")
+    attributes = table.drop(columns=table.geometry.name)
+    attributes.columns = [str(column).strip().casefold() for column in attributes.columns]
+    found = {key: next((n for n in names if n in attributes.columns), None) for key, names in _NAMES.items()}
+    columns = _columns(attributes, found)
+    columns["x"], columns["y"] = shapely.get_x(shapes), shapely.get_y(shapes)
+    z = shapely.get_z(shapes)
+    columns["h"] = np.where(np.isfinite(z), z, columns["h"])
+    return columns, pyproj.CRS.from_user_input(table.crs) if table.crs is not None else None
+
+
+def _columns(table: Any, found: dict[str, str | None]) -> dict[str, Any]:
+    """Arrays of the columns that are there; nan, or numbers as names, for the others."""
+    import pandas as pd
+
+    n = len(table)
+    out: dict[str, Any] = {
+        key: pd.to_numeric(table[column], errors="coerce").to_numpy(np.float64)
+        if column is not None
+        else np.full(n, np.nan)
+        for key, column in found.items()
+        if key != "name"
+    }
+    name = found["name"]
+    out["name"] = table[name].astype(str).to_numpy(object) if name is not None else np.arange(1, n + 1).astype(str)
+    return out
+
+
+def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> None:
+    """Raises RefusedError where both state their heights, and those are of two kinds."""
+    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
+    if None in kinds or kinds[0] == kinds[1]:
+        return
+    raise RefusedError(
+        f"{path} has heights of '{kinds[0]}', the product of '{kinds[1]}'.",
+        "Tens of metres may lie between them, so nothing was compared.",
+        "Run the session with `[crs] heights` of the points, or give the points in the product's heights.",
+        code="check-heights",
+    )
+
+
+def _flat(crs: pyproj.CRS) -> pyproj.CRS:
+    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path} {why}.",
+        "There are no surveyed points to compare with.",
+        "Give a CSV with the columns name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), or a GeoPackage of points with "
+        "heights.",
+        code="points-unreadable",
+    )

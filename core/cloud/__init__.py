@@ -1,1 +1,0 @@
-"""From scans and a trajectory to points in the map frame."""

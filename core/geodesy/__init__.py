@@ -1,0 +1,1 @@
+"""Coordinate reference systems: choice, change, projection, datum, epoch, height systems, grid convergence."""

@@ -1,0 +1,292 @@
+"""Recorded positions brought into the map's frame, epoch and heights, and the account of how far they moved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy.datum_guard import expect_datum_of_today
+from furrowmap.core.geodesy.height_system import JAPAN, height_system
+from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.pose_track import PoseTrack
+
+FloatArray = NDArray[np.float64]
+
+JGD2024_SINCE_S: Final = 1_743_433_200.0
+"""1 April 2025 in Japan: from then on survey results, and the corrections that networks send, are those of JGD2024."""
+YEAR_S: Final = 31_556_952.0
+FAR_DEG: Final = 1.0
+"""Positions so far from the middle of all are a receiver's mistakes and no part of the drive: they stay as they are."""
+OF_TODAY: Final = frozenset({"clas", "madoca", "ppp", "ppp-rtk"})
+"""Services whose positions are in the satellites' frame, at the epoch of the day."""
+DEGREES_OF_A_DRIVE: Final = 0.5
+"""Eastings and northings that vary by less than this and could be degrees are told to be."""
+EPOCH_APART: Final = 1.0
+"""Years between a stated epoch and the recording, beyond which it is said."""
+
+
+@dataclass(frozen=True)
+class EpochMove:
+    """What parameters between epochs did to the positions.
+
+    Attributes:
+        file: their name.
+        east_m, north_m, up_m: means; east and north along the map's axes.
+        spread_m: greatest distance of a position's move from the mean.
+    """
+
+    file: str
+    east_m: float
+    north_m: float
+    up_m: float
+    spread_m: float
+
+
+@dataclass(frozen=True)
+class HeightMove:
+    """What a geoid did to the heights.
+
+    Attributes:
+        heights: its name.
+        source: the model or grid, in words.
+        geoid_m: least and greatest height of the geoid above the ellipsoid, which were taken off.
+    """
+
+    heights: str
+    source: str
+    geoid_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Brought:
+    """How recorded positions came to the map.
+
+    Attributes:
+        epoch: None where the epoch was not changed.
+        heights: None where heights are above the ellipsoid.
+        notices: what a user should know.
+    """
+
+    epoch: EpochMove | None = None
+    heights: HeightMove | None = None
+    notices: tuple[Notice, ...] = ()
+
+    def account(self, frame: MapFrame) -> dict[str, Any]:
+        """For `report.json`: what the coordinates are, and every step that changed them."""
+        base = frame.crs.geodetic_crs
+        epoch, heights = self.epoch, self.heights
+        moves: list[dict[str, Any]] = []
+        if epoch is not None:
+            moves.append(
+                {
+                    "step": "epoch",
+                    "parameters": epoch.file,
+                    "east_m": round(epoch.east_m, 4),
+                    "north_m": round(epoch.north_m, 4),
+                    "up_m": round(epoch.up_m, 4),
+                    "spread_m": round(epoch.spread_m, 4),
+                }
+            )
+        if heights is not None:
+            low, high = heights.geoid_m
+            moves.append(
+                {
+                    "step": "heights",
+                    "geoid": heights.heights,
+                    "source": heights.source,
+                    "up_m": round(-0.5 * (low + high), 4),
+                    "geoid_m": [round(low, 4), round(high, 4)],
+                }
+            )
+        return {
+            "crs": frame.whole_crs.name,
+            "wkt": frame.wkt,
+            "frame": base.name if base is not None else None,
+            "epoch": frame.stated.epoch if frame.stated is not None else None,
+            "heights": frame.heights.name,
+            "moves": moves,
+        }
+
+
+AS_IT_WAS: Final = Brought()
+"""Nothing was moved."""
+
+
+def brought_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Brought]:
+    """A receiver's positions in the map's frame, epoch and heights.
+
+    Raises:
+        InputError: if parameters or geoid do not cover a position, or parameters are of another year.
+        RefusedError: if the map's datum is none in which satellites give positions.
+    """
+    lon, lat, height, done = _brought(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
+    done = replace(done, notices=(*_of_today(frame, track), *done.notices))
+    return replace(track, lon_deg=lon, lat_deg=lat, height_m=height), done
+
+
+def brought_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Brought]:
+    """Poses from elsewhere likewise; those in map coordinates are the map's already and stay as they are.
+
+    Raises:
+        InputError: as :func:`brought_track`.
+        RefusedError: likewise.
+    """
+    if track.projected:
+        en = track.position[:, :2]
+        if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
+            degrees = (
+                f"{track.source} states eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
+                "degrees, name the columns lon_deg and lat_deg."
+            )
+            return track, Brought(notices=(Notice("coordinates-look-like-degrees", degrees),))
+        if frame.parameters is None and frame.heights.vertical is None:
+            return track, AS_IT_WAS
+        unmoved = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
+        return track, Brought(notices=(Notice("coordinates-of-the-map", unmoved),))
+    lon, lat, height, done = _brought(frame, track.t_s, *track.position.T)
+    return replace(track, position=np.column_stack([lon, lat, height])), done
+
+
+def _brought(
+    frame: MapFrame, t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, Brought]:
+    known = np.isfinite(lon_deg) & np.isfinite(lat_deg)
+    if not known.any():
+        return lon_deg, lat_deg, height_m, AS_IT_WAS
+    middle = middle_deg(lon_deg[known], lat_deg[known])
+    with np.errstate(invalid="ignore"):
+        known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
+        known &= np.abs(lat_deg - middle[1]) < FAR_DEG
+    lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
+    notices = [*_unused_heights(frame), *_epoch_notices(frame, t_s[known])]
+    if frame.stated is None:
+        notices += expect_datum_of_today(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
+    epoch = None
+    if frame.parameters is not None:
+        _expect_year(frame, t_s[known])
+        before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
+        lon, lat, up = frame.parameters.to_map(lon, lat, np.zeros(len(lon)))
+        height = height + up
+        moved = np.column_stack([*frame.project(lon, lat), up]) - before
+        mean = moved.mean(axis=0)
+        spread = float(np.linalg.norm(moved - mean, axis=1).max())
+        epoch = EpochMove(frame.parameters.name, float(mean[0]), float(mean[1]), float(mean[2]), spread)
+    heights = None
+    if frame.heights.vertical is not None:
+        geoid = frame.heights.geoid_m(lon, lat)
+        _expect_geoid(frame, lon, lat, geoid)
+        height = height - geoid
+        heights = HeightMove(frame.heights.name, frame.heights.source, (float(geoid.min()), float(geoid.max())))
+        notices += _mixed(frame, t_s[known], *middle_deg(lon, lat))
+    out = [column.copy() for column in (lon_deg, lat_deg, height_m)]
+    for column, values in zip(out, (lon, lat, height), strict=True):
+        column[known] = values
+    return out[0], out[1], out[2], Brought(epoch, heights, tuple(notices))
+
+
+def _unused_heights(frame: MapFrame) -> list[Notice]:
+    """What is to be said of a map's CRS that names heights which the session does not ask for."""
+    if frame.unused is None:
+        return []
+    code = name_of(frame.unused)
+    beside = (
+        f"The map's CRS names heights ({frame.unused.name}), and they stay above the ellipsoid, tens of metres beside: "
+        f'write `heights = "{code}"` under [crs] for those.'
+    )
+    return [Notice("heights-not-asked-for", beside)]
+
+
+def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
+    """What is to be said of parameters without a year, and of a stated epoch that is not the recording's."""
+    if frame.parameters is not None and frame.parameters.holds_s is None:
+        unchecked = (
+            f"The name of {frame.parameters.name} does not say for which fiscal year it holds, so whether that is the "
+            "recording's was not checked."
+        )
+        return [Notice("epoch-unchecked", unchecked)]
+    recorded = 1970.0 + float(np.median(t_s)) / YEAR_S
+    if frame.stated is not None and abs(frame.stated.epoch - recorded) > EPOCH_APART:
+        apart = (
+            f"Coordinates are said to be of the epoch {frame.stated.epoch:.10g}, and the recording was made in "
+            f"{recorded:.1f}: positions of the moment, as from PPP, would be of that epoch."
+        )
+        return [Notice("epoch-apart", apart)]
+    return []
+
+
+def _of_today(frame: MapFrame, track: GnssTrack) -> list[Notice]:
+    """What is to be said where positions of the day are taken for the map's as they are."""
+    by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
+    if not by_ppp or frame.parameters is not None or frame.stated is not None:
+        return []
+    service = track.service.upper() or "PPP"
+    said = (
+        f"{track.source} holds positions by {service}, which are coordinates of the day, and they are taken for those "
+        f"of {frame.name} as recorded. Maps are of an epoch years ago, from which the ground has moved by decimetres "
+        "in Japan: unless the receiver corrects that itself, state `coordinates` under [crs]."
+    )
+    return [Notice("epoch-of-the-day", said)]
+
+
+def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
+    """Raises InputError where the recording was not made on the days of the parameters."""
+    parameters = frame.parameters
+    assert parameters is not None
+    holds = parameters.holds_s
+    if holds is None or (holds[0] <= t_s[0] and t_s[-1] < holds[1]):
+        return
+    raise InputError(
+        f"{parameters.name} is for {iso_utc(holds[0])} to {iso_utc(holds[1])}; the positions are from "
+        f"{iso_utc(t_s[0])} to {iso_utc(t_s[-1])}.",
+        "The ground moves by centimetres a year, so the parameters of another time would leave that in the map.",
+        "Name the file of the days on which the recording was made; the fiscal year of SemiDyna begins on 1 April.",
+        code="epoch-out-of-range",
+    )
+
+
+def _expect_geoid(frame: MapFrame, lon_deg: FloatArray, lat_deg: FloatArray, geoid_m: FloatArray) -> None:
+    """Raises InputError where the model has no geoid."""
+    missing = ~np.isfinite(geoid_m)
+    if not missing.any():
+        return
+    k = int(np.flatnonzero(missing)[0])
+    raise InputError(
+        f"{frame.heights.name} has no geoid at {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude), nor at "
+        f"{int(missing.sum()) - 1} more of {len(geoid_m)} positions.",
+        "Heights above it cannot be told there.",
+        'Choose a model of the place, or write `heights = "ellipsoidal"`.',
+        code="geoid-outside",
+    )
+
+
+def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> list[Notice]:
+    """What is to be said of one of Japan's geoids with heights of other survey results than its own."""
+    belongs = JAPAN.get(frame.heights.name)
+    if belongs is None:
+        return []
+    if frame.stated is not None:
+        results, why = None, f"coordinates are those of {frame.stated.name}"
+    elif frame.parameters is not None and frame.parameters.holds_s is not None:
+        results = "JGD2024" if frame.parameters.holds_s[0] >= JGD2024_SINCE_S else "JGD2011"
+        why = f"{frame.parameters.name} leads to {results}"
+    else:
+        results = "JGD2024" if float(np.median(t_s)) >= JGD2024_SINCE_S else "JGD2011"
+        why = f"networks in Japan sent corrections of {results} when the recording was made"
+    if results == belongs:
+        return []
+    base = frame.crs.geodetic_crs or frame.crs
+    here = np.array([lon_deg]), np.array([lat_deg])
+    both = [float(height_system(name, base).geoid_m(*here)[0]) for name in JAPAN]
+    mixed = (
+        f"{frame.heights.name} belongs to heights above the ellipsoid of {belongs}, and {why}. "
+        f"{' and '.join(JAPAN)} differ by {100.0 * abs(both[0] - both[1]):.1f} cm here, which heights may be off by"
+        + (", besides what the ground has risen or sunk since that epoch." if results is None else ".")
+    )
+    return [Notice("epoch-and-geoid", mixed)]

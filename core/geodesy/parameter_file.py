@@ -1,0 +1,207 @@
+"""Official correction parameters of Japan (GSI's .par files): from one epoch or datum to another, on a mesh.
+
+Geospatial Information Authority of Japan, semi-dynamic correction: the file of a fiscal year holds, on a mesh of 2.5'
+by 3.75', how far the ground has moved since the reference epoch of the survey results. Added to coordinates of the
+map's epoch that gives the current ones; between the mesh's nodes it is taken bilinearly. The same for a quarter of a
+year: :mod:`furrowmap.core.geodesy.pos2jgd`.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import jgdtrans
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy import pos2jgd
+from furrowmap.core.values.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+YEAR: Final = "SemiDynaEXE"
+QUARTER: Final = "POS2JGD"
+BETWEEN_EPOCHS: Final = (YEAR, QUARTER)
+"""The formats of files that lead between the map's epoch and the current one of a fiscal year, or of a quarter."""
+_SOUTH_NORTH_DEG: Final = (0.0, 66.6)
+_WEST_EAST_DEG: Final = (100.0, 180.0)
+"""Where mesh codes are defined (JIS X 0410)."""
+LARGEST_BYTES: Final = 50_000_000
+"""The largest official file, TKY2JGD's of 390,000 nodes, has 11 MB."""
+_ROUNDS: Final = 6
+"""Of the way back; parameters change by less than 1e-3 of the way, so that each round gives three digits."""
+_JAPAN: Final = dt.timezone(dt.timedelta(hours=9))
+
+
+@dataclass(frozen=True)
+class ParameterFile:
+    """Corrections on a mesh.
+
+    Attributes:
+        name: of the file.
+        format: what changes, as jgdtrans names the kinds of files; "POS2JGD" for both that it tells apart.
+        days: first and last day (Japan) for which a file between epochs holds; None where it does not say.
+        codes: (m,) mesh codes of the nodes, increasing.
+        corrections: (m, 3) longitude and latitude in degrees, height in metres, that lead forward.
+        from_map: whether forward is from the map's epoch to the current one.
+    """
+
+    name: str
+    format: str
+    days: tuple[dt.date, dt.date] | None
+    codes: NDArray[np.int64]
+    corrections: FloatArray
+    from_map: bool = True
+
+    def to_map(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """(longitude, latitude, height), each (n,), at the map's epoch, of those at the current one.
+
+        Raises:
+            InputError: if the file has no parameters for one of the places.
+        """
+        return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
+
+    def forward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """(longitude, latitude, height), each (n,), after the change: the corrections added.
+
+        Raises:
+            InputError: if the file has no parameters for one of the places.
+        """
+        moved = self._at(lon_deg, lat_deg)
+        return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
+
+    def backward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
+        """(longitude, latitude, height), each (n,), before the change: the corrections that lead here taken off.
+
+        Found by fixed-point iteration; what :meth:`forward` makes of it is the argument to 1e-13°.
+
+        Raises:
+            InputError: as :meth:`forward`.
+        """
+        moved = np.median(self.corrections, axis=0)[None, :]
+        for _ in range(_ROUNDS):
+            moved = self._at(lon_deg - moved[:, 0], lat_deg - moved[:, 1])
+        return lon_deg - moved[:, 0], lat_deg - moved[:, 1], height_m - moved[:, 2]
+
+    @cached_property
+    def holds_s(self) -> tuple[float, float] | None:
+        """From when to when (UTC) a file between epochs is to be used; None where it is not known."""
+        if self.days is None:
+            return None
+        begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN) for day in self.days)
+        return begin.timestamp(), (end + dt.timedelta(days=1)).timestamp()
+
+    def _at(self, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
+        """Corrections (n, 3) at places (n,)."""
+        unit = 5 if self.format in BETWEEN_EPOCHS else 1
+        inside = (lat_deg >= _SOUTH_NORTH_DEG[0]) & (lat_deg < _SOUTH_NORTH_DEG[1])
+        inside &= (lon_deg >= _WEST_EAST_DEG[0]) & (lon_deg < _WEST_EAST_DEG[1])
+        if not inside.all():
+            raise self._outside(lon_deg, lat_deg, ~inside)
+        # Third-order cells of JIS X 0410 are 30" by 45"; those of epochs five times as large.
+        row, column = lat_deg * (120.0 / unit), (lon_deg - 100.0) * (80.0 / unit)
+        south, west = np.floor(row), np.floor(column)
+        up, right = (row - south)[:, None], (column - west)[:, None]
+        out = np.zeros((len(lon_deg), 3))
+        for north in (0, 1):
+            for east in (0, 1):
+                share = (up if north else 1.0 - up) * (right if east else 1.0 - right)
+                index, known = self._find(
+                    unit * (south.astype(np.int64) + north), unit * (west.astype(np.int64) + east)
+                )
+                missing = ~known & (share[:, 0] > 0.0)
+                if missing.any():
+                    raise self._outside(lon_deg, lat_deg, missing)
+                out += share * np.where(known[:, None], self.corrections[index], 0.0)
+        return out
+
+    def _find(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Where the nodes (n,) are, which are counted in 30" and 45"; and whether they are there."""
+        code = (row // 80) * 1_000_000 + (column // 80) * 10_000
+        code += (row % 80 // 10) * 1_000 + (column % 80 // 10) * 100 + (row % 10) * 10 + column % 10
+        index = np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)
+        return index, self.codes[index] == code
+
+    def _outside(self, lon_deg: FloatArray, lat_deg: FloatArray, where: NDArray[np.bool_]) -> InputError:
+        k = int(np.flatnonzero(where)[0])
+        return InputError(
+            f"{self.name} has no parameters for {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude), where "
+            f"{int(where.sum())} of {len(lon_deg)} positions lie outside its mesh.",
+            "How far the ground there has moved cannot be known from it, so nothing was moved.",
+            "Use the whole file for the place, as its authority gives it out; on the sea and abroad there is none.",
+            code="parameters-outside",
+        )
+
+
+def read_parameters(path: Path) -> ParameterFile:
+    """The parameters in a .par file; its kind is told by its layout.
+
+    Raises:
+        InputError: if it is no such file, or is damaged.
+    """
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
+        text = path.read_bytes().decode("cp932", "replace")
+    except OSError as error:
+        raise _unreadable(path, error.strerror or "cannot be read") from None
+    lines = text.splitlines()
+    if lines and lines[0].strip() == pos2jgd.TITLE:
+        return _quarter(path, lines)
+    head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
+    kind = _kind(lines, head) if head is not None else None
+    if kind is None:
+        raise _unreadable(path, "it has no mesh codes after a head of 2 or 16 lines")
+    try:
+        found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
+    except jgdtrans.ParseParFileError as error:
+        raise _unreadable(path, str(error)) from None
+    codes = np.array(sorted(found), np.int64)
+    rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
+    if not np.isfinite(rows).all():
+        raise _unreadable(path, "some of its parameters are no numbers")
+    year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
+    days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
+    return ParameterFile(path.name, kind, days, codes, rows)
+
+
+def _quarter(path: Path, lines: list[str]) -> ParameterFile:
+    """The parameters of POS2JGD."""
+    try:
+        found = pos2jgd.parse(lines)
+    except ValueError as error:
+        raise _unreadable(path, str(error)) from None
+    order = np.argsort(found.codes)
+    rows = found.corrections[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
+    if not np.isfinite(rows).all():
+        raise _unreadable(path, "some of its parameters are no numbers")
+    return ParameterFile(path.name, QUARTER, found.days, found.codes[order], rows, found.from_map)
+
+
+def _kind(lines: list[str], head: int | None) -> str | None:
+    """The format, from the number of lines of its head and the columns and mesh that follow; None for others."""
+    codes = [line[:8] for line in lines[head:] if line.strip()]
+    if head == 2:
+        return "TKY2JGD"
+    if head != 16:
+        return None
+    columns = [word.lower()[:2] for word in lines[15].split()[1:]]
+    if columns == ["db", "dl"]:
+        return "PatchJGD"
+    if columns == ["dh"]:
+        return "PatchJGD_H"
+    return YEAR if all(code[6] in "05" and code[7] in "05" for code in codes) else "PatchJGD_HV"
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path}: {why}.",
+        "It is no parameter file from which the coordinates could be moved.",
+        "Give a .par file as the Geospatial Information Authority of Japan gives it out, such as SemiDyna2023.par.",
+        code="parameters-unreadable",
+    )

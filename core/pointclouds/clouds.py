@@ -1,0 +1,331 @@
+"""Clouds of others as one stream of points in metres: many files, one CRS, the points that are wanted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+from pyproj.crs import CompoundCRS
+
+from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
+from furrowmap.core.geodesy.crs_choice import choose_crs
+from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
+from furrowmap.core.readers.las.gps_time import TimeKind
+from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.values.crs_name import full_name_of
+from furrowmap.core.values.errors import InputError, Notice, UsageError
+from furrowmap.core.values.point_classes import PointClass
+
+FloatArray = NDArray[np.float64]
+
+SAME_M: Final = 1e-4
+NOISE: Final = (7, 18)
+"""Classes of points that are none of the land: noise below and above (LAS 1.4 R15, table 17)."""
+MACHINE: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
+"""Classes that only furrowmap's own clouds give this meaning."""
+
+
+@dataclass(frozen=True)
+class CloudPoints:
+    """Points of a batch that are wanted, n of them.
+
+    Attributes:
+        xyz_m: (n, 3) easting, northing, height in the CRS of the :class:`Clouds`.
+        t_s: (n,) UTC; None where they carry none.
+        ground: (n,) whether the file calls them ground.
+    """
+
+    xyz_m: FloatArray
+    t_s: FloatArray | None
+    ground: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Clouds:
+    """Clouds that are read as one.
+
+    Attributes:
+        files: the clouds.
+        crs: of the points given out: projected, in metres; with the heights' where that is known.
+        change: from the files' horizontal CRS; None where they are in it already.
+        unit_m: length of the unit of their heights.
+        notices: what is to be known of the files and their CRS.
+    """
+
+    files: tuple[CloudFile, ...]
+    crs: pyproj.CRS
+    change: CrsChange | None
+    unit_m: float
+    notices: tuple[Notice, ...]
+
+    @property
+    def points(self) -> int:
+        """Of all files."""
+        return sum(file.points for file in self.files)
+
+    @property
+    def week_times(self) -> bool:
+        """Whether all times there are count from the beginning of a GPS week, which no file names."""
+        kinds = {file.clock.kind for file in self.files if file.header.has_time}
+        return kinds == {TimeKind.WEEK}
+
+    def batches(
+        self,
+        box: Box | None = None,
+        classes: frozenset[int] | None = None,
+        seen: Callable[[Survey], None] | None = None,
+        read: Callable[[int], None] | None = None,
+    ) -> Iterator[CloudPoints]:
+        """The points, file by file.
+
+        Args:
+            box: west, south, east, north of the points wanted, in `crs`; None for all.
+            classes: that are wanted; None for all but noise, and in furrowmap's own clouds vehicle and implement.
+            seen: is given the survey of each file that was read whole.
+            read: is told how many points have been read of all.
+
+        Raises:
+            InputError: if points turn out to be damaged.
+            RefusedError: if they have no place in the CRS.
+        """
+        own = [*NOISE, *MACHINE]
+
+        def wanted(file: CloudFile, batch: CloudBatch) -> NDArray[np.bool_]:
+            if classes is not None:
+                return np.isin(batch.classification, list(classes))
+            return ~np.isin(batch.classification, own if is_ours(file) else NOISE)
+
+        for _, batch in self.whole_batches(box, wanted, seen, read):
+            yield CloudPoints(batch.xyz_m, batch.t_s, batch.classification == PointClass.GROUND)
+
+    def whole_batches(
+        self,
+        box: Box | None = None,
+        wanted: Callable[[CloudFile, CloudBatch], NDArray[np.bool_]] | None = None,
+        seen: Callable[[Survey], None] | None = None,
+        read: Callable[[int], None] | None = None,
+    ) -> Iterator[tuple[CloudFile, CloudBatch]]:
+        """The points with all that they carry, their places in `crs` and metres; without those called deleted.
+
+        Args:
+            box: as in :meth:`batches`.
+            wanted: says of each point of a batch whether it is to be given out; None for all.
+            seen: as in :meth:`batches`.
+            read: as in :meth:`batches`.
+
+        Raises:
+            InputError: if points turn out to be damaged.
+            RefusedError: if they have no place in the CRS.
+        """
+        done = 0
+        for file in self.files:
+            survey = Survey(file)
+            source_box = box if self.change is None else None
+            for batch in file.batches(box=source_box):
+                if source_box is None:
+                    survey.see(batch)
+                done += len(batch)
+                kept = ~batch.withheld if wanted is None else wanted(file, batch) & ~batch.withheld
+                points = self._placed(batch.where(kept))
+                yield file, points if source_box is box else _within(points, box)
+                if read is not None:
+                    read(done)
+            if seen is not None and source_box is None:
+                seen(survey)
+
+    def _placed(self, batch: CloudBatch) -> CloudBatch:
+        xyz = batch.xyz_m
+        if self.change is not None and len(batch):
+            xyz = np.column_stack([*self.change(xyz[:, 0], xyz[:, 1]), xyz[:, 2]])
+        if self.unit_m != 1.0:
+            xyz = xyz * np.array([1.0, 1.0, self.unit_m])
+        return replace(batch, xyz_m=xyz)
+
+
+def is_ours(file: CloudFile) -> bool:
+    """Whether furrowmap wrote a cloud, so that classes 64 and 65 are the machine."""
+    return file.header.software.startswith("furrowmap")
+
+
+def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: pyproj.CRS | None = None) -> Clouds:
+    """Open clouds that belong together.
+
+    Args:
+        paths: of LAS, LAZ or COPC files.
+        crs: of the files that state none.
+        dst_crs: of the points given out, projected and in metres; None for the files' own.
+
+    Raises:
+        UsageError: if a file is named twice.
+        InputError: if a file cannot be read, if their CRS are unknown or differ, or if that of the result is not
+            projected in metres.
+        RefusedError: if PROJ cannot vouch for the way into `dst_crs`.
+    """
+    _refuse_twice(paths)
+    files = tuple(open_cloud(path) for path in paths)
+    source = _common_crs(files, crs)
+    flat, height = _parts(source)
+    flat = _identified(flat, _place(files))
+    notices = [notice for file in files for notice in file.notices]
+    change = None
+    if dst_crs is not None:
+        target, _ = _parts(dst_crs)
+        _require_metres(target, "--dst-crs", files, source)
+        if not flat.equals(target, ignore_axis_order=True):
+            change = crs_change(flat, target, _place(files))
+            notices += change.notices
+    else:
+        _require_metres(flat, str(files[0].path), files, source)
+        target = flat
+    unit_m = _height_unit_m(flat, height)
+    if unit_m != 1.0:
+        text = f"Heights are in units of {unit_m:.10g} m there, and in metres here."
+        notices.append(Notice("heights-in-feet", text))
+    whole = target
+    if height is not None and unit_m == 1.0:
+        whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
+    return Clouds(files, whole, change, unit_m, tuple(notices))
+
+
+def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box | None:
+    """A box in the CRS in which the points of clouds are given out."""
+    if box is None or box_crs is None:
+        return box
+    change = pyproj.Transformer.from_crs(box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
+    west, south, east, north = change.transform_bounds(*box)
+    return west, south, east, north
+
+
+def nothing_left(clouds: Clouds, box: Box | None) -> InputError:
+    """What to say where no point of clouds is wanted."""
+    within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
+    return InputError(
+        f"Of {clouds.points:,} points in {len(clouds.files)} file(s) none is left{within}.",
+        "All lie outside the box, or are of other classes, or the files hold none.",
+        "`furrowmap inspect` says where the points lie and which classes they have.",
+        code="no-points-left",
+    )
+
+
+def _refuse_twice(paths: Sequence[Path]) -> None:
+    """Raises UsageError where the points of a file would count twice."""
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        first = seen.setdefault(path.resolve(), path)
+        if first is not path:
+            raise UsageError(
+                f"{path} is the same file as {first}.",
+                "Its points would count twice, and what is made of them look surer than it is.",
+                "Name each cloud once.",
+                code="cloud-twice",
+            )
+
+
+def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
+    if box is None:
+        return batch
+    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+    return batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
+
+
+def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CRS:
+    """The CRS of all files.
+
+    Raises:
+        InputError: if one states none and `crs` is None, or if they differ.
+    """
+    found: list[tuple[CloudFile, pyproj.CRS]] = []
+    for file in files:
+        stated = file.crs or crs
+        if stated is None:
+            raise InputError(
+                f"{file.path} states no CRS{' that PROJ knows' if _unreadable(file) else ''}.",
+                "Where its points lie on Earth, and in which unit, is not known.",
+                "Name the CRS with --crs, such as --crs EPSG:6677; who made the file knows it.",
+                code="crs-missing",
+            )
+        found.append((file, stated))
+    first_file, first = found[0]
+    for file, other in found[1:]:
+        if not first.equals(other, ignore_axis_order=True):
+            raise InputError(
+                f"{first_file.path} is in {full_name_of(first)}, {file.path} in {full_name_of(other)}.",
+                "Clouds of different CRS do not lie together.",
+                "Take those of each CRS by themselves, with the same --dst-crs if the results are to overlay.",
+                code="crs-mixed",
+            )
+    return first
+
+
+def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
+    """Horizontal and vertical part."""
+    if crs.is_compound:
+        horizontal, vertical = crs.sub_crs_list[:2]
+        return horizontal.to_2d(), vertical
+    return crs.to_2d(), None
+
+
+def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
+    """The authority's own definition of a CRS that files describe in words only, where it is the same; else as it is.
+
+    WKT 1 knows no order of axes and no names of conversions, so that equal CRS do not compare as equal.
+    """
+    code = flat.to_epsg(min_confidence=20) if flat.to_epsg() is None else None
+    if code is None:
+        return flat
+    known = pyproj.CRS.from_epsg(code)
+    x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
+    there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
+    return known if known.name == flat.name and math.dist((x, y), there) < SAME_M else flat
+
+
+def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:
+    """Where no CRS of the heights is stated, they are in the unit of the plane, as makers of LAS files have it."""
+    if height is not None:
+        return float(height.axis_info[0].unit_conversion_factor)
+    return float(flat.axis_info[0].unit_conversion_factor) if flat.is_projected else 1.0
+
+
+def _require_metres(flat: pyproj.CRS, stated_by: str, files: Sequence[CloudFile], source: pyproj.CRS) -> None:
+    """Raises InputError where cells of the CRS, which a file or option states, would be no squares of metres."""
+    if flat.is_projected and all(axis.unit_conversion_factor == 1.0 for axis in flat.axis_info):
+        return
+    units = " and ".join(sorted({axis.unit_name for axis in flat.axis_info}))
+    raise InputError(
+        f"{stated_by}: {full_name_of(flat)} is in {units}.",
+        "Cells and distances are in metres, so it takes a projected CRS in metres.",
+        f"Choose one with --dst-crs{_proposal(files, source)}.",
+        code="crs-not-metres",
+    )
+
+
+def _proposal(files: Sequence[CloudFile], source: pyproj.CRS) -> str:
+    flat, _ = _parts(source)
+    geographic = flat.geodetic_crs
+    if geographic is None:
+        return ""
+    west, south, east, north = _place(files)
+    to_degrees = pyproj.Transformer.from_crs(flat, geographic.to_2d(), always_xy=True)
+    lon, lat = to_degrees.transform(0.5 * (west + east), 0.5 * (south + north))
+    choice = choose_crs(lon, lat) if np.isfinite([lon, lat]).all() else None
+    return f", such as --dst-crs {choice.code}" if choice is not None else ""
+
+
+def _place(files: Sequence[CloudFile]) -> Box:
+    """Box of the first points of all, which tells the place; headers' boxes may lie."""
+    for file in files:
+        for batch in file.batches(batch_points=10_000):
+            (west, south), (east, north) = batch.xyz_m[:, :2].min(axis=0), batch.xyz_m[:, :2].max(axis=0)
+            return float(west), float(south), float(east), float(north)
+    return 0.0, 0.0, 0.0, 0.0
+
+
+def _unreadable(file: CloudFile) -> bool:
+    return any(notice.code == "crs-unreadable" for notice in file.notices)

@@ -1,0 +1,282 @@
+"""Surfaces of clouds, tile by tile: the topmost heights, the ground below, and how high the one stands above the other.
+
+Points are sorted into tiles in a scratch file first, so that memory is that of a block of tiles, however large the
+land. The ground is looked for in the lowest heights of cells of half a metre, over blocks that overlap by twice the
+filter's window; which points belong to it is told by their distance from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
+
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
+from furrowmap.core.surfaces.accompanied import AccompaniedPoints, Outliers
+from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
+from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.heights import cell_surface
+from furrowmap.core.surfaces.smrf import Smrf, ground_cells
+from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
+from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.progress import Progress, silent
+
+Float32Array = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+Key = tuple[int, int]
+GroundMethod = Literal["smrf", "csf", "class", "none"]
+
+GROUND_CELL_M: Final = 0.5
+BLOCK_M: Final = 128.0
+SMRF: Final = Smrf()
+REACH_M: Final = 10.0
+"""Heights above ground are told up to so far from ground that was seen."""
+_LOWEST: Final = Statistic.parse("min")
+
+
+@dataclass(frozen=True)
+class CloudTile:
+    """The surfaces of one tile; all of its grid.
+
+    Attributes:
+        grid: where.
+        dsm: of all points that are wanted.
+        dtm: of those of the ground; None where the ground is not asked for.
+        above_m: float32 height of the first above the ground, which is taken from around where the tile shows none; nan
+            where there is no height, or no ground within 10 m; None where the ground is not asked for.
+    """
+
+    grid: Grid
+    dsm: Surface
+    dtm: Surface | None
+    above_m: Float32Array | None
+
+
+def cloud_tiles(
+    spooled: SpooledClouds,
+    method: GroundMethod,
+    statistic: Statistic = MEDIAN,
+    outliers: Outliers = "none",
+    progress: Progress = silent,
+) -> Iterator[CloudTile]:
+    """The surfaces of spooled clouds, block by block of tiles, computed on two cores.
+
+    Args:
+        spooled: the points.
+        method: how the ground is told: by the morphological filter, by the cloth, by the files' own classes, or not.
+        statistic: what stands for the points of a cell; the ground's is the median.
+        outliers: how points that are alone are told, which count for no surface; their places are those of their cells'
+            middles.
+        progress: is told of the stage "making surfaces".
+
+    Raises:
+        InputError: if the method's library is not installed, or the cells are too coarse for it.
+    """
+    if method == "csf":
+        require_cloth()
+        _refuse_coarse(spooled.points.cell_m)
+    keys = spooled.points.tiles
+    blocks = _blocks(keys, spooled.points.cell_m)
+    source = spooled.ground if method == "class" else spooled.points
+    lows = _Lows(source, set(source.tiles))
+    done = 0
+    with ThreadPoolExecutor(2) as pool:
+        points, of_ground = (
+            AccompaniedPoints.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
+            for spool in (spooled.points, spooled.ground)
+        )
+        for block in blocks:
+            ground = _ground(block, lows, method) if method != "none" else None
+            yield from pool.map(
+                lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic), block
+            )
+            done += len(block)
+            lows.forget_above(block)
+            progress("making surfaces", done / len(keys))
+
+
+def _refuse_coarse(cell_m: float) -> None:
+    if cell_m > GROUND_CELL_M:
+        raise InputError(
+            f"Ground by 'csf' in cells of {cell_m:g} m.",
+            f"The cloth hangs on the lowest heights of cells of {GROUND_CELL_M:g} m; coarser ones show it too little.",
+            f"Choose cells of {GROUND_CELL_M:g} m or less, or the method smrf.",
+            code="cells-too-coarse",
+        )
+
+
+@dataclass(frozen=True)
+class _Ground:
+    """The ground of a block, in cells counted from the CRS's 0, row 0 the southernmost.
+
+    Attributes:
+        cells: fine cells a side of a coarse one.
+        corner: column and row of the first coarse cell.
+        height_m: (rows, columns) with its gaps filled.
+        limit_m: points of the ground are no farther from it.
+        far: cells farther than 10 m from ground that was seen.
+    """
+
+    cells: int
+    corner: Key
+    height_m: FloatArray
+    limit_m: FloatArray
+    far: NDArray[np.bool_]
+
+
+@dataclass
+class _Lows:
+    """The lowest heights in the coarse cells of tiles, each computed once and kept while blocks near it are at work."""
+
+    spool: PointSpool
+    there: set[Key]
+    kept: dict[Key, tuple[Key, FloatArray]] = field(default_factory=dict)
+
+    @property
+    def cells(self) -> int:
+        """Fine cells a side of a coarse one."""
+        return max(1, round(GROUND_CELL_M / self.spool.cell_m))
+
+    def of(self, key: Key) -> tuple[Key, FloatArray]:
+        """Column and row of the tile's first coarse cell, and the heights (rows, columns), southernmost first."""
+        if key not in self.kept:
+            self.kept[key] = self._lowest(key)
+        return self.kept[key]
+
+    def forget_above(self, block: list[Key]) -> None:
+        """Forget tiles that blocks from this one on, going south, do not look at."""
+        reach = _margin(self.spool.cell_m) + _across(self.spool.cell_m)
+        north = max(row for _, row in block) + reach
+        self.kept = {key: low for key, low in self.kept.items() if key[1] <= north}
+
+    def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
+        points = self.spool.tile(key)
+        surface = cell_surface(points.grid, points.cell, points.height_m, points.base_m, _LOWEST)
+        fine = surface.height_m[::-1]
+        n = self.cells
+        column, row = key[0] * TILE, key[1] * TILE
+        first = (column // n, row // n)
+        before = (row - first[1] * n, column - first[0] * n)
+        after = tuple(-(size + skipped) % n for size, skipped in zip(fine.shape, before, strict=True))
+        padded = np.pad(fine, tuple(zip(before, after, strict=True)), constant_values=np.nan)
+        blocks = padded.reshape(padded.shape[0] // n, n, padded.shape[1] // n, n)
+        low: FloatArray = np.fmin.reduce(np.fmin.reduce(blocks, axis=3), axis=1).astype(np.float64)
+        return first, low
+
+
+def _across(cell_m: float) -> int:
+    """Tiles a side of a block."""
+    return max(1, math.ceil(BLOCK_M / (TILE * cell_m)))
+
+
+def _margin(cell_m: float) -> int:
+    """Tiles round a block that its ground is looked for in."""
+    return math.ceil(2.0 * SMRF.window_m / (TILE * cell_m))
+
+
+def _blocks(keys: list[Key], cell_m: float) -> list[list[Key]]:
+    """Tiles by block, north first, then west."""
+    across = _across(cell_m)
+    blocks: dict[Key, list[Key]] = {}
+    for column, row in keys:
+        blocks.setdefault((column // across, row // across), []).append((column, row))
+    return [blocks[block] for block in sorted(blocks, key=lambda block: (-block[1], block[0]))]
+
+
+def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | None:
+    """The ground of a block; None where nothing shows it."""
+    cell_m = lows.spool.cell_m
+    margin = _margin(cell_m)
+    columns, rows = [key[0] for key in block], [key[1] for key in block]
+    near = [
+        (column, row)
+        for column in range(min(columns) - margin, max(columns) + margin + 1)
+        for row in range(min(rows) - margin, max(rows) + margin + 1)
+        if (column, row) in lows.there
+    ]
+    if not near:
+        return None
+    n = lows.cells
+    parts = [lows.of(key) for key in near]
+    ends = [key[k] * TILE // n for key in block for k in (0, 1)]
+    west = min([first[0] for first, _ in parts] + ends[::2])
+    south = min([first[1] for first, _ in parts] + ends[1::2])
+    east = max([first[0] + low.shape[1] for first, low in parts] + [(key[0] + 1) * TILE // n + 1 for key in block])
+    north = max([first[1] + low.shape[0] for first, low in parts] + [(key[1] + 1) * TILE // n + 1 for key in block])
+    lowest = np.full((north - south, east - west), np.nan)
+    for (column, row), low in parts:
+        there = lowest[row - south : row - south + low.shape[0], column - west : column - west + low.shape[1]]
+        np.fmin(there, low, out=there)
+    coarse_m = n * cell_m
+    seen = _ground_seen(lowest, coarse_m, method)
+    if not seen.any():
+        return None
+    height = filled(np.where(seen, lowest, np.nan))
+    slopes = [np.gradient(height, coarse_m, axis=k) if height.shape[k] > 1 else np.zeros(height.shape) for k in (0, 1)]
+    # Within a coarse cell a slope falls by as much as the cell is wide.
+    limit = SMRF.threshold_m + max(SMRF.scale, coarse_m) * np.hypot(*slopes)
+    far = distance_transform_edt(~seen) * coarse_m > REACH_M
+    return _Ground(n, (west, south), height, limit, np.asarray(far))
+
+
+def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> NDArray[np.bool_]:
+    """In which coarse cells the lowest height is of the ground."""
+    seen = np.isfinite(lowest)
+    if method == "class":
+        return seen
+    if method == "smrf":
+        return ground_cells(lowest, Smrf(cell_m=coarse_m))
+    row, column = np.nonzero(seen)
+    ground = np.zeros(lowest.shape, bool)
+    found = cloth_ground(np.column_stack([column * coarse_m, row * coarse_m, lowest[seen]]))
+    ground[row[found], column[found]] = True
+    return ground
+
+
+def _tile(
+    all_points: AccompaniedPoints,
+    ground_points: AccompaniedPoints,
+    key: Key,
+    ground: _Ground | None,
+    method: GroundMethod,
+    statistic: Statistic,
+) -> CloudTile:
+    points = all_points.tile(key)
+    dsm = _surface(points, statistic)
+    if method == "none":
+        return CloudTile(points.grid, dsm, None, None)
+    if ground is None:
+        nothing = points.part(np.zeros(len(points.cell), bool))
+        return CloudTile(points.grid, dsm, _surface(nothing, MEDIAN), np.full(points.grid.shape, np.nan, np.float32))
+    height, limit, far = _over(points.grid, ground)
+    if method == "class":
+        of_ground = ground_points.tile(key)
+    else:
+        above = points.height_m + points.base_m - height.ravel()[points.cell]
+        of_ground = points.part(np.abs(above) <= limit.ravel()[points.cell])
+    dtm = _surface(of_ground, MEDIAN)
+    below = np.where(np.isfinite(dtm.height_m), dtm.height_m, np.where(far, np.nan, height))
+    return CloudTile(points.grid, dsm, dtm, (dsm.height_m - below).astype(np.float32))
+
+
+def _over(grid: Grid, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Height, limit and whether far away, over the fine cells of a tile, north up."""
+    column = (grid.west + 0.5 + np.arange(grid.columns)) / ground.cells - 0.5 - ground.corner[0]
+    row = (grid.north - 0.5 - np.arange(grid.rows)) / ground.cells - 0.5 - ground.corner[1]
+    at = np.meshgrid(row, column, indexing="ij")
+    height = map_coordinates(ground.height_m, at, order=1, mode="nearest")
+    limit = map_coordinates(ground.limit_m, at, order=1, mode="nearest")
+    far = map_coordinates(ground.far, at, order=0, mode="nearest")
+    return height, limit, np.asarray(far, bool)
+
+
+def _surface(points: TilePoints, statistic: Statistic) -> Surface:
+    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)

@@ -1,0 +1,235 @@
+"""The surfaces of a run: the ground as it was left, as it was before the tool came, and how much it changed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.heights import cell_surface
+from furrowmap.core.surfaces.passage import Passage, Passages, Track
+from furrowmap.core.surfaces.spool import PointSpool, TilePoints
+from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
+from furrowmap.core.surfaces.visits import block_differences
+from furrowmap.core.values.session import Implement
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.sweep import sweeps
+
+CELL_M: Final = 0.05
+REACH_M: Final = 15.0
+"""Returns from further away graze the ground, hardly two in a cell: they lie more than a centimetre too high, and every
+twentieth by more than five."""
+BESIDE_M: Final = 0.5
+"""So far beside the tool's line soil may be thrown, and the ground is looked at before and after as well."""
+SETTLE_S: Final = 0.2
+"""Returns this short before or after the tool's passage are of soil on its way."""
+CLEAR_M: Final = 0.3
+"""Nothing stands higher on ground that a tool works: what is seen above it is dust, or the machine itself."""
+BLOCK: Final = 8
+"""Cells a side of the blocks whose lower heights tell where the soil is."""
+ENOUGH: Final = 100_000
+"""So many of a tile's returns, a hundred a block, tell that."""
+LOWER: Final = Statistic.parse("p10")
+AT_ONCE: Final = 16
+"""Tiles that are computed before their results are asked for."""
+
+
+@dataclass(frozen=True)
+class FieldTile:
+    """The surfaces of one tile; all of its grid.
+
+    Attributes:
+        after: the ground as it was left at the end. Where the tool passed, only returns after it count, so that a cell
+            that was not seen since has no height; everywhere else all returns do.
+        before: the ground before the tool first passed; where it did not pass, all returns count.
+        change_m: float32 height after less height before, where the ground was seen before as well as after the tool
+            passed it or passed beside it; nan elsewhere.
+        change_error_m: float32 standard error of it.
+        number: int32 pass that worked the cell last; 0 where none did.
+        swaths_m: float32, of blocks of cells: how much higher the same ground was seen by each swath than by the one
+            before it, where the tool did not pass between; nan elsewhere.
+    """
+
+    grid: Grid
+    after: Surface
+    before: Surface
+    change_m: NDArray[np.float32]
+    change_error_m: NDArray[np.float32]
+    number: NDArray[np.int32]
+    swaths_m: NDArray[np.float32]
+
+
+class FieldPoints:
+    """Keeps the points of a run that show the land, and makes surfaces of them: a context manager.
+
+    Args:
+        folder: for the scratch file.
+        cell_m: length of a cell's sides.
+    """
+
+    def __init__(self, folder: Path, cell_m: float = CELL_M) -> None:
+        self._folder, self._cell_m = folder, cell_m
+        self._spool: PointSpool | None = None
+        self._origin_m = (0.0, 0.0, 0.0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._spool is not None:
+            self._spool.__exit__(kind, error, trace)
+
+    def begin(self, origin_m: tuple[float, float, float]) -> None:
+        """Before the first scan: what is taken off the coordinates to come."""
+        self._spool = PointSpool(self._cell_m, base_m=origin_m[2], folder=self._folder)
+        self._origin_m = origin_m
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of one scan that may lie on the land and not too far away."""
+        assert self._spool is not None
+        near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, REACH_M)
+        self._spool.add(placed.xyz_m, placed.t_s, near, self._origin_m)
+
+    @property
+    def grid(self) -> Grid | None:
+        """That all tiles lie in; None where there are no points."""
+        return self._spool.grid if self._spool is not None else None
+
+    @property
+    def tile_count(self) -> int:
+        """How many tiles there are."""
+        return len(self._spool.tiles) if self._spool is not None else 0
+
+    def tiles(self, passages: Passages, statistic: Statistic = MEDIAN) -> Iterator[FieldTile]:
+        """The surfaces, tile by tile, computed on two cores.
+
+        Args:
+            passages: of the tool's line; none where no work is known.
+            statistic: what stands for the returns of a cell.
+        """
+        spool = self._spool
+        if spool is None:
+            return
+        keys = spool.tiles
+        with ThreadPoolExecutor(2) as pool:
+            for first in range(0, len(keys), AT_ONCE):
+                some = keys[first : first + AT_ONCE]
+                yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic), some)
+
+
+def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement | None) -> Passages:
+    """The passages of the tool's line over the ground that it worked; none where they are not known."""
+    if implement is None or work.ground is None:
+        return Passages([])
+    return Passages(
+        Track(number, sweep.t_s, sweep.middle_m[:, :2], sweep.half_m)
+        for number, when in enumerate(work.passes, start=1)
+        for sweep in sweeps(trajectory, when, implement)
+    )
+
+
+def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> FieldTile:
+    """The surfaces of a tile."""
+    grid = points.grid
+    near = passages.over(grid, BESIDE_M)
+    if not near.passed.any():
+        surface = _surface(points, statistic)
+        nothing = np.full(grid.shape, np.nan, np.float32)
+        return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points))
+    points = points.part(_low(points, near.passed))
+    tool = passages.over(grid)
+    windows = look(
+        points.cell, points.t_s, *_seconds(tool, points.begin_s), *_seconds(near, points.begin_s), np.float32(SETTLE_S)
+    )
+    after, before, told = windows
+    left = points.part(after)
+    later, earlier = _surface(left, statistic), _surface(points.part(before), statistic)
+    compared = told.reshape(grid.shape)
+    change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
+    error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
+    return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left))
+
+
+def _surface(points: TilePoints, statistic: Statistic) -> Surface:
+    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)
+
+
+def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which points (n,) are not high above the soil, where that is asked; elsewhere all."""
+    grid = points.grid
+    rows, columns = grid.rows // BLOCK, grid.columns // BLOCK
+    blocks = Grid(grid.cell_m * BLOCK, 0, 0, (rows, columns))
+    row, column = np.divmod(np.arange(grid.rows * grid.columns), grid.columns)
+    block = (row // BLOCK * columns + column // BLOCK).astype(np.uint16)
+    some = slice(None, None, max(1, len(points.cell) // ENOUGH))
+    heights = np.ascontiguousarray(points.height_m[some])
+    low = cell_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(low, 1, constant_values=np.nan), (3, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # blocks in which, and round which, there is nothing
+        soil = np.nanmedian(around, axis=(2, 3)).astype(np.float32)
+    limit = np.where(where.ravel(), soil.ravel()[block] + np.float32(CLEAR_M), np.float32(np.inf))
+    kept: NDArray[np.bool_] = points.height_m <= limit[points.cell]
+    return kept
+
+
+def _seconds(passage: Passage, begin_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """First and last passage of each cell in seconds after `begin_s`, flat."""
+    first, last = (passage.first_s - begin_s).ravel(), (passage.last_s - begin_s).ravel()
+    return first.astype(np.float32), last.astype(np.float32)
+
+
+@numba.njit("boolean[::1](float32[:, ::1], boolean[::1], float64)", cache=True, nogil=True)
+def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
+    """Which of the kept points (n,) lie within reach of the sensor, in whose frame they are."""
+    near = np.empty(len(xyz_m), np.bool_)
+    for i in range(len(xyz_m)):
+        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        near[i] = kept[i] and x * x + y * y + z * z < reach_m * reach_m
+    return near
+
+
+@numba.njit(
+    "Tuple((boolean[::1], boolean[::1], boolean[::1]))"
+    "(uint16[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32)",
+    cache=True,
+    nogil=True,
+)
+def look(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle_s):  # type: ignore[no-untyped-def]
+    """Which points show the ground after, and which before; and which cells were seen both ways (cells,).
+
+    Beside the tool soil may land, so that returns after it also passed beside a cell are the better ones; where there
+    are none, those after it passed over the cell itself do, and where it did not pass over it, all. Likewise before.
+    """
+    cells = len(tool_first_s)
+    later, earlier = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
+    for i in range(len(cell)):
+        k = cell[i]
+        later[k] |= t_s[i] > near_last_s[k] + settle_s
+        earlier[k] |= t_s[i] < near_first_s[k] - settle_s
+    from_s, until_s = np.empty(cells, np.float32), np.empty(cells, np.float32)
+    for k in range(cells):
+        from_s[k] = near_last_s[k] if later[k] else tool_last_s[k]
+        until_s[k] = near_first_s[k] if earlier[k] else tool_first_s[k]
+    after, before = np.empty(len(cell), np.bool_), np.empty(len(cell), np.bool_)
+    told_after, told_before = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
+    for i in range(len(cell)):
+        k = cell[i]
+        after[i] = t_s[i] > from_s[k] + settle_s
+        before[i] = t_s[i] < until_s[k] - settle_s
+        told_after[k] |= after[i] and np.isfinite(from_s[k])
+        told_before[k] |= before[i] and np.isfinite(until_s[k])
+    return after, before, told_after & told_before

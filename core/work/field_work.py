@@ -1,0 +1,238 @@
+"""The implement's part of a run: found in the scans, watched through them, and the ground that it worked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.learning import learn_implement
+from furrowmap.core.implement.machine import Machine, learn_machine
+from furrowmap.core.implement.model import Hint, Learned
+from furrowmap.core.implement.model import Implement as SeenImplement
+from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.saved import load_implement
+from furrowmap.core.implement.states import ToolHistory, tool_history
+from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import REPLACE, Implement, Session, resolve
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.trajectory import Motion, Trajectory
+from furrowmap.core.work.boundary import boundary_on_map
+from furrowmap.core.work.depth import Depth, pass_depths
+from furrowmap.core.work.ground import WorkedGround, worked_ground
+from furrowmap.core.work.states_elsewhere import Agreement, agreement
+from furrowmap.core.work.sweep import PassTimes, pass_numbers, pass_times
+from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
+
+_NO_MACHINE = Notice(
+    "machine-not-known",
+    "Too few scans on the move, or no ground where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it: the "
+    "vehicle's own body could not be told from the land, so its points have no class of their own.",
+)
+_NO_WIDTH = Notice(
+    "implement-not-stated",
+    "The scanner sees an implement go up and down, but the session does not say how wide it is and where ([implement] "
+    "width_m, xy_m): the ground worked is not computed.",
+)
+_FROM_EARLIER = Notice(
+    "implement-from-earlier",
+    "This recording does not show the implement moving up and down: what it looks like in both positions is taken from "
+    "the earlier session that [implement] learned names.",
+)
+
+
+@dataclass(frozen=True)
+class FieldWork:
+    """What a run found out about the implement and its work.
+
+    Attributes:
+        seen: the implement as the scans show it; None where they show none.
+        history: its states over time; None likewise.
+        boundary: of the field, in the map frame; None where the session names none.
+        ground: what was worked; None where no state of the tool is known, or not its width.
+        depths: of each pass of `ground`.
+        paths: of the tool; empty where `ground` is None, as `events`.
+        events: along them.
+        notices: for the report.
+        elsewhere: states from elsewhere that took the place of those seen; None where they did not.
+        agreement: of states from elsewhere with those seen; None where there are not both.
+    """
+
+    seen: SeenImplement | None = None
+    history: ToolHistory | None = None
+    boundary: BaseGeometry | None = None
+    ground: WorkedGround | None = None
+    depths: tuple[Depth, ...] = ()
+    paths: tuple[ToolPath, ...] = ()
+    events: tuple[Event, ...] = ()
+    notices: tuple[Notice, ...] = ()
+    elsewhere: ToolStates | None = None
+    agreement: Agreement | None = None
+
+    @property
+    def states(self) -> ToolStates | None:
+        """The tool's states from which the ground is computed; None where none are known."""
+        if self.elsewhere is not None:
+            return self.elsewhere
+        return self.history.states if self.history is not None else None
+
+    @cached_property
+    def passes(self) -> list[PassTimes]:
+        """When the tool was down."""
+        return pass_times(self.states) if self.states is not None else []
+
+    def pass_at(self, t_s: ArrayLike) -> NDArray[np.intp]:
+        """Number (n,) of the pass at times (n,), 1 for the first; 0 between passes."""
+        return pass_numbers(self.passes, t_s)
+
+
+def field_boundary(session_file: Path, session: Session, frame: MapFrame) -> BaseGeometry | None:
+    """The boundary that a session names, in the map frame.
+
+    Raises:
+        InputError: if it cannot be read, or lies elsewhere.
+    """
+    if session.field.boundary is None:
+        return None
+    return boundary_on_map(read_boundary(resolve(session_file, session.field.boundary)), frame)
+
+
+def earlier_implement(session_file: Path, session: Session) -> SeenImplement | None:
+    """The implement that a session names as learned before.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    stated = session.implement
+    if stated is None or stated.learned is None:
+        return None
+    return load_implement(resolve(session_file, stated.learned))
+
+
+class ImplementWatch:
+    """Watches the implement in two readings of a recording: one to find it, one to follow it.
+
+    Args:
+        session: says how the scanner is mounted, and where the implement is if it knows.
+        earlier: the implement as an earlier session learned it, for a session that does not show it moving.
+    """
+
+    def __init__(self, session: Session, earlier: SeenImplement | None = None) -> None:
+        self._session = session
+        self._earlier = earlier
+        self._near: NearScans | None = NearScans(session.lidar.mounting)
+        self._learned = Learned(None, ())
+        self._heights: HeightWatch | None = None
+        self._notices: tuple[Notice, ...] = ()
+
+    def look(self, scan: Scan) -> None:
+        """Take note of a scan of the first reading."""
+        assert self._near is not None
+        self._near.add(scan)
+
+    def learn(self, trajectory: Trajectory) -> Machine | None:
+        """Find the implement, between the two readings; the machine of which it is part, None where that is not known.
+
+        Args:
+            trajectory: tells when the vehicle was on the move.
+        """
+        assert self._near is not None
+        stated, mounting = self._session.implement, self._session.lidar.mounting
+        hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
+        self._learned = learn_implement(self._near.scans, hint)
+        if self._learned.implement is None and self._earlier is not None:
+            self._learned = Learned(self._earlier, (_FROM_EARLIER,))
+        ahead_s = self._session.recording.lidar_minus_gnss_s
+        begin_s = np.array([scan.begin_s for scan in self._near.scans]) - ahead_s
+        machine = learn_machine(self._near.scans, _moving(trajectory, begin_s), mounting, self._learned.implement)
+        if machine is None:
+            self._notices = (_NO_MACHINE,)
+        self._near = None
+        if self._learned.implement is not None:
+            depth_m = stated.working_depth_m if stated is not None else None
+            self._heights = HeightWatch(mounting, self._learned.implement, depth_m)
+        return machine
+
+    def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
+        """The scans of the second reading, looked at on their way."""
+        ahead_s = self._session.recording.lidar_minus_gnss_s
+        for scan in scans:
+            if self._heights is not None:
+                self._heights.add(replace(scan, t_s=scan.t_s - ahead_s) if ahead_s else scan)
+            yield scan
+
+    def work(
+        self,
+        trajectory: Trajectory,
+        frame: MapFrame,
+        boundary: BaseGeometry | None,
+        elsewhere: ToolStates | None = None,
+    ) -> FieldWork:
+        """What the tool did and which ground it worked, after the second reading.
+
+        Args:
+            trajectory: of the vehicle.
+            frame: the map.
+            boundary: of the field, if known.
+            elsewhere: states that somebody else tells.
+        """
+        seen, stated = self._learned.implement, self._session.implement
+        found = FieldWork(boundary=boundary, notices=(*self._learned.notices, *self._notices))
+        if seen is not None and self._heights is not None:
+            depth_m = stated.working_depth_m if stated is not None else None
+            history = tool_history(self._heights.heights(), seen, depth_m)
+            found = replace(found, seen=seen, history=history, notices=(*found.notices, *history.notices))
+        if elsewhere is not None:
+            found = with_states_from_elsewhere(found, elsewhere, self._session)
+        return with_ground(found, trajectory, frame, stated)
+
+
+def with_states_from_elsewhere(found: FieldWork, elsewhere: ToolStates, session: Session) -> FieldWork:
+    """The work with states from elsewhere beside those seen, or in their place: as the session says."""
+    assert session.implement is not None
+    replaces = session.implement.states_use == REPLACE
+    if found.history is None:
+        return replace(found, elsewhere=elsewhere if replaces else None)
+    agreed = agreement(found.history.states, elsewhere)
+    notices = (*found.notices, *agreed.notices(replaced=replaces))
+    return replace(found, elsewhere=elsewhere if replaces else None, agreement=agreed, notices=notices)
+
+
+def with_ground(found: FieldWork, trajectory: Trajectory, frame: MapFrame, implement: Implement | None) -> FieldWork:
+    """The work with the ground that its states make; as it was where no state is known, or not the tool's width."""
+    states, history = found.states, found.history
+    if states is None or not _known(states):
+        return found
+    if implement is None:
+        return replace(found, notices=(*found.notices, _NO_WIDTH))
+    ground = worked_ground(trajectory, states, implement, frame, found.boundary)
+    nothing = np.zeros(0)
+    heights = (history.t_s, history.tool_height_m, history.soil_height_m) if history is not None else (nothing,) * 3
+    return replace(
+        found,
+        ground=ground,
+        depths=pass_depths([p.times for p in ground.passes], *heights, implement.working_depth_m),
+        paths=tuple(tool_paths(trajectory, states, implement)),
+        events=tuple(events(trajectory, states, implement)),
+    )
+
+
+def _moving(trajectory: Trajectory, t_s: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the vehicle was on the move at times (n,); False where that is not known."""
+    before, share, known = trajectory.interval(t_s)
+    moving: NDArray[np.bool_] = known & (trajectory.motion[before + (share > 0.5)] != Motion.STANDING)
+    return moving
+
+
+def _known(states: ToolStates) -> bool:
+    """Whether any state is."""
+    return bool((states.state != ToolState.UNKNOWN).any())

@@ -1,0 +1,157 @@
+"""The tool's states from elsewhere, a table of times or a machine's log, and how they agree with those seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.reader import ClockReading, GivesStates, ReadOptions, open_recording
+from furrowmap.core.session.examination import likely_offset
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.scan import Clock
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+NEAR_S: Final = 0.5
+"""Differences shorter than this are those of the moment at which a tool counts as down."""
+MOST_TOLD: Final = 5
+GOOD_SHARE: Final = 0.98
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How states from elsewhere agree with those that the scans show, in the time in which both are known.
+
+    Attributes:
+        compared_s: that time.
+        share: of it in which they are the same; nan where there is none.
+        differing_s: (m, 2) when they are not, from and to.
+        seen_down: (m,) bool: whether the scans show the tool down in each of these.
+    """
+
+    compared_s: float
+    share: float
+    differing_s: FloatArray
+    seen_down: NDArray[np.bool_]
+
+    def notices(self, *, replaced: bool) -> list[Notice]:
+        """What the report tells: where states differ for longer than a transition takes.
+
+        Args:
+            replaced: whether the states from elsewhere were used.
+        """
+        used = "those from elsewhere are used" if replaced else "those seen are used"
+        if not self.compared_s:
+            text = f"States from elsewhere and those seen have no time in common; {used}."
+            return [Notice("states-not-compared", text)]
+        length_s = self.differing_s[:, 1] - self.differing_s[:, 0]
+        told = np.flatnonzero(length_s > NEAR_S)
+        if not len(told) and self.share >= GOOD_SHARE:
+            return []
+        longest = sorted(told[np.argsort(-length_s[told], kind="stable")][:MOST_TOLD].tolist())
+        places = "; ".join(
+            f"{iso_utc(float(self.differing_s[k, 0]))} for {length_s[k]:.1f} s (seen "
+            f"{'down' if self.seen_down[k] else 'up'})"
+            for k in longest
+        )
+        longest_told = f", the longest: {places}" if places else ""
+        text = (
+            f"States from elsewhere agree with those seen in {self.share:.1%} of {self.compared_s:,.0f} s; {used}. "
+            f"They differ for more than {NEAR_S:g} s at {len(told)} times{longest_told}."
+        )
+        return [Notice("states-differ", text)]
+
+
+def agreement(seen: ToolStates, elsewhere: ToolStates) -> Agreement:
+    """How two histories of states agree."""
+    cuts = np.unique(np.concatenate([seen.begin_s, seen.end_s, elsewhere.begin_s, elsewhere.end_s]))
+    cuts = cuts[np.isfinite(cuts)]
+    begin, end = cuts[:-1], cuts[1:]
+    middle = 0.5 * (begin + end)
+    mine, theirs = seen.at(middle)[0], elsewhere.at(middle)[0]
+    both = (mine != ToolState.UNKNOWN) & (theirs != ToolState.UNKNOWN)
+    compared_s = float((end - begin)[both].sum())
+    differ = both & (mine != theirs)
+    share = 1.0 - float((end - begin)[differ].sum()) / compared_s if compared_s else float("nan")
+    rows = np.flatnonzero(differ)
+    joins = np.append(False, (np.diff(rows) == 1) & (mine[rows][1:] == mine[rows][:-1]))[: len(rows)]
+    first = np.flatnonzero(~joins)
+    last = np.append(first[1:], len(rows)) - 1
+    spans = np.column_stack([begin[rows[first]], end[rows[last]]]) if len(rows) else np.zeros((0, 2))
+    return Agreement(compared_s, share, spans, mine[rows[first]] == ToolState.DOWN)
+
+
+def states_from_elsewhere(
+    paths: Sequence[Path], session: Session, trajectory: Trajectory
+) -> tuple[ToolStates, tuple[Notice, ...]] | None:
+    """The states in the files that the session names, by the clock of the positions, and what is odd about them.
+
+    Args:
+        paths: the files; none where the session names none.
+        session: says which task of several, and how the clocks differ.
+        trajectory: of the vehicle: a state that lasts to the end of the drive ends with it.
+
+    Raises:
+        InputError: if they cannot be read, hold no states, or none in the time of the trajectory.
+    """
+    if not paths:
+        return None
+    assert session.implement is not None
+    reader = open_recording(paths, ReadOptions(task=session.recording.task))
+    if not isinstance(reader, GivesStates):
+        raise InputError(
+            f"{paths[0]} is '{reader.title}', which gives no tool states.",
+            "The session names it under `implement.states`.",
+            "Name a table of states or task data there; `furrowmap inspect` says what a file holds.",
+            code="wrong-kind-of-file",
+        )
+    states = reader.states()
+    ahead_s = session.implement.states_minus_gnss_s
+    begin_s, end_s = states.begin_s - ahead_s, states.end_s - ahead_s
+    open_end = ~np.isfinite(end_s)
+    end_s = np.where(open_end, np.maximum(trajectory.t_s[-1], np.nextafter(begin_s, np.inf)), end_s)
+    states = replace(states, begin_s=begin_s, end_s=end_s)
+    _expect_common_time(paths[0], states, trajectory, ahead_s)
+    return states, tuple(reader.notices)
+
+
+def _expect_common_time(path: Path, states: ToolStates, trajectory: Trajectory, ahead_s: float) -> None:
+    """Refuse states of another time.
+
+    Raises:
+        InputError: if none lies in the time of the trajectory.
+    """
+    first_s, last_s = trajectory.span_s
+    if not len(states):
+        raise InputError(
+            f"{path}: it says of no time whether the tool was down or up.",
+            "No ground can be computed from it.",
+            "Take `[implement] states` out of the session, or name another file.",
+            code="no-states",
+        )
+    if states.begin_s[0] < last_s and states.end_s[-1] > first_s:
+        return
+    stated = ClockReading(Clock.GNSS, float(states.begin_s[0]), float(states.end_s[-1]))
+    likely = likely_offset(stated, ClockReading(Clock.GNSS, first_s, last_s))
+    remedy = (
+        f"If they are of one drive, its clock is off by {likely[1]}: write "
+        f"`[implement] states_minus_gnss_s = {ahead_s + likely[0]:.1f}`."
+        if likely is not None
+        else "Name files of one drive; no usual difference of clocks (hours, leap seconds, days) explains it."
+    )
+    raise InputError(
+        f"{path}: its states ({iso_utc(stated.first_s)} to {iso_utc(stated.last_s)}) and the positions "
+        f"({iso_utc(first_s)} to {iso_utc(last_s)}) have no time in common.",
+        "Where the tool was while it was down cannot be known.",
+        remedy,
+        code="no-common-time",
+    )

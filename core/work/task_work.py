@@ -1,0 +1,195 @@
+"""The ground worked in each task of ISO 11783-10 task data: what a machine's own log shows, without a scanner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import Geod
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.geodesy.crs_choice import choose_crs
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.session import Crs, Implement
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.trajectory import Motion
+from furrowmap.core.work.field_work import FieldWork, with_ground
+
+WGS84: Final = Geod(ellps="WGS84")
+FULL_WIDTH: Final = 0.99
+"""Less than this share of the machine's width is a part of it."""
+
+
+@dataclass(frozen=True)
+class TaskWork:
+    """The work of one task.
+
+    Attributes:
+        task: as it was logged.
+        frame: the map.
+        course: the machine's way.
+        implement: its width and place.
+        work: what it worked; its `ground` is None where no state is known.
+        boundary_area_m2: on the ellipsoid; nan without a boundary.
+        logged_swept_m2: way times the width that the log says worked: what its counter counts; nan where it does not.
+        notices: what is doubtful.
+    """
+
+    task: LoggedTask
+    frame: MapFrame
+    course: CourseTrajectory
+    implement: Implement
+    work: FieldWork
+    boundary_area_m2: float
+    logged_swept_m2: float
+    notices: tuple[Notice, ...]
+
+
+@dataclass(frozen=True)
+class TaskWorks:
+    """The work of all tasks of a set of task data.
+
+    Attributes:
+        works: of the tasks that have positions, in the order of the set.
+        frame: the map, one for all.
+        notices: on the set, and on tasks that are left out.
+    """
+
+    works: tuple[TaskWork, ...]
+    frame: MapFrame
+    notices: tuple[Notice, ...]
+
+
+def task_works(
+    path: Path,
+    *,
+    crs: str | None = None,
+    width_m: float | None = None,
+    only: str | None = None,
+    progress: Progress = silent,
+) -> TaskWorks:
+    """The ground worked in the tasks of a set of task data.
+
+    The positions logged are taken as those of the middle of the tool: task data rarely say how the two lie to each
+    other, and a shift along the way changes no area.
+
+    Args:
+        path: of the TASKDATA folder or an archive of it.
+        crs: of the map; None for one that fits the place.
+        width_m: of the machine; None for the widest that the logs show at work.
+        only: id or name of the one task that is wanted.
+        progress: is told of the tasks done.
+
+    Raises:
+        InputError: if it cannot be read, no task has positions, or no log says how wide the machine is.
+        RefusedError: if the CRS does not fit the place.
+    """
+    content, tasks = read_tasks(open_task_files(path), only)
+    notices = list(content.notices)
+    placed = [task for task in tasks if len(task.track) > 1]
+    notices += [notice for task in tasks if task not in placed for notice in task.notices]
+    if not placed:
+        raise InputError(
+            f"{path}: none of its {len(content.tasks)} tasks has a time log with positions.",
+            "Where the machine was is not known, so neither is the ground that it worked.",
+            "Export the task data once the work is done: time logs are written on the machine's terminal.",
+            code="no-positions",
+        )
+    frame = _frame(placed, crs)
+    width = width_m if width_m is not None else whole_width_m(placed)
+    if not np.isfinite(width) or width <= 0.0:
+        raise InputError(
+            f"{path}: no time log says how wide the machine works.",
+            "Without a width its way makes no ground.",
+            "State it: --width 9.0 (metres).",
+            code="width-unknown",
+        )
+    implement = Implement(width_m=width, xy_m=(0.0, 0.0))
+    works = []
+    for k, task in enumerate(placed):
+        progress("tasks", k / len(placed))
+        try:
+            works.append(_work(task, frame, implement))
+        except (InputError, RefusedError) as error:
+            if len(placed) == 1:
+                raise
+            text = f"Task {task.id} ({task.name}) is left out: {error.lines[0]} --task {task.id} computes it alone."
+            notices.append(Notice("task-left-out", text))
+    progress("tasks", 1.0)
+    return TaskWorks(tuple(works), frame, tuple(dict.fromkeys(notices)))
+
+
+def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
+    """The map that was asked for, or the one for the middle of most positions."""
+    if crs is not None:
+        return map_frame(Crs(map=crs))
+    longest = max(tasks, key=lambda task: len(task.track))
+    choice = choose_crs(float(np.median(longest.track.lon_deg)), float(np.median(longest.track.lat_deg)))
+    if choice is None:
+        raise InputError(
+            f"{longest.track.source}: it lies too near to a pole for a UTM zone.",
+            "There is no map to lay the ground out on.",
+            "Name a projected CRS in metres with --crs.",
+            code="crs-unknown",
+        )
+    return map_frame(Crs(map=choice.code))
+
+
+def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
+    course = trajectory_from_course(task.track, frame)
+    boundary, area_m2 = _boundary(task, frame)
+    work = with_ground(FieldWork(boundary=boundary, elsewhere=task.states), course.trajectory, frame, implement)
+    swept, notices = _logged_swept(task, course, implement)
+    if work.ground is None:
+        notices.append(Notice("state-unknown", f"{task.track.source}: no record says whether the machine worked."))
+    return TaskWork(task, frame, course, implement, work, area_m2, swept, (*task.notices, *course.notices, *notices))
+
+
+def _boundary(task: LoggedTask, frame: MapFrame) -> tuple[BaseGeometry | None, float]:
+    """The field's boundary in the map, and its area (m²) on the ellipsoid."""
+    outline = task.field.boundary if task.field is not None else None
+    if outline is None:
+        return None, float("nan")
+    area_m2 = sum(abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(part))[0]) for part in _polygons(outline))
+    on_map = shapely.transform(outline, lambda xy: np.column_stack(frame.project(*xy.T)))
+    return on_map, area_m2
+
+
+def _polygons(shape: BaseGeometry) -> list[BaseGeometry]:
+    return [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
+
+
+def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Implement) -> tuple[float, list[Notice]]:
+    """Way times logged width, and a word on how much of the way only a part of the machine worked."""
+    t = course.trajectory
+    step_m = np.hypot(*np.diff(t.xyz_m[:, :2], axis=0).T)
+    worked = (task.state[course.used][:-1] == ToolState.DOWN) & (np.diff(t.t_s) <= t.max_gap_s)
+    worked &= t.motion[:-1] == Motion.FORWARD
+    width: NDArray[np.float64] = task.width_m[course.used][:-1]
+    way_m, known = step_m[worked], width[worked]
+    if not np.isfinite(known).any():
+        return float("nan"), []
+    known = np.where(np.isfinite(known), known, implement.width_m)
+    swept = float(np.sum(way_m * known))
+    part = known < FULL_WIDTH * implement.width_m
+    missing = float(np.sum(way_m * np.maximum(implement.width_m - known, 0.0)))
+    if not part.any():
+        return swept, []
+    return swept, [
+        Notice(
+            "part-of-width",
+            f"{task.track.source}: on {np.sum(way_m[part]):,.0f} of {np.sum(way_m):,.0f} m of way only a part of the "
+            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up "
+            f"to {missing:,.0f} m² of it were not worked then.",
+        )
+    ]

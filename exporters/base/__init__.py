@@ -1,1 +1,0 @@
-"""The farm base map: many sessions in one GeoPackage or PostGIS database."""

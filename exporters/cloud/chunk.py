@@ -1,0 +1,121 @@
+"""A chunk of LAZ 1.4: some points compressed layer by layer."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.exporters.cloud.colour_layer import COLOURS_END, encode_colours
+from furrowmap.exporters.cloud.layers import (
+    LAYERS_END,
+    MEMORY_SIZE,
+    encode_bytes,
+    encode_classes,
+    encode_heights,
+    encode_intensities,
+    encode_places,
+    encode_sources,
+)
+from furrowmap.exporters.cloud.time_layer import TIMES_END, encode_times
+
+MOST_POINT_BYTES: Final = 80
+"""More than all layers of a point but its extra bytes take at worst."""
+MOST_EXTRA_BYTES: Final = 2
+MOST_END_BYTES: Final = 64
+"""More than the ends of all layers take, and the noughts behind them."""
+TABLE_SIZE: Final = max(LAYERS_END, COLOURS_END, TIMES_END)
+FIRST: Final = struct.Struct("<3iHBxBx2xHd")
+"""A record of point format 6: without flags, user data and scan angle, which stay nought."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Points of one chunk, column by column; all arrays have n > 0 elements and may be filled in place.
+
+    Attributes:
+        x: int32 steps of the coordinates' scale.
+        y: int32 steps.
+        z: int32 steps.
+        intensity: uint16.
+        returns: uint8 return number, and number of returns of the pulse times 16.
+        classification: uint8.
+        point_source_id: uint16.
+        gps_time: float64 adjusted standard GPS time.
+        rgb: (3, n) uint16; None in point format 6.
+        extra: (bytes, n) uint8, each byte of the dimensions beyond those of LAS.
+    """
+
+    x: NDArray[np.int32]
+    y: NDArray[np.int32]
+    z: NDArray[np.int32]
+    intensity: NDArray[np.uint16]
+    returns: NDArray[np.uint8]
+    classification: NDArray[np.uint8]
+    point_source_id: NDArray[np.uint16]
+    gps_time: NDArray[np.float64]
+    rgb: NDArray[np.uint16] | None
+    extra: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def compressed(points: Columns) -> bytes:
+    """The chunk of some points: the first as it is, their number, the layers' lengths, and the layers.
+
+    Layers of what is the same for all points are empty.
+    """
+    n, extra = len(points), points.extra
+    out = np.empty(
+        n * (MOST_POINT_BYTES + MOST_EXTRA_BYTES * len(extra)) + MOST_END_BYTES * (10 + len(extra)), np.uint8
+    )
+    table, memory = np.empty(TABLE_SIZE, np.int32), np.empty(MEMORY_SIZE, np.int64)
+    z_context = np.empty(n, np.uint8)
+    x, y, z, returns, time = points.x, points.y, points.z, points.returns, points.gps_time
+    ends = [0]
+
+    def layer(column: NDArray[Any], encode: Callable[..., int], *told: NDArray[Any]) -> None:
+        ends.append(encode(out, ends[-1], table, *told) if differs(column) else ends[-1])
+
+    ends.append(encode_places(out, 0, table, memory, x, y, returns, points.point_source_id, time, z_context))
+    ends.append(encode_heights(out, ends[-1], table, memory, z, returns, z_context))
+    layer(points.classification, encode_classes, points.classification, returns)
+    ends.append(ends[-1])  # flags
+    layer(points.intensity, encode_intensities, memory, points.intensity, returns, time)
+    ends += [ends[-1]] * 2  # scan angle, user data
+    layer(points.point_source_id, encode_sources, points.point_source_id)
+    layer(time, encode_times, memory, time, time.view(np.int64))
+    if points.rgb is not None:
+        red, green, blue = points.rgb
+        coloured = differs(red) or differs(green) or differs(blue)
+        ends.append(encode_colours(out, ends[-1], table, red, green, blue) if coloured else ends[-1])
+    for values in extra:
+        layer(values, encode_bytes, values)
+    lengths = np.diff(ends).astype("<u4").tobytes()
+    return b"".join([_first_record(points), struct.pack("<I", n), lengths, out[: ends[-1]].data])
+
+
+def differs(column: NDArray[Any]) -> bool:
+    """Whether not all values are the same."""
+    return bool((column[1:] != column[0]).any())
+
+
+def _first_record(points: Columns) -> bytes:
+    """The first point as a LAS record."""
+    record = FIRST.pack(
+        points.x[0],
+        points.y[0],
+        points.z[0],
+        points.intensity[0],
+        points.returns[0],
+        points.classification[0],
+        points.point_source_id[0],
+        points.gps_time[0],
+    )
+    colour = b"" if points.rgb is None else points.rgb[:, 0].astype("<u2").tobytes()
+    return record + colour + points.extra[:, 0].tobytes()

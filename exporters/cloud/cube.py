@@ -1,0 +1,124 @@
+"""Cubes of space and their cells, in whole steps of the coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.exporters.cloud.records import Records, rows_of
+
+DEPTH: Final = 7
+"""A cube is divided at most so often in one go: 128 cells a side, 2 million in all."""
+
+SPREAD: Final = np.array([sum(((v >> b) & 1) << (3 * b) for b in range(DEPTH)) for v in range(1 << DEPTH)], np.uint32)
+"""The bits of a number below 2^DEPTH with two noughts between them."""
+
+
+@dataclass(frozen=True)
+class Cube:
+    """A cube of 2^bits steps a side.
+
+    Halved `depth` times, it has 8^depth cells. A cell's **code** interleaves the bits of its place along x, y and z (x
+    lowest: Morton order), so that the codes of all cells within a coarser cell follow one another, and a code without
+    its last three bits is the code of the cell that holds it, one level up.
+
+    Attributes:
+        origin: least X, Y and Z in it.
+        bits: logarithm of the side.
+    """
+
+    origin: tuple[int, int, int]
+    bits: int
+
+    @classmethod
+    def around(cls, low: NDArray[np.int64], high: NDArray[np.int64]) -> Cube:
+        """The smallest cube about points from `low` to `high`, but no smaller than its cells can be told apart.
+
+        They lie in its middle along x and y, but at its bottom, so that flat ground does not straddle cells.
+        """
+        bits = max(DEPTH, int((high - low).max()).bit_length())
+        margin = ((1 << bits) - 1 - (high - low)) // 2
+        return cls((int(low[0] - margin[0]), int(low[1] - margin[1]), int(low[2])), bits)
+
+    @property
+    def side(self) -> int:
+        """Length of its edges in steps."""
+        return 1 << self.bits
+
+    @property
+    def corners(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Least and greatest X, Y and Z in it."""
+        low = np.array(self.origin, np.int64)
+        return low, low + self.side - 1
+
+    def holds(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> bool:
+        """Whether all points from `low` to `high` lie in it."""
+        lowest, highest = self.corners
+        return bool((low >= lowest).all() and (high <= highest).all())
+
+    def doubled(self, low: NDArray[np.int64]) -> tuple[Cube, int]:
+        """A cube of twice the side, extended towards `low` or upward; and which of its eight this one is."""
+        octant, origin = 0, list(self.origin)
+        for axis in range(3):
+            if low[axis] < origin[axis]:
+                origin[axis] -= self.side
+                octant |= 1 << axis
+        return Cube((origin[0], origin[1], origin[2]), self.bits + 1), octant
+
+    def cell(self, depth: int, code: int) -> Cube:
+        """The cube of a cell."""
+        bits = self.bits - depth
+        x, y, z = places(depth, code)
+        return Cube((self.origin[0] + (x << bits), self.origin[1] + (y << bits), self.origin[2] + (z << bits)), bits)
+
+
+def places(depth: int, code: int) -> tuple[int, int, int]:
+    """Where a cell of a cube stands along x, y and z."""
+    x, y, z = (sum(((code >> (3 * b + axis)) & 1) << b for b in range(depth)) for axis in range(3))
+    return x, y, z
+
+
+def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+    """The cell of each record (n,), and the number of records in each cell (8^depth,)."""
+    codes, counts = np.empty(len(records), np.uint32), np.zeros(8**depth, np.int64)
+    locate(rows_of(records), np.array(cube.origin, np.int64), cube.bits - depth, SPREAD, codes, counts)
+    return codes, counts
+
+
+@numba.njit("void(uint8[:, ::1], int64[::1], int64, uint32[::1], uint32[::1], int64[::1])", cache=True, nogil=True)
+def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`codes_of`; a record begins with X, Y and Z as little-endian int32."""
+    for i in range(len(records)):
+        code = np.uint32(0)
+        for axis in range(3):
+            k = 4 * axis
+            step = (
+                np.uint32(records[i, k])
+                | np.uint32(records[i, k + 1]) << np.uint32(8)
+                | np.uint32(records[i, k + 2]) << np.uint32(16)
+                | np.uint32(records[i, k + 3]) << np.uint32(24)
+            )
+            place = (np.int64(np.int32(step)) - origin[axis]) >> bits
+            code |= spread[place] << np.uint32(axis)
+        codes[i] = code
+        counts[code] += 1
+
+
+def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """The indices (n,) that sort `keys`, equal ones in their order; `counts` tells how often each key occurs."""
+    order = np.empty(len(keys), np.uint32)
+    count_sort(keys, np.cumsum(counts) - counts, order)
+    return order
+
+
+@numba.njit("void(uint32[::1], int64[::1], uint32[::1])", cache=True, nogil=True)
+def count_sort(keys, starts, order):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`sorted_order`; `starts` is used up."""
+    for i in range(len(keys)):
+        key = keys[i]
+        order[starts[key]] = i
+        starts[key] += 1

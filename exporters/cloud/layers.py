@@ -1,0 +1,201 @@
+"""The layers of a LAZ chunk of point formats 6 and up but for times and colours, each a stream of bytes of its own.
+
+What each holds and what its contexts are follows Isenburg's published source of LASzip 3 (items of version 3), since a
+decoder has to take the same steps. Columns hold one value for each point of the chunk. The first point stands in the
+chunk as it is, so each layer begins with the second.
+
+All functions take the output, where in it their layer begins, an int32 `table` for the models and an int64 `memory` of
+what went before, as large as :data:`LAYERS_END` and :data:`MEMORY_SIZE` say, and return where the layer ends.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from furrowmap.exporters.cloud.arithmetic import coder_at, encode, ends_of, finish, inlined, kernel, model_size
+from furrowmap.exporters.cloud.integers import encode_integer, integers_size, wrapped
+
+# How far inside its pulse a return is, in six kinds, by number of returns (rows) and return number (columns).
+RETURN_KINDS: Final = np.array(
+    [
+        [int(kind) for kind in row]
+        for row in (
+            "0123453445555555",
+            "1013333333333333",
+            "2124444444433333",
+            "3345444444444444",
+            "4344544444444444",
+            "5344454444444444",
+            "3344445444444444",
+            "4344444544444444",
+            "4344444454444444",
+            "5344444445444444",
+            "5344444444544444",
+            "5334444444455444",
+            "5334444444455544",
+            "5334444444445554",
+            "5334444444444555",
+            "5334444444444455",
+        )
+    ],
+    np.int64,
+)
+CHANGES: Final = 128
+"""Symbols of what differs between a point and the one before."""
+NUMBERS: Final = 16
+JUMPS: Final = 13
+"""Differences of return numbers within a pulse that are neither 0, 1 nor −1."""
+BYTES: Final = 256
+CHANGES_SIZE: Final = model_size(CHANGES)
+NUMBERS_SIZE: Final = model_size(NUMBERS)
+BYTES_SIZE: Final = model_size(BYTES)
+X_CONTEXTS: Final = 2
+Y_CONTEXTS: Final = 22
+Z_CONTEXTS: Final = 20
+COUNTS_AT, NUMBERS_AT, JUMPS_AT, X_AT, Y_AT, PLACES_END = ends_of(
+    8 * CHANGES_SIZE,
+    16 * NUMBERS_SIZE,
+    16 * NUMBERS_SIZE,
+    model_size(JUMPS),
+    integers_size(32, X_CONTEXTS),
+    integers_size(32, Y_CONTEXTS),
+)[1:]
+Z_END: Final = integers_size(32, Z_CONTEXTS)
+CLASSES_END: Final = 64 * BYTES_SIZE
+INTENSITY_CONTEXTS: Final = 4
+INTENSITY_END: Final = integers_size(16, INTENSITY_CONTEXTS)
+SOURCE_END: Final = integers_size(16, 1)
+LAYERS_END: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END)
+
+MEDIAN: Final = 6
+"""Numbers that a running median remembers: see :func:`take_into_median`."""
+MEDIANS: Final = 12
+MEMORY_SIZE: Final = 2 * MEDIANS * MEDIAN
+
+
+@inlined()
+def take_into_median(memory, at, value):  # type: ignore[no-untyped-def]
+    """Put a value among five sorted ones, the middle of which stands for what is usual, in place of an end.
+
+    The sixth number tells which end: the highest (1) as long as values are below the middle, the lowest (0) as long as
+    they are above it.
+    """
+    from_top = memory[at + 5] == 1
+    a, b, c, d, e = memory[at], memory[at + 1], memory[at + 2], memory[at + 3], memory[at + 4]
+    below, above = value < c, c < value
+    a, b, c, d = (a, b, c, d) if from_top else (b, c, d, e)
+    memory[at] = min(a, value)
+    memory[at + 1] = max(a, min(b, value))
+    memory[at + 2] = max(b, min(c, value))
+    memory[at + 3] = max(c, min(d, value))
+    memory[at + 4] = max(d, value)
+    memory[at + 5] = below if from_top else not above
+
+
+@inlined()
+def return_place(returns):  # type: ignore[no-untyped-def]
+    """Whether a return is its pulse's first (1), last (2), both (3) or neither (0)."""
+    number, count = returns & 15, returns >> 4
+    return (number == 1) + 2 * (number >= count)
+
+
+@kernel()
+def encode_places(out, at, table, memory, x, y, returns, source, time, z_context):  # type: ignore[no-untyped-def]
+    """What differs, returns, X and Y. Notes in which context each point's Z is told."""
+    table[:PLACES_END] = 0
+    memory[:] = 0
+    for i in range(MEDIAN - 1, MEMORY_SIZE, MEDIAN):
+        memory[i] = 1
+    coder = coder_at(at)
+    time_differs = False
+    for i in range(1, len(x)):
+        last_number, last_count = returns[i - 1] & 15, returns[i - 1] >> 4
+        number, count = returns[i] & 15, returns[i] >> 4
+        context = return_place(returns[i - 1]) + 4 * time_differs
+        time_differs = time[i] != time[i - 1]
+        jump = (number - last_number) & 15
+        change = (jump if jump < 2 else 2 if jump == 15 else 3) | (count != last_count) << 2 | time_differs << 4
+        change |= (source[i] != source[i - 1]) << 5
+        coder = encode(out, coder, table, context * CHANGES_SIZE, CHANGES, change)
+        if count != last_count:
+            coder = encode(out, coder, table, COUNTS_AT + last_count * NUMBERS_SIZE, NUMBERS, count)
+        if change & 3 == 3:
+            if time_differs:
+                coder = encode(out, coder, table, NUMBERS_AT + last_number * NUMBERS_SIZE, NUMBERS, number)
+            else:
+                coder = encode(out, coder, table, JUMPS_AT, JUMPS, jump - 2)
+
+        single = count == 1
+        usual = MEDIAN * (2 * RETURN_KINDS[count, number] + time_differs)
+        step = wrapped(np.int64(x[i]) - x[i - 1])
+        coder, x_bits = encode_integer(out, coder, table, X_AT, 32, X_CONTEXTS, single, step - memory[usual + 2])
+        take_into_median(memory, usual, step)
+        usual += MEDIAN * MEDIANS
+        step = wrapped(np.int64(y[i]) - y[i - 1])
+        context = min(x_bits & ~1, 20) + single
+        coder, y_bits = encode_integer(out, coder, table, Y_AT, 32, Y_CONTEXTS, context, step - memory[usual + 2])
+        take_into_median(memory, usual, step)
+        z_context[i] = min(((x_bits + y_bits) >> 1) & ~1, 18) + single
+    return finish(out, coder)
+
+
+@kernel()
+def encode_heights(out, at, table, memory, z, returns, z_context):  # type: ignore[no-untyped-def]
+    """Z, predicted to be that of the last return that had as many left in its pulse."""
+    table[:Z_END] = 0
+    memory[:8] = z[0]
+    coder = coder_at(at)
+    for i in range(1, len(z)):
+        left = min(abs((returns[i] >> 4) - (returns[i] & 15)), 7)
+        coder, _ = encode_integer(out, coder, table, 0, 32, Z_CONTEXTS, z_context[i], z[i] - memory[left])
+        memory[left] = z[i]
+    return finish(out, coder)
+
+
+@kernel()
+def encode_classes(out, at, table, classes, returns):  # type: ignore[no-untyped-def]
+    """Classes, in contexts by the one before."""
+    table[:CLASSES_END] = 0
+    coder = coder_at(at)
+    for i in range(1, len(classes)):
+        context = 2 * (classes[i - 1] & 31) + (return_place(returns[i]) == 3)
+        coder = encode(out, coder, table, context * BYTES_SIZE, BYTES, classes[i])
+    return finish(out, coder)
+
+
+@kernel()
+def encode_intensities(out, at, table, memory, intensity, returns, time):  # type: ignore[no-untyped-def]
+    """Intensities, predicted to be that of the last return in a like place of its pulse."""
+    table[:INTENSITY_END] = 0
+    memory[:8] = intensity[0]
+    coder = coder_at(at)
+    for i in range(1, len(intensity)):
+        place = return_place(returns[i])
+        like = 2 * place + (time[i] != time[i - 1])
+        error = intensity[i] - memory[like]
+        coder, _ = encode_integer(out, coder, table, 0, 16, INTENSITY_CONTEXTS, place, error)
+        memory[like] = intensity[i]
+    return finish(out, coder)
+
+
+@kernel()
+def encode_sources(out, at, table, source):  # type: ignore[no-untyped-def]
+    """Point source numbers, where they differ."""
+    table[:SOURCE_END] = 0
+    coder = coder_at(at)
+    for i in range(1, len(source)):
+        if source[i] != source[i - 1]:
+            coder, _ = encode_integer(out, coder, table, 0, 16, 1, 0, np.int64(source[i]) - source[i - 1])
+    return finish(out, coder)
+
+
+@kernel()
+def encode_bytes(out, at, table, values):  # type: ignore[no-untyped-def]
+    """One byte of the dimensions beyond those of LAS."""
+    table[:BYTES_SIZE] = 0
+    coder = coder_at(at)
+    for i in range(1, len(values)):
+        coder = encode(out, coder, table, 0, BYTES, (np.int64(values[i]) - values[i - 1]) & 255)
+    return finish(out, coder)

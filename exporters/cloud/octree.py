@@ -1,0 +1,262 @@
+"""Records sorted into the nodes of an octree, with memory that does not grow with their number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
+from furrowmap.exporters.cloud.levels import Plan, draw_nodes, plan_levels
+from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gathered
+from furrowmap.exporters.cloud.spool import Spool
+
+
+class Key(NamedTuple):
+    """A node of a COPC file: its level, and its place among the cells of that level."""
+
+    level: int
+    x: int
+    y: int
+    z: int
+
+    def below(self, depth: int, code: int) -> Key:
+        """The node of a cell of this node's cube."""
+        x, y, z = places(depth, code)
+        return Key(self.level + depth, (self.x << depth) + x, (self.y << depth) + y, (self.z << depth) + z)
+
+
+ROOT: Final = Key(0, 0, 0, 0)
+
+
+class NodeSink(Protocol):
+    """Takes nodes as they become complete."""
+
+    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Any]:
+        """Take a node; the records are read in a thread, until what is returned is done."""
+        ...
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How large things get.
+
+    Attributes:
+        memory_points: records held in memory; more are kept in a file in `folder`.
+        node_points: records of a node that has children; one without may have twice as many.
+        folder: for temporary files.
+    """
+
+    memory_points: int
+    node_points: int
+    folder: Path
+
+
+class Octree:
+    """Takes records in any order and gives out nodes.
+
+    All is done in one cube divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Records beyond
+    `memory_points` go to a file, sorted by cell block by block; memory is filled in two halves, so that one is put
+    into the file, in a thread, while the other is filled. In the end, stretches of neighbouring cells that fit into a
+    half are taken back one after another, in the order of the cells' codes, into the two halves by turns, so that nodes
+    are still read from one while the other is filled. A node is given out once its last cell has been read, so that of
+    each level only one node is ever waiting. A cell with too many records for a node becomes the root of an octree of
+    its own.
+
+    Args:
+        layout: of a record.
+        limits: on memory and nodes.
+        random: draws the levels.
+        cube: in which all records lie; found from the records where none is given.
+        key: the node that is the root of what is given out.
+    """
+
+    def __init__(
+        self,
+        layout: np.dtype[np.void],
+        limits: Limits,
+        random: np.random.Generator,
+        cube: Cube | None = None,
+        key: Key = ROOT,
+    ) -> None:
+        self._limits, self._random = limits, random
+        self._cube, self._key = cube, key
+        self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
+        self._buffer: Records = np.empty(0, layout)
+        self._first, self._held, self._end = 0, 0, 0
+        self._turn = 0
+        self._reading: tuple[list[Future[Any]], list[Future[Any]]] = ([], [])
+        self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
+        self._spool: Spool | None = None
+        self._thread: ThreadPoolExecutor | None = None
+        self._spilling: Future[None] | None = None
+        self._counts = np.zeros(8**self._depth, np.int64)
+        self._waiting: dict[int, list[Chosen]] = {}
+        self._within: dict[int, Octree] = {}
+
+    def room(self, wanted: int) -> Records:
+        """Where to put records: room for one to `wanted`, to be filled before the next call.
+
+        Raises:
+            OSError: if the temporary file cannot be written.
+        """
+        if not len(self._buffer):
+            self._buffer = np.empty(2 * -(-self._limits.memory_points // 2), self._buffer.dtype)
+            self._end = len(self._buffer)
+        elif self._held == self._end:
+            self._make_room()
+        return self._buffer[self._held : min(self._held + wanted, self._end)]
+
+    def filled(self, records: int, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Take the first `records` of the room given, whose X, Y and Z lie between `low` and `high`."""
+        self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
+        self._held += records
+
+    def finish(self, sink: NodeSink) -> Cube:
+        """Put all nodes into `sink`; at least one record has been appended.
+
+        Returns:
+            The root's cube.
+        """
+        self._spilled()
+        cube = self._enclose()
+        if self._spool is None:
+            nodes = self._held / (2 * self._limits.node_points)
+            self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
+            records = self._buffer[: self._held]
+            codes, counts = codes_of(records, cube, self._depth)
+            self._place(sink, records, codes, self._plan(counts), end=len(counts))
+        else:
+            self._spill(self._spool, cube, self._buffer[self._first : self._held])
+            self._gather(sink, self._spool, cube)
+        return cube
+
+    def close(self) -> None:
+        """Remove temporary files."""
+        if self._thread is not None:
+            self._thread.shutdown()
+        if self._spool is not None:
+            self._spool.close()
+        for inner in self._within.values():
+            inner.close()
+
+    def _make_room(self) -> None:
+        """Put one half of memory into the file, in a thread, and go on in the other, which is there already."""
+        half = len(self._buffer) // 2
+        self._spilled()
+        cube = self._enclose()
+        if self._spool is None or self._thread is None:
+            self._spool, self._thread = Spool(self._limits.folder), ThreadPoolExecutor(1, "spill")
+            self._spill(self._spool, cube, self._buffer[:half])
+            self._first = half
+        full = self._buffer[self._first : self._end]
+        self._spilling = self._thread.submit(self._spill, self._spool, cube, full)
+        self._first, self._end = (half, len(self._buffer)) if self._first == 0 else (0, half)
+        self._held = self._first
+
+    def _spilled(self) -> None:
+        """Wait until what is on its way into the file is there.
+
+        Raises:
+            OSError: if it cannot be written.
+        """
+        if self._spilling is not None:
+            self._spilling.result()
+            self._spilling = None
+
+    def _spill(self, spool: Spool, cube: Cube, records: Records) -> None:
+        """Put records into the file."""
+        codes, counts = codes_of(records, cube, self._depth)
+        spool.add(records, codes, counts)
+        self._counts += counts
+
+    def _enclose(self) -> Cube:
+        """The cube of all records so far: one that they outgrow becomes one of the eight of a larger."""
+        if self._cube is None:
+            self._cube = Cube.around(self._low, self._high)
+        while not self._cube.holds(self._low, self._high):
+            self._cube, octant = self._cube.doubled(self._low)
+            eighth = self._counts.reshape(-1, 8).sum(axis=1)
+            self._counts = np.zeros_like(self._counts)
+            self._counts.reshape(8, -1)[octant] = eighth
+            if self._spool is not None:
+                self._spool.put_into_octant(octant, self._depth)
+        return self._cube
+
+    def _plan(self, counts: NDArray[np.int64]) -> Plan:
+        return plan_levels(counts, self._depth, self._limits.node_points)
+
+    def _gather(self, sink: NodeSink, spool: Spool, cube: Cube) -> None:
+        """Take back what the file holds, stretch of cells by stretch of cells."""
+        plan = self._plan(self._counts)
+        up_to = np.concatenate([[0], np.cumsum(self._counts)])
+        first = 0
+        while first < len(self._counts):
+            most = up_to[first] + len(self._buffer) // 2
+            end = max(int(np.searchsorted(up_to, most, side="right")) - 1, first + 1)
+            end = int(np.searchsorted(up_to, up_to[end], side="right")) - 1  # and the empty cells that follow
+            left = int(up_to[end] - up_to[first])
+            for part in spool.parts(first, end, self._other_half):
+                left -= len(part)
+                codes, _ = codes_of(part, cube, self._depth)
+                self._place(sink, part, codes, plan, end if left == 0 else first)
+            first = end
+
+    def _other_half(self) -> Records:
+        """The half of memory that was not used last, once no node is read from it any more."""
+        self._turn = 1 - self._turn
+        wait(self._reading[self._turn])
+        self._reading[self._turn].clear()
+        half = len(self._buffer) // 2
+        return self._buffer[self._turn * half : (self._turn + 1) * half]
+
+    def _place(self, sink: NodeSink, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
+        """Sort records into nodes and give out those to whose cells, all before `end`, nothing will be added."""
+        nodes, counts = draw_nodes(codes, plan, self._random)
+        order = sorted_order(nodes, counts)
+        ends = np.cumsum(counts)
+        for node in sorted({*np.flatnonzero(counts).tolist(), *self._waiting, *self._within}):
+            members = order[ends[node] - counts[node] : ends[node]]
+            complete = plan.codes_below(node)[1] <= end
+            if plan.is_full(node) and self._depth < self._enclose().bits:
+                self._divide(sink, node, plan, gathered(records, members), complete=complete)
+            elif complete:
+                parts = [*self._waiting.pop(node, []), Chosen(records, members)]
+                self._reading[self._turn].append(sink.put(self._key_of(node, plan), parts))
+            else:
+                self._waiting.setdefault(node, []).append(Chosen.all_of(gathered(records, members)))
+
+    def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
+        """Pass records of a deepest node that is too full on to an octree within its cell."""
+        inner = self._within.get(node)
+        if inner is None:
+            inner = self._within[node] = self._inner(node, plan)
+        if complete and not inner._held and inner._spool is None:
+            inner._buffer, inner._held = records, len(records)
+        else:
+            copied = 0
+            while copied < len(records):
+                room = inner.room(len(records) - copied)
+                copy_records(records[copied : copied + len(room)], room)
+                inner.filled(len(room), *inner._enclose().corners)
+                copied += len(room)
+        if complete:
+            inner.finish(sink)
+            inner.close()
+            del self._within[node]
+
+    def _inner(self, node: int, plan: Plan) -> Octree:
+        """An octree within the cell of a deepest node."""
+        limits = replace(self._limits, memory_points=max(self._limits.memory_points // 4, 1))
+        cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
+        return Octree(self._buffer.dtype, limits, self._random, cube, self._key_of(node, plan))
+
+    def _key_of(self, node: int, plan: Plan) -> Key:
+        level = plan.level_of(node)
+        return self._key.below(level, node - int(plan.first[level]))

@@ -1,0 +1,254 @@
+"""Points as they are handed over, and as records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.clock import utc_to_las_time
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.exporters.cloud.records import Records, field_type
+
+Whole = NDArray[np.integer[Any]] | int
+"""One number for each point of a batch, or one for all of them."""
+
+STEPS: Final = np.iinfo(np.int32)
+RETURNS: Final = 15
+"""The most returns a pulse can have in point formats 6 and up."""
+
+
+@dataclass(frozen=True)
+class PointBatch:
+    """Points on their way into a file, in any order; all arrays have length n.
+
+    Attributes:
+        xyz_m: (n, 3) float64 easting, northing, height less the writer's `origin_m`.
+        t_s: (n,) UTC; seconds of a GPS week where the writer was told to expect them.
+        intensity: 0 to 65,535.
+        return_number: 1 to 15.
+        returns: number of returns of the pulse, 1 to 15.
+        classification: 0 to 255, after LAS 1.4 table 17.
+        point_source_id: 0 to 65,535.
+        rgb: (n, 3) red, green, blue, each 0 to 65,535; only where the writer was told to expect colour.
+        extra: values of the writer's extra dimensions by name.
+    """
+
+    xyz_m: NDArray[np.float64]
+    t_s: NDArray[np.float64]
+    intensity: Whole = 0
+    return_number: Whole = 1
+    returns: Whole = 1
+    classification: Whole = 1
+    point_source_id: Whole = 0
+    rgb: NDArray[np.integer[Any]] | None = None
+    extra: Mapping[str, Whole | NDArray[np.floating[Any]]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    def part(self, start: int, stop: int) -> PointBatch:
+        """The points from `start` up to but without `stop`."""
+        own = {name: _sliced(value, start, stop) for name, value in vars(self).items() if name != "extra"}
+        return PointBatch(**own, extra={name: _sliced(v, start, stop) for name, v in self.extra.items()})
+
+
+def _sliced(values: Any, start: int, stop: int) -> Any:
+    return values[start:stop] if isinstance(values, np.ndarray) and values.ndim else values
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What a file's header says about its points.
+
+    Attributes:
+        points: their number.
+        low: (3,) int64 least X, Y and Z in steps of the coordinates' scale.
+        high: (3,) int64 greatest ones.
+        by_return: (15,) int64 points with return number 1, 2, ….
+        first_time: earliest time as it stands in the records.
+        last_time: latest one.
+    """
+
+    points: int
+    low: NDArray[np.int64]
+    high: NDArray[np.int64]
+    by_return: NDArray[np.int64]
+    first_time: float
+    last_time: float
+
+    @classmethod
+    def of_nothing(cls) -> Extent:
+        """The extent that any other one joined to it replaces."""
+        far = np.full(3, np.iinfo(np.int64).max)
+        return cls(0, far, -far, np.zeros(RETURNS, np.int64), float("inf"), float("-inf"))
+
+    @classmethod
+    def at_origin(cls) -> Extent:
+        """What a file without points says of itself."""
+        return cls(0, np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(RETURNS, np.int64), 0.0, 0.0)
+
+    def joined(self, other: Extent) -> Extent:
+        """The extent of the points of both."""
+        return Extent(
+            self.points + other.points,
+            np.minimum(self.low, other.low),
+            np.maximum(self.high, other.high),
+            self.by_return + other.by_return,
+            min(self.first_time, other.first_time),
+            max(self.last_time, other.last_time),
+        )
+
+
+def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = False) -> Extent:
+    """Write the records of a batch of at least one point.
+
+    Args:
+        batch: the points.
+        into: (n,) takes the records, in the layout that :func:`~furrowmap.exporters.cloud.records.held_layout` tells.
+        scale_m: length of a step of the coordinates.
+        week_time: times are seconds of a GPS week, and stay so.
+
+    Returns:
+        The extent of the batch.
+
+    Raises:
+        FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a record.
+        ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
+    """
+    n = len(batch)
+    if batch.xyz_m.shape != (n, 3):
+        raise ValueError(f"PointBatch.xyz_m has shape {batch.xyz_m.shape}, not ({n}, 3)")
+    into.view(np.uint8)[:] = 0
+    for name in ("intensity", "classification", "point_source_id"):
+        into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
+    _fill_optional(batch, into)
+    low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(RETURNS + 1, np.int64)
+    seconds = np.empty(2)
+    refused = pack_points(
+        np.require(batch.xyz_m, np.float64, ["C", "W"]),
+        1.0 / scale_m,
+        np.require(batch.t_s, np.float64, ["C", "W"]),
+        np.broadcast_to(_fitting("return_number", batch.return_number, np.dtype(np.uint8), n), n),
+        np.broadcast_to(_fitting("returns", batch.returns, np.dtype(np.uint8), n), n),
+        *(into[name] for name in ("X", "Y", "Z", "bit_fields", "gps_time")),
+        low,
+        high,
+        by_return,
+        seconds,
+    )
+    if refused >= 0:
+        raise _refusal(batch, refused, scale_m)
+    first, last = seconds.tolist() if week_time else _to_las_time(into, seconds)
+    return Extent(n, low, high, by_return[1:], first, last)
+
+
+def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float, float]:
+    """Turn the UTC between `seconds` that records hold into adjusted standard GPS time; the earliest and latest."""
+    shift = utc_to_las_time(seconds) - seconds
+    if shift[0] == shift[1]:  # no leap second in between: spare looking each point up
+        records["gps_time"] += shift[0]
+        first, last = seconds + shift
+        return float(first), float(last)
+    records["gps_time"] = utc_to_las_time(records["gps_time"])
+    return float(records["gps_time"].min()), float(records["gps_time"].max())
+
+
+def _fill_optional(batch: PointBatch, into: Records) -> None:
+    """Colour and extra dimensions, where the layout has them."""
+    names = into.dtype.names or ()
+    if ("red" in names) != (batch.rgb is not None):
+        raise ValueError("PointBatch.rgb is there in a file without colour, or missing in one with it")
+    if batch.rgb is not None:
+        for i, name in enumerate(("red", "green", "blue")):
+            into[name] = _fitting("rgb", batch.rgb[:, i], into.dtype[name], len(batch))
+    extra = names[names.index("blue" if "red" in names else "gps_time") + 1 :]
+    if set(extra) != set(batch.extra):
+        raise ValueError(f"the file has the extra dimensions {sorted(extra)}, the batch {sorted(batch.extra)}")
+    for name in extra:
+        into[name] = _fitting(name, batch.extra[name], into.dtype[name], len(batch))
+
+
+def _fitting(name: str, values: Any, dtype: np.dtype[Any], n: int) -> NDArray[Any]:
+    """`values` as `dtype`, (n,) or a scalar, after making sure that none is changed by it beyond rounding."""
+    array = np.asarray(values)
+    if array.shape not in ((), (n,)):
+        raise ValueError(f"PointBatch.{name} has shape {array.shape}, not ({n},)")
+    if dtype.kind in "iu" and not np.can_cast(array.dtype, dtype):
+        limits = np.iinfo(dtype)
+        if array.dtype.kind not in "iu" or array.min() < limits.min or array.max() > limits.max:
+            raise ValueError(f"PointBatch.{name} holds what is no {dtype.name}")
+    return array.astype(dtype, copy=False)
+
+
+def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
+    """Why point `i` has no record."""
+    where = ", ".join(f"{v:.10g}" for v in batch.xyz_m[i])
+    if not np.isfinite(batch.xyz_m[i]).all() or not np.isfinite(batch.t_s[i]):
+        return FurrowmapError(
+            f"A point has the coordinates {where} m and the time {batch.t_s[i]:.10g} s, of which one is no number.",
+            "A point without a place and a time has no place in a cloud either, so none was written.",
+            "This is a fault in furrowmap or in a reader of it; please report it with the recording's kind.",
+            code="cloud-not-finite",
+        )
+    steps = np.rint(batch.xyz_m[i] / scale_m)
+    if steps.min() < STEPS.min or steps.max() > STEPS.max:
+        return FurrowmapError(
+            f"A point lies {where} m (east, north, up) from the cloud's origin: beyond "
+            f"{STEPS.max * scale_m / 1000:,.0f} km.",
+            "A LAS file holds coordinates as 32-bit numbers of steps, so the point has no place in it.",
+            "Check the trajectory and `[crs] map` of the session: no recording reaches that far.",
+            code="cloud-out-of-range",
+        )
+    return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
+
+
+@numba.njit(
+    numba.int64(
+        numba.float64[:, ::1],
+        numba.float64,
+        numba.float64[::1],
+        numba.types.Array(numba.uint8, 1, "A", readonly=True),
+        numba.types.Array(numba.uint8, 1, "A", readonly=True),
+        *(field_type(numba.int32),) * 3,
+        field_type(numba.uint8),
+        field_type(numba.float64),
+        *(numba.int64[::1],) * 3,
+        numba.float64[::1],
+    ),
+    cache=True,
+    nogil=True,
+)
+def pack_points(  # type: ignore[no-untyped-def]
+    xyz_m, steps_per_m, t_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
+):
+    """Fill the fields that need a look at each point, times as they are; the first point refused, or −1.
+
+    Notes the least and greatest steps, the number of points with each return number, and the first and last time.
+    """
+    low[:] = 2**31 - 1
+    high[:] = -(2**31)
+    seconds[0], seconds[1] = np.inf, -np.inf
+    step = np.empty(3, np.int64)
+    for i in range(len(t_s)):
+        for j in range(3):
+            value = np.rint(xyz_m[i, j] * steps_per_m)
+            if not (-2147483648.0 <= value <= 2147483647.0):  # nan fails it as well
+                return i
+            step[j] = np.int64(value)
+            low[j] = min(low[j], step[j])
+            high[j] = max(high[j], step[j])
+        number, of = return_number[i], returns[i]
+        if not (1 <= number <= 15 and 1 <= of <= 15 and np.isfinite(t_s[i])):
+            return i
+        x[i], y[i], z[i] = step[0], step[1], step[2]
+        bit_fields[i] = number | of << 4
+        by_return[number] += 1
+        time[i] = t_s[i]
+        seconds[0] = min(seconds[0], t_s[i])
+        seconds[1] = max(seconds[1], t_s[i])
+    return -1

@@ -1,0 +1,189 @@
+"""Writing a cloud as COPC."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import laspy
+import numpy as np
+
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.cube import Cube
+from furrowmap.exporters.cloud.file import CopcFile, describe, las_header
+from furrowmap.exporters.cloud.octree import Limits, Octree
+from furrowmap.exporters.cloud.points import Extent, PointBatch, pack
+from furrowmap.exporters.cloud.records import held_layout
+from furrowmap.exporters.files.atomic import atomic_output
+
+MEMORY_POINTS: Final = 8_000_000
+NODE_POINTS: Final = 50_000
+LEAST_NODE_POINTS: Final = 64
+"""Below it, chance might leave a node with children empty: with 64 expected points once in 10^28 nodes."""
+
+
+@dataclass(frozen=True)
+class CopcSummary:
+    """What was written.
+
+    Attributes:
+        points: number of points.
+        low_m: least easting, northing and height; the origin where there are no points.
+        high_m: greatest ones.
+        nodes: nodes of the octree.
+        points_by_level: of each level, the root's first.
+        points_by_class: number of points of each class that there is.
+    """
+
+    points: int
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+    nodes: int
+    points_by_level: tuple[int, ...]
+    points_by_class: dict[int, int]
+
+
+class CopcWriter:
+    """Writes a COPC file from batches of points: a context manager at whose end the file is there whole, or not at all.
+
+    Coordinates are kept as whole steps of `scale_m` from `origin_m`. Points beyond `memory_points` wait in a temporary
+    file beside `path`; writing takes about 60 bytes of memory for each of `memory_points`, however many come.
+
+    Args:
+        path: of the file; an older one is replaced at the end.
+        crs_wkt: of the coordinates. LAS 1.4 asks for WKT 1 (OGC 01-009); readers built on PROJ take WKT 2 as well.
+        origin_m: easting, northing, height that the batches' coordinates are without.
+        scale_m: resolution of the coordinates.
+        extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
+        colour: whether points have colour (point format 7 instead of 6).
+        week_time: whether times are seconds of a GPS week that nobody names, instead of UTC.
+        memory_points: points held in memory.
+        node_points: points of an octree node that has children.
+        seed: of the draw of levels; the same batches and seed give the same nodes.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        crs_wkt: str,
+        origin_m: tuple[float, float, float],
+        scale_m: float = 0.001,
+        extra: Sequence[tuple[str, str, str]] = (),
+        colour: bool = False,
+        week_time: bool = False,
+        memory_points: int = MEMORY_POINTS,
+        node_points: int = NODE_POINTS,
+        seed: int = 0,
+    ) -> None:
+        if node_points < LEAST_NODE_POINTS or memory_points < 1:
+            raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
+        self._path, self._scale_m, self._node_points, self._week_time = path, scale_m, node_points, week_time
+        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour, week_time=week_time)
+        limits = Limits(memory_points, node_points, path.parent)
+        self._octree = Octree(held_layout(self._header.point_format.dtype()), limits, np.random.default_rng(seed))
+        self._extent = Extent.of_nothing()
+        self._stack = ExitStack()
+        self._summary: CopcSummary | None = None
+
+    def __enter__(self) -> Self:
+        self._unfinished = self._stack.enter_context(atomic_output(self._path))
+        self._stack.enter_context(closing(self._octree))
+        return self
+
+    def append(self, batch: PointBatch) -> None:
+        """Take a batch of points.
+
+        Raises:
+            FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a LAS file.
+            OSError: if the temporary file cannot be written.
+            ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
+        """
+        done = 0
+        while done < len(batch):
+            room = self._octree.room(len(batch) - done)
+            part = batch.part(done, done + len(room))
+            extent = pack(part, room, self._scale_m, week_time=self._week_time)
+            self._octree.filled(len(room), extent.low, extent.high)
+            self._extent = self._extent.joined(extent)
+            done += len(room)
+
+    def close(
+        self, progress: Progress = silent, complete: Callable[[Columns], None] | None = None, description: str = ""
+    ) -> CopcSummary:
+        """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
+
+        Args:
+            progress: is told of the stage "writing cloud".
+            complete: is given the points, those of a node at a time in no particular order and by several threads at
+                once, to fill in place what was not known when they came.
+            description: of the cloud in words, in a record of its own.
+
+        Raises:
+            OSError: if the file cannot be written, or is not read back as it was written.
+        """
+        if self._summary is None:
+            if description:
+                describe(self._header, description)
+            with self._stack:
+                self._summary = self._write(progress, complete)
+        return self._summary
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._stack.__exit__(kind, error, trace)
+
+    def _write(self, progress: Progress, complete: Callable[[Columns], None] | None) -> CopcSummary:
+        points = self._extent.points
+        with closing(
+            CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)
+        ) as file:
+            if points:
+                cube, extent = self._octree.finish(file), self._extent
+            else:
+                cube, extent = Cube((0, 0, 0), 0), Extent.at_origin()
+            # A node keeps node_points of its cell, in the main a surface across it: so far apart are they.
+            spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points) or 1)
+            file.finish(extent, cube, spacing_m)
+            levels, classes = file.points_by_level, file.points_by_class
+        summary = CopcSummary(
+            points,
+            low_m=tuple(self._header.mins.tolist()),
+            high_m=tuple(self._header.maxs.tolist()),
+            nodes=file.nodes,
+            points_by_level=tuple(levels.tolist()),
+            points_by_class={number: int(classes[number]) for number in np.flatnonzero(classes).tolist()},
+        )
+        _check(self._unfinished, summary)
+        return summary
+
+
+def _check(path: Path, written: CopcSummary) -> None:
+    """Read back what tells most for little: the header, the hierarchy and the root's points.
+
+    Raises:
+        OSError: if the disk kept something else than what was written.
+    """
+    with laspy.CopcReader.open(path) as reader:
+        header = reader.header
+        found = sum(entry.point_count for entry in reader.root_page.entries.values())
+        root = reader.query(level=0)
+        inside = not len(root) or all(
+            (low <= axis.min()) and (axis.max() <= high)
+            for low, high, axis in zip(written.low_m, written.high_m, (root.x, root.y, root.z), strict=True)
+        )
+        same = tuple(header.mins) == written.low_m and tuple(header.maxs) == written.high_m
+        if (header.point_count, found, len(root)) != (written.points, written.points, sum(written.points_by_level[:1])):
+            raise OSError(f"{path} holds {found} points where {written.points} were written")
+        if not (inside and same):
+            raise OSError(f"{path} has other bounds than what was written")

@@ -1,0 +1,1 @@
+"""The farm map: many sessions in one GeoPackage or PostGIS database, with mosaics and a QGIS project."""

@@ -1,0 +1,367 @@
+"""A farm's base map in PostGIS, where several people share it."""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+import numpy as np
+import psycopg
+import shapely
+from numpy.typing import NDArray
+from psycopg.sql import SQL, Composable, Composed, Identifier
+from pyproj import CRS
+
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.exporters.farm.connection import connected, public_parameters, shown
+from furrowmap.exporters.farm.edit import KNOWN_COLUMNS, SCHEMA, SETTINGS, STYLE_BY, KnownSession, row_of
+from furrowmap.exporters.farm.project import PROJECT
+from furrowmap.exporters.farm.results import SESSIONS
+from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.exporters.vectors.geopackage import GEOMETRY
+
+_PATIENCE: Final = "60s"
+_LAYER: Final = "layer "
+_TYPES: Final = {"f": "double precision", "i": "bigint", "u": "bigint", "b": "boolean", "O": "text"}
+
+
+@contextmanager
+def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> Iterator[PostgisEdit]:
+    """Change the base in a database within one transaction; others of furrowmap wait.
+
+    Args:
+        target: how PostgreSQL calls a database.
+        create: whether the base is made where it is not there.
+        schema: of its tables.
+
+    Raises:
+        InputError: if the database cannot be reached, has no PostGIS, or has no base.
+        RefusedError: if the user may not change it, or somebody else does for long.
+    """
+    with connected(target) as connection, connection.transaction():
+        connection.execute(SQL("SET LOCAL lock_timeout = {}").format(_PATIENCE))
+        connection.execute("SELECT pg_advisory_xact_lock(hashtext('furrowmap'), hashtext(%s))", (schema,))
+        edit = PostgisEdit(connection, schema, public_parameters(target), shown(target))
+        edit.begin(create=create)
+        yield edit
+
+
+class PostgisEdit:
+    """:class:`~furrowmap.exporters.farm.edit.Edit` of a database."""
+
+    def __init__(self, connection: psycopg.Connection[Any], schema: str, parameters: dict[str, str], name: str) -> None:
+        self._connection = connection
+        self._schema = schema
+        self._parameters = parameters
+        self._name = name
+        self._extension = ""
+
+    def begin(self, *, create: bool) -> None:
+        """See that the database can hold a base, and that one is there or may be made.
+
+        Raises:
+            InputError: if it cannot, or there is none.
+            RefusedError: if the base is of another schema.
+        """
+        self._extension = self._postgis()
+        if not self._has(SETTINGS):
+            if not create:
+                raise InputError(
+                    f"{self._name} has no base in the schema '{self._schema}'.",
+                    "There is nothing to look into.",
+                    "Name its schema with --schema; `furrowmap base add DIR` and this database makes a new base.",
+                    code="base-missing",
+                )
+            if self._one("SELECT to_regnamespace(quote_ident(%s))", self._schema) is None:
+                self._do(SQL("CREATE SCHEMA {}").format(Identifier(self._schema)))
+            self._do(SQL("CREATE TABLE {} (name text PRIMARY KEY, value text)").format(self._table(SETTINGS)))
+            self._set("schema", str(SCHEMA))
+        there = self._setting("schema")
+        if there != str(SCHEMA):
+            raise RefusedError(
+                f"{self._name} has the schema {there}; this version of furrowmap knows {SCHEMA}.",
+                "Its tables may mean something else, so nothing was done.",
+                "Use the version of furrowmap that made it, or begin a new base with --schema.",
+                code="base-schema",
+            )
+
+    def shown(self) -> str:
+        """The database without its password, and the schema."""
+        return f"{self._name} (schema {self._schema})"
+
+    def crs(self) -> CRS | None:
+        """Of all its layers; None if the base is new."""
+        if not self._has(SESSIONS):
+            return None
+        query = SQL(
+            "SELECT auth_name, auth_srid, srtext FROM {0}.spatial_ref_sys s JOIN {0}.geometry_columns g USING (srid) "
+            "WHERE f_table_schema = %s AND f_table_name = %s"
+        ).format(Identifier(self._extension))
+        row = self._connection.execute(query, (self._schema, SESSIONS)).fetchone()
+        assert row is not None
+        return CRS.from_authority(row[0], row[1]) if row[0] else CRS.from_wkt(row[2])
+
+    def sessions(self) -> list[KnownSession]:
+        """Those in the base, by time."""
+        if not self._has(SESSIONS):
+            return []
+        query = SQL('SELECT {} FROM {} s JOIN {} p USING (session) ORDER BY s."start", s.session').format(
+            SQL(KNOWN_COLUMNS), self._table(SESSIONS), self._table("provenance")
+        )
+        return [row_of(row) for row in self._connection.execute(query).fetchall()]
+
+    def remove(self, sessions: Sequence[str]) -> None:
+        """Take sessions out of all layers, by their identities."""
+        if sessions:  # what belongs to them follows
+            query = SQL("DELETE FROM {} WHERE session = ANY(%s)").format(self._table(SESSIONS))
+            self._connection.execute(query, (list(sessions),))
+
+    def append(self, layer: Layer, crs: CRS) -> None:
+        """Add features to a layer, which is made where it is not there; columns that it lacks too."""
+        if layer.name in self.layers():
+            self._add_columns(layer)
+        else:
+            self._make(layer, crs)
+        names = [*([GEOMETRY] if layer.kind else []), *layer.columns]
+        cells = [_cells(values) for values in layer.columns.values()]
+        if layer.kind:
+            cells.insert(0, _ewkb(layer, self._srid(crs)))
+        columns = SQL(", ").join(Identifier(name) for name in names)
+        copying = SQL("COPY {} ({}) FROM STDIN").format(self._table(layer.name), columns)
+        with self._connection.cursor() as cursor, cursor.copy(copying) as copy:
+            for row in zip(*cells, strict=True):
+                copy.write_row(row)
+
+    def layers(self) -> dict[str, str]:
+        """Kind of geometry (as OGR calls it, empty for tables) of each layer of ours, by name."""
+        query = SQL(
+            "SELECT substr(name, {}), value FROM {} JOIN information_schema.tables "
+            "ON table_schema = %s AND name = {} || table_name"
+        ).format(len(_LAYER) + 1, self._table(SETTINGS), _LAYER)
+        return dict(self._connection.execute(query, (self._schema,)).fetchall())
+
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least easting and northing, greatest easting and northing of all sessions."""
+        query = SQL(
+            "SELECT min({0}.ST_XMin({1})), min({0}.ST_YMin({1})), max({0}.ST_XMax({1})), max({0}.ST_YMax({1})) FROM {2}"
+        ).format(Identifier(self._extension), Identifier(GEOMETRY), self._table(SESSIONS))
+        row = self._connection.execute(query).fetchone()
+        assert row is not None
+        west, south, east, north = (float(value or 0.0) for value in row)
+        return west, south, east, north
+
+    def source(self, layer: str, kind: str) -> tuple[str, str]:
+        """QGIS's provider of a layer, and where that finds it, as seen from the stored project."""
+        known = {"dbname": self._connection.info.dbname} | self._parameters
+        words = [f"{name}='{_escaped(value)}'" for name, value in known.items()]
+        words.append("key='fid'")
+        if kind:
+            crs = self.crs()
+            assert crs is not None
+            words += [f"srid={self._srid(crs)}", f"type={_postgis_kind(kind)}"]
+        schema = self._schema.replace('"', '""')
+        words.append(f'table="{schema}"."{layer}"' + (f" ({GEOMETRY})" if kind else ""))
+        return "postgres", " ".join(words)
+
+    def store_styles(self, styles: dict[str, str]) -> tuple[Notice, ...]:
+        """Keep the styles of layers where QGIS looks for them; one that a user has changed stays."""
+        try:
+            with self._connection.transaction():
+                if self._one("SELECT to_regclass('layer_styles')") is None:
+                    self._do(SQL(_STYLES_TABLE))
+                for name, text in styles.items():
+                    self._store_style(name, text)
+        except psycopg.errors.InsufficientPrivilege:
+            text = (
+                "You may not write the table layer_styles of this database, so layers opened one by one have no "
+                f"styles. The project '{PROJECT}' in the schema '{self._schema}' has them all the same."
+            )
+            return (Notice("base-no-styles", text),)
+        return ()
+
+    def store_project(self, archive: bytes) -> None:
+        """Keep the project where QGIS looks for it; one that a user has changed stays."""
+        table = self._table("qgis_projects")
+        columns = "(name text PRIMARY KEY, metadata jsonb, content bytea)"
+        self._do(SQL("CREATE TABLE IF NOT EXISTS {} {}").format(table, SQL(columns)))
+        stored = self._one(SQL("SELECT content FROM {} WHERE name = %s").format(table), PROJECT)
+        if stored is not None and (bytes(stored) == archive or self._setting("project") != _hash(bytes(stored))):
+            return
+        moment = dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%S")
+        metadata = json.dumps({"last_modified_time": moment, "last_modified_user": self._connection.info.user})
+        query = SQL(
+            "INSERT INTO {} VALUES (%s, %s, %s) "
+            "ON CONFLICT (name) DO UPDATE SET metadata = excluded.metadata, content = excluded.content"
+        ).format(table)
+        self._connection.execute(query, (PROJECT, metadata, archive))
+        self._set("project", _hash(archive))
+
+    def _postgis(self) -> str:
+        """The schema of the extension.
+
+        Raises:
+            InputError: if the database has none.
+        """
+        schema = self._one(
+            "SELECT nspname FROM pg_extension JOIN pg_namespace n ON n.oid = extnamespace WHERE extname = 'postgis'"
+        )
+        if schema is None:
+            raise InputError(
+                f"{self._name} is a PostgreSQL database without PostGIS.",
+                "It has no type for geometries, so nothing was done.",
+                "Let its administrator install PostGIS on the server and run CREATE EXTENSION postgis; in it.",
+                code="base-no-postgis",
+            )
+        return str(schema)
+
+    def _make(self, layer: Layer, crs: CRS) -> None:
+        if self._has(layer.name):
+            raise RefusedError(
+                f"{self.shown()} has a table '{layer.name}' that furrowmap did not make.",
+                "It would be mixed with others, so nothing was done.",
+                "Choose another schema with --schema.",
+                code="base-clash",
+            )
+        table = self._table(layer.name)
+        parts: list[Composable] = [SQL("fid bigint GENERATED BY DEFAULT AS IDENTITY PRIMARY KEY")]
+        if layer.kind:
+            kind = SQL("{}.geometry({}, {})").format(
+                Identifier(self._extension), SQL(_postgis_kind(layer.kind)), self._srid(crs)
+            )
+            parts.append(SQL("{} {}").format(Identifier(GEOMETRY), kind))
+        parts += [self._column(layer, name) for name in layer.columns]
+        self._do(SQL("CREATE TABLE {} ({})").format(table, SQL(", ").join(parts)))
+        self._do(SQL("COMMENT ON TABLE {} IS {}").format(table, layer.description))
+        if layer.kind:
+            self._do(SQL("CREATE INDEX ON {} USING gist ({})").format(table, Identifier(GEOMETRY)))
+        if layer.name != SESSIONS:
+            self._do(SQL("CREATE INDEX ON {} (session)").format(table))
+        self._set(f"{_LAYER}{layer.name}", layer.kind)
+
+    def _column(self, layer: Layer, name: str) -> Composable:
+        column = SQL("{} {}").format(Identifier(name), SQL(_type_of(layer.columns[name])))
+        if name != "session":
+            return column
+        if layer.name == SESSIONS:
+            return SQL("{} NOT NULL UNIQUE").format(column)
+        return SQL("{} NOT NULL REFERENCES {} (session) ON DELETE CASCADE").format(column, self._table(SESSIONS))
+
+    def _add_columns(self, layer: Layer) -> None:
+        query = "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = %s"
+        there = {row[0] for row in self._connection.execute(query, (self._schema, layer.name)).fetchall()}
+        for name in layer.columns.keys() - there:
+            self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
+
+    def _store_style(self, name: str, text: str) -> None:
+        where = (self._connection.info.dbname, self._schema, name, name)
+        rows = self._connection.execute(_STYLE_QUERY, where).fetchall()
+        if rows:
+            (number, stored), *_ = rows
+            if stored == text or self._setting(f"style {name}") != _hash(stored.encode()):
+                return
+            self._connection.execute("UPDATE layer_styles SET styleqml = %s WHERE id = %s", (text, number))
+        else:
+            geometry = GEOMETRY if self.layers()[name] else None
+            self._connection.execute(_STYLE_INSERT, (*where, geometry, text, STYLE_BY))
+        self._set(f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode()))
+
+    def _srid(self, crs: CRS) -> int:
+        """The number by which PostGIS knows a CRS.
+
+        Raises:
+            RefusedError: if it does not.
+        """
+        code = crs.to_epsg()
+        known = SQL("SELECT srid FROM {}.spatial_ref_sys WHERE auth_name = 'EPSG' AND auth_srid = %s")
+        srid = None if code is None else self._one(known.format(Identifier(self._extension)), code)
+        if srid is None:
+            raise RefusedError(
+                f"{self._name}: PostGIS does not know the CRS {name_of(crs)}.",
+                "Others could not tell where its geometries lie, so nothing was done.",
+                "Give the new base a CRS with an EPSG code that its table spatial_ref_sys has: --crs EPSG:6677, for "
+                "example.",
+                code="base-crs",
+            )
+        return int(srid)
+
+    def _table(self, name: str) -> Identifier:
+        return Identifier(self._schema, name)
+
+    def _has(self, name: str) -> bool:
+        query = (
+            "SELECT 1 FROM pg_class c JOIN pg_namespace n ON n.oid = relnamespace WHERE nspname = %s AND relname = %s"
+        )
+        return self._one(query, self._schema, name) is not None
+
+    def _setting(self, name: str) -> str | None:
+        found = self._one(SQL("SELECT value FROM {} WHERE name = %s").format(self._table(SETTINGS)), name)
+        return None if found is None else str(found)
+
+    def _set(self, name: str, value: str) -> None:
+        query = SQL("INSERT INTO {} VALUES (%s, %s) ON CONFLICT (name) DO UPDATE SET value = excluded.value")
+        self._connection.execute(query.format(self._table(SETTINGS)), (name, value))
+
+    def _do(self, statement: SQL | Composed) -> None:
+        self._connection.execute(statement)
+
+    def _one(self, query: Any, *values: object) -> Any:
+        """The first value of the first row; None if there is no row."""
+        row = self._connection.execute(query, values or None).fetchone()
+        return None if row is None else row[0]
+
+
+_STYLES_TABLE: Final = """\
+CREATE TABLE layer_styles (
+ id serial PRIMARY KEY, f_table_catalog varchar, f_table_schema varchar, f_table_name varchar,
+ f_geometry_column varchar, styleName text, styleQML xml, styleSLD xml, useAsDefault boolean, description text,
+ owner varchar(63) DEFAULT CURRENT_USER, ui xml, update_time timestamp DEFAULT CURRENT_TIMESTAMP, type varchar)"""
+"""As QGIS makes it."""
+_STYLE_QUERY: Final = (
+    "SELECT id, styleqml::text FROM layer_styles "
+    "WHERE f_table_catalog = %s AND f_table_schema = %s AND f_table_name = %s AND stylename = %s"
+)
+_STYLE_INSERT: Final = (
+    "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, stylename, f_geometry_column, styleqml, "
+    "description, useasdefault) VALUES (%s, %s, %s, %s, %s, %s, %s, true)"
+)
+
+
+def _postgis_kind(kind: str) -> str:
+    return f"{kind.removeprefix('2.5D ')}Z" if kind.startswith("2.5D ") else kind
+
+
+def _type_of(values: NDArray[Any]) -> str:
+    if values.dtype.kind == "M":
+        return "date" if values.dtype == "datetime64[D]" else "timestamptz"
+    return _TYPES[values.dtype.kind]
+
+
+def _ewkb(layer: Layer, srid: int) -> list[str | None]:
+    shapes = shapely.set_srid(layer.shapes, srid)
+    with_height = layer.kind.startswith("2.5D")
+    return list(shapely.to_wkb(shapes, hex=True, output_dimension=3 if with_height else 2, include_srid=True))
+
+
+def _cells(values: NDArray[Any]) -> list[Any]:
+    """The values as Python's own; None where they are masked, not a number, or no time."""
+    data = np.ma.getdata(values)
+    missing = np.ma.getmaskarray(values).copy()
+    if data.dtype.kind in "fM":
+        missing |= np.isnan(data)
+    cells = data.tolist()
+    if data.dtype == "datetime64[ms]":
+        cells = [cell and cell.replace(tzinfo=dt.UTC) for cell in cells]
+    return [None if gone else cell for cell, gone in zip(cells, missing.tolist(), strict=True)]
+
+
+def _escaped(value: str) -> str:
+    return value.replace("\\", "\\\\").replace("'", "\\'")
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,70 @@
+"""How QGIS draws the layers of a base: a run's own styles, and those of the layers that only a base has."""
+
+from __future__ import annotations
+
+import colorsys
+import copy
+import datetime as dt
+from collections.abc import Iterable, Sequence
+from importlib.resources import files
+from typing import Final
+from xml.etree import ElementTree as ET
+
+_BY_DATE: Final = "coverage"
+_HUES: Final = (0.14, 0.62)
+"""From the first day (yellow) over green to the last (blue)."""
+DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+
+
+def styles(layers: Iterable[str], dates: Sequence[dt.date]) -> dict[str, str]:
+    """The styles of those layers that have one, in QGIS's own form.
+
+    Args:
+        layers: by name.
+        dates: a colour each for the ground worked.
+    """
+    found = {name: text for name in layers if (text := _packaged(name)) is not None}
+    if _BY_DATE in found:
+        found[_BY_DATE] = _by_date(found[_BY_DATE], dates)
+    return found
+
+
+def _packaged(name: str) -> str | None:
+    for package in ("furrowmap.exporters.farm", "furrowmap.exporters"):
+        file = files(package).joinpath("styles", f"{name}.qml")
+        if file.is_file():
+            return file.read_text("utf-8")
+    return None
+
+
+def _by_date(text: str, dates: Sequence[dt.date]) -> str:
+    """The style with a category a day, and one for days that it does not know."""
+    root = ET.fromstring(text)  # noqa: S314 (a file of this package)
+    categories, symbols = root.find(".//categories"), root.find(".//symbols")
+    assert categories is not None
+    assert symbols is not None
+    (pattern,) = symbols
+    days = sorted(set(dates))
+    for i, date in enumerate(days):
+        category = {"type": "string", "value": date.isoformat(), "label": date.isoformat()}
+        ET.SubElement(categories, "category", category | {"symbol": str(i), "render": "true"})
+        symbol = copy.deepcopy(pattern)
+        symbol.set("name", str(i))
+        _set_colour(symbol, _colour(i / max(len(days) - 1, 1)))
+        symbols.append(symbol)
+    rest = {"type": "NULL", "value": "", "label": "other days", "symbol": str(len(days)), "render": "true"}
+    ET.SubElement(categories, "category", rest)
+    pattern.set("name", str(len(days)))
+    return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _set_colour(symbol: ET.Element, rgb: tuple[int, int, int]) -> None:
+    option = symbol.find(".//Option[@name='color']")
+    assert option is not None
+    option.set("value", "{},{},{},255".format(*rgb))
+
+
+def _colour(share: float) -> tuple[int, int, int]:
+    hue = _HUES[0] + share * (_HUES[1] - _HUES[0])
+    red, green, blue = (round(255 * value) for value in colorsys.hls_to_rgb(hue, 0.5, 0.65))
+    return red, green, blue

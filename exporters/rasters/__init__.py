@@ -1,0 +1,1 @@
+"""Cloud Optimised GeoTIFFs and pictures of surfaces."""

@@ -1,0 +1,274 @@
+"""The rasters of clouds: surfaces of their points, tile by tile, and what comes from those, window by window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
+from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
+from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.surfaces.depressions import Depressions, find_depressions
+from furrowmap.core.surfaces.gaps import bridged
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.statistic import MEDIAN
+from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import FILLED, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
+from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
+from furrowmap.exporters.reports.report import FileRecord
+
+DSM: Final = "dsm.tif"
+DTM: Final = "dtm.tif"
+ABOVE: Final = "height_above_ground.tif"
+HILLSHADE: Final = "hillshade.tif"
+SLOPE: Final = "slope.tif"
+ROUGHNESS: Final = "roughness.tif"
+LOW_SPOTS: Final = "low_spots.tif"
+LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
+RASTER_PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES)
+SURFACE: Final = "surface"
+"""Title of the raster whose statistic is of the user's choice."""
+MOST_LOW_SPOT_CELLS: Final = 2_000_000
+"""Water finds its way over the whole land at once: larger surfaces are coarsened for it."""
+BRIDGED_M: Final = 1.0
+"""Gaps up to so far from seen heights let no water through."""
+CELLS_A_PLOT: Final = 5
+"""Random roughness needs cells of a fifth of its plots at most."""
+
+
+@dataclass(frozen=True)
+class CloudRasters:
+    """The rasters of clouds in the making, and what is told of them.
+
+    Attributes:
+        folder: takes the files.
+        clouds: whose points they show.
+        grid: of all surfaces.
+        settings: what is asked for.
+        box: of the points, in the CRS of the surfaces; None for all.
+        method: how the ground is told.
+        records: of the clouds' files.
+        span_s: earliest and latest UTC of the points; None where no file tells it.
+    """
+
+    folder: Path
+    clouds: Clouds
+    grid: Grid
+    settings: SurfaceSettings
+    box: Box | None
+    method: GroundMethod
+    records: Sequence[FileRecord]
+    span_s: tuple[float, float] | None
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the surfaces were made by, as the account tells it."""
+        settings = self.settings
+        return {
+            "cell_m": self.grid.cell_m,
+            "statistic": settings.statistic.name,
+            "ground": self.method,
+            "outliers": settings.outliers,
+            "every": settings.every,
+            "fill_m": settings.fill_m,
+            "tillage_heading_deg": settings.tillage_heading_deg,
+            "classes": sorted(settings.classes) if settings.classes is not None else None,
+            "box": list(self.box) if self.box is not None else None,
+        }
+
+    @property
+    def ground_name(self) -> str:
+        """The surface that is shaded, measured and flooded: the ground, or all where that is not told."""
+        return DSM if self.method == "none" else DTM
+
+    def surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
+        """The surfaces that come from the points themselves."""
+        settings = self.settings
+        with ExitStack() as stack:
+            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, SURFACE_BANDS))
+            if self.method != "none":
+                put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
+                above = Band("height above ground")
+                put_above = stack.enter_context(self._output(ABOVE, "height above ground", [above]))
+            for tile in cloud_tiles(spooled, self.method, settings.statistic, settings.outliers, progress):
+                put_dsm(tile.grid, surface_arrays(tile.dsm))
+                if tile.dtm is not None and tile.above_m is not None:
+                    put_dtm(tile.grid, surface_arrays(tile.dtm))
+                    put_above(tile.grid, [tile.above_m])
+        if settings.fill_m > 0:
+            for name in (DSM, DTM) if self.method != "none" else (DSM,):
+                self._fill(name, progress)
+
+    def derived(self, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
+        """The surfaces that come from finished ones; figures and notices of them."""
+        grid, cell_m = self.grid, self.grid.cell_m
+        notices: list[Notice] = []
+        shade, steep = Band("hillshade", "1", 0), Band("slope", "degree", 1024)
+        with (
+            self._output(HILLSHADE, "hillshade of the ground", [shade]) as put_shade,
+            self._output(SLOPE, "slope of the ground", [steep]) as put_slope,
+        ):
+            for inner, outer, height in self._windows(self.ground_name, 1, progress, "shading"):
+                own = inner.window_in(outer)
+                light = hillshade(height, cell_m).astype(np.float32)
+                light[light == 0] = np.nan
+                put_shade(inner, [light[own]])
+                put_slope(inner, [slope_deg(height, cell_m)[own]])
+        if CELLS_A_PLOT * cell_m <= PLOT_M:
+            self._roughness(progress)
+        else:
+            text = (
+                f"Cells of {cell_m:g} m are too coarse for random roughness, which is told of plots of {PLOT_M:g} m: "
+                f"there is none. It takes cells of {PLOT_M / CELLS_A_PLOT:g} m or less."
+            )
+            notices.append(Notice("roughness-too-coarse", text))
+        spots, coarse = self._low_spots(progress)
+        if coarse is not None:
+            notices.append(coarse)
+        seen = self._seen()
+        figures = {
+            "area_m2": round(seen * grid.cell_area_m2, 2),
+            "low_spots": len(spots),
+            "low_spots_area_m2": round(float(spots.area_m2.sum()), 2),
+            "low_spots_volume_m3": round(float(spots.volume_m3.sum()), 4),
+        }
+        return figures, notices
+
+    def _output(self, name: str, title: str, bands: Sequence[Band]) -> Any:
+        return cog_output(self.folder / name, self.grid, self.clouds.crs, bands, self._origin(title))
+
+    def _origin(self, title: str) -> Origin:
+        """What is told inside a raster."""
+        stated = {name: _text(value) for name, value in self.parameters.items() if value is not None}
+        statistic = self.settings.statistic if title == SURFACE or self.method == "none" else MEDIAN
+        parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
+        if self.clouds.crs.is_compound:
+            parameters["heights"] = self.clouds.crs.sub_crs_list[1].name
+        inputs = [(record.name, record.sha256) for record in self.records]
+        return Origin(title, inputs=inputs, span_s=self.span_s, parameters=parameters)
+
+    def _fill(self, name: str, progress: Progress) -> None:
+        """Fill the gaps of a surface, window by window, each with what lies round it."""
+        source = self.folder / _unfilled(name, self.settings)
+        reach = self.settings.fill_m / self.grid.cell_m
+        title = SURFACE if name == DSM else "ground"
+        with self._output(name, title, [*SURFACE_BANDS, FILLED]) as put, rasterio.open(source) as raster:
+            for inner, outer in windows(self.grid, int(2 * reach) + 1):
+                bands = raster.read(window=window(outer, self.grid))
+                height = bridged(bands[0].astype(np.float64), reach)
+                new = np.isfinite(height) & ~np.isfinite(bands[0])
+                arrays: Bands = [height, *bands[1:], new.astype(np.float32)]
+                own = inner.window_in(outer)
+                put(inner, [array[own] for array in arrays])
+                progress("filling gaps", share(inner, self.grid))
+        source.unlink()
+
+    def _roughness(self, progress: Progress) -> None:
+        """Random roughness, each plot by the window in which its corner lies."""
+        west, south, east, north = self.grid.bounds_m
+        inset = 0.5 * self.grid.cell_m
+        plots = Grid.of_bounds(PLOT_M, (west + inset, south + inset, east - inset, north - inset))
+        origin = self._origin("random roughness")
+        margin = int(np.ceil(PLOT_M / self.grid.cell_m)) + 1
+        with cog_output(self.folder / ROUGHNESS, plots, self.clouds.crs, [Band("random roughness")], origin) as put:
+            for inner, outer, height in self._windows(self.ground_name, margin, progress, "measuring roughness"):
+                count = np.isfinite(height).astype(np.uint32)
+                surface = Surface(outer, height, count, height, height)
+                there, rough = random_roughness(surface, tillage_heading_deg=self.settings.tillage_heading_deg)
+                own = plots_of(inner, plots, last=is_last(inner, self.grid))
+                if own is not None:
+                    rows, columns = common(own, there)
+                    whole = np.full(own.shape, np.nan, np.float32)
+                    whole[rows[0], columns[0]] = rough[rows[1], columns[1]]
+                    put(own, [whole])
+
+    def _low_spots(self, progress: Progress) -> tuple[Depressions, Notice | None]:
+        """Low spots of the ground, in cells of which memory holds all, and what is to be said of these."""
+        grid = self.grid
+        factor = 1
+        while (grid.rows // factor + 1) * (grid.columns // factor + 1) > MOST_LOW_SPOT_CELLS:
+            factor += 1
+        coarse = grid.coarser(factor)
+        total, count = np.zeros(coarse.shape), np.zeros(coarse.shape, np.uint32)
+        reach = max(self.settings.fill_m, BRIDGED_M) / grid.cell_m
+        for inner, outer, found in self._windows(self.ground_name, int(2 * reach) + 1, progress, "finding low spots"):
+            # Water would run off through every cell that happens to have no point in it.
+            height = bridged(found.astype(np.float64), reach)[inner.window_in(outer)]
+            row = coarse.north - 1 - (inner.north - 1 - np.arange(inner.rows)) // factor
+            column = (inner.west + np.arange(inner.columns)) // factor - coarse.west
+            at = np.ix_(row, column)
+            known = np.isfinite(height)
+            np.add.at(total, at, np.where(known, height, 0.0))
+            np.add.at(count, at, known.astype(np.uint32))
+        height = np.divide(total, count, out=np.full(coarse.shape, np.nan), where=count > 0)
+        spots = find_depressions(height, coarse)
+        origin = self._origin("low spots")
+        with cog_output(self.folder / LOW_SPOTS, coarse, self.clouds.crs, [Band("depth of water")], origin) as put:
+            put(coarse, [spots.depth_m])
+        if len(spots):
+            _write_outlines(self.folder / LOW_SPOT_OUTLINES, spots, self.clouds.crs, origin)
+        if factor == 1:
+            return spots, None
+        text = (
+            f"Low spots are looked for in cells of {coarse.cell_m:g} m, means of {factor} x {factor} of the surface's: "
+            "water finds its way over the whole land at once, which must fit into memory."
+        )
+        return spots, Notice("low-spots-coarser", text)
+
+    def _seen(self) -> int:
+        """Cells of the topmost surface that have a height."""
+        with rasterio.open(self.folder / DSM) as raster:
+            return sum(int(np.isfinite(raster.read(1, window=block)).sum()) for _, block in raster.block_windows(1))
+
+    def _windows(
+        self, name: str, margin: int, progress: Progress, stage: str
+    ) -> Iterator[tuple[Grid, Grid, NDArray[np.float32]]]:
+        """Squares of a finished surface: each one's own cells, those with a margin round them, and their heights.
+
+        Squares without any height are passed over.
+        """
+        with rasterio.open(self.folder / name) as raster:
+            for inner, outer in windows(self.grid, margin):
+                height = raster.read(1, window=window(outer, self.grid))
+                if np.isfinite(height).any():
+                    yield inner, outer, height
+                progress(stage, share(inner, self.grid))
+
+
+def _unfilled(name: str, settings: SurfaceSettings) -> str:
+    """The file of a surface as its points show it: its own, or one that is replaced by the filled one."""
+    return f"unfilled_{name}" if settings.fill_m > 0 else name
+
+
+def _write_outlines(path: Path, spots: Depressions, crs: CRS, origin: Origin) -> None:
+    import geopandas
+
+    frame = geopandas.GeoDataFrame(
+        {
+            "level_m": spots.level_m,
+            "depth_m": spots.greatest_depth_m,
+            "area_m2": spots.area_m2,
+            "volume_m3": spots.volume_m3,
+        },
+        geometry=spots.polygons(),
+        crs=crs,
+    )
+    frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.told)
+
+
+def _text(value: object) -> str:
+    """A parameter as it stands in a raster's metadata."""
+    return ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value)

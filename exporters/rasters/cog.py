@@ -1,0 +1,253 @@
+"""Rasters as cloud-optimised GeoTIFF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+from pyproj import CRS
+from pyproj.exceptions import ProjError
+from rasterio.enums import ColorInterp
+from rasterio.errors import CRSError
+from rasterio.shutil import copy
+from rasterio.windows import Window
+
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.provenance import Origin
+
+Bands = Sequence[NDArray[Any]]
+"""One array for each band, of the shape of the grid that they are over; written as float32, nan where unknown."""
+
+BLOCK: Final = 512
+STEPS_PER_M: Final = 8192
+"""Heights are written in whole eighths of a thousandth of about a metre, 0.12 mm: the random digits below take a third
+of the file, and tell nothing of ground."""
+_OPTIONS: Final = {
+    "driver": "COG",
+    "BLOCKSIZE": str(BLOCK),
+    "COMPRESS": "DEFLATE",
+    "PREDICTOR": "FLOATING_POINT",
+    "LEVEL": "1",
+    "OVERVIEW_RESAMPLING": "AVERAGE",
+    "NUM_THREADS": "2",
+    "BIGTIFF": "IF_SAFER",
+}
+_CACHE_BYTES: Final = 64 << 20
+
+
+@dataclass(frozen=True)
+class Band:
+    """What a band of a raster holds.
+
+    Attributes:
+        description: a word or two that a GIS shows.
+        unit: such as "m"; "1" for numbers and shades, as an empty one is taken for that of the heights.
+        steps_per_unit: values are rounded to whole ones of so many steps; 0 for none.
+    """
+
+    description: str
+    unit: str = "m"
+    steps_per_unit: int = STEPS_PER_M
+
+
+HEIGHT: Final = Band("height")
+COUNT: Final = Band("returns", "1", 0)
+SPREAD: Final = Band("spread")
+STANDARD_ERROR: Final = Band("standard error")
+FILLED: Final = Band("filled", "1", 0)
+"""1 where the height is from the cells around, else 0."""
+SURFACE_BANDS: Final = (HEIGHT, COUNT, SPREAD, STANDARD_ERROR)
+"""What the bands of :func:`surface_arrays` hold."""
+
+
+def surface_arrays(surface: Surface) -> Bands:
+    """The bands of a surface: height, number of returns, their spread, standard error."""
+    return [surface.height_m, surface.count, surface.spread_m, surface.standard_error_m]
+
+
+@contextmanager
+def cog_output(
+    path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], origin: Origin
+) -> Iterator[Callable[[Grid, Bands], None]]:
+    """Write a raster tile by tile; at the end the file is there whole, or not at all.
+
+    The tiles wait uncompressed in a scratch file beside `path`, from which GDAL's own driver makes the file with its
+    overviews; memory is a hundred megabytes, however large the raster.
+
+    Args:
+        path: of the file; an older one is replaced.
+        grid: of the raster.
+        crs: of the map, with or without heights; GDAL then tells :func:`told_crs` of it.
+        bands: what they hold.
+        origin: where the raster comes from.
+
+    Yields:
+        Takes the bands of a tile, whose grid has the same cells; what reaches beyond the raster is left out.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    profile = {
+        "driver": "GTiff",
+        "height": grid.rows,
+        "width": grid.columns,
+        "count": len(bands),
+        "dtype": "float32",
+        "nodata": float("nan"),
+        "crs": _raster_crs(crs),
+        "transform": rasterio.Affine(*grid.transform),
+        "tiled": True,
+        "blockxsize": 256,
+        "blockysize": 256,
+        "interleave": "band",
+        "SPARSE_OK": "TRUE",
+        "BIGTIFF": "IF_SAFER",
+    }
+    with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
+        scratch = unfinished.with_name(f"{unfinished.name}.bands")
+        with rasterio.open(scratch, "w", **profile) as raster:
+            raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
+            raster.descriptions = tuple(band.description for band in bands)
+            raster.units = tuple(band.unit for band in bands)
+            raster.update_tags(**_tags(origin))
+
+            sums = [_Statistics() for _ in bands]
+
+            def write(tile: Grid, arrays: Bands) -> None:
+                window, part = _overlap(tile, grid)
+                if window is not None:
+                    values = [_rounded(array[part], band) for array, band in zip(arrays, bands, strict=True)]
+                    raster.write(np.stack(values), window=window)
+                    for band_sums, band_values in zip(sums, values, strict=True):
+                        band_sums.add(band_values)
+
+            yield write
+            for number, band_sums in enumerate(sums, start=1):
+                raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
+        copy(scratch, unfinished, GEOTIFF_VERSION="AUTO" if told_crs(crs) == crs else "1.0", **_OPTIONS)
+
+
+def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
+    """Write a raster that memory holds.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    with cog_output(path, grid, crs, bands, origin) as write:
+        write(grid, arrays)
+
+
+def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
+    """The map's CRS with the heights that a raster's values are.
+
+    ISO 19111 knows ellipsoidal heights only as an axis of a CRS of three dimensions, and a GeoTIFF has no room for a
+    projected one: GDAL would put it into a file beside. So they are a vertical CRS whose name says what they are, in a
+    compound with the map's. Other heights than "ellipsoidal", and what WKT 1 has no words for, leave the CRS as it is.
+    """
+    if heights != "ellipsoidal" or crs.is_compound:
+        return crs
+    base = crs.geodetic_crs.name if crs.geodetic_crs is not None else crs.name
+    try:
+        return CRS.from_wkt(_COMPOUND.format(name=_quoted(crs.name), base=_quoted(base), map=crs.to_wkt("WKT1_GDAL")))
+    except ProjError:
+        return crs
+
+
+def told_crs(crs: CRS) -> CRS:
+    """What GDAL tells of a raster in `crs`: the map's part of a compound that has no code of its own, else the whole.
+
+    QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by
+    its code, and the whole if asked to (`GTIFF_REPORT_COMPD_CS=YES`); both are in the file.
+    """
+    return crs.sub_crs_list[0] if crs.is_compound and crs.to_epsg() is None else crs
+
+
+_COMPOUND: Final = (
+    'COMPD_CS["{name} + {base} ellipsoidal height",{map},VERT_CS["{base} ellipsoidal height",'
+    'VERT_DATUM["{base} ellipsoid",2005],UNIT["metre",1,AUTHORITY["EPSG","9001"]],AXIS["Up",UP]]]'
+)
+
+
+def _tags(origin: Origin) -> dict[str, str]:
+    """As a GeoTIFF's metadata; TIFF has tags of its own for some."""
+    tags = origin.told
+    own = {"TIFFTAG_SOFTWARE": tags.pop("SOFTWARE"), "TIFFTAG_IMAGEDESCRIPTION": tags.pop("TITLE")}
+    if "TIME_END" in tags:
+        own["TIFFTAG_DATETIME"] = tags["TIME_END"][:19].replace("-", ":").replace("T", " ")
+    return own | tags
+
+
+def _quoted(name: str) -> str:
+    """As it stands between a WKT's quotation marks."""
+    return name.replace('"', '""')
+
+
+def _raster_crs(crs: CRS) -> rasterio.CRS:
+    """As GDAL takes it: WKT 1 where that has words for it."""
+    try:
+        return rasterio.CRS.from_wkt(crs.to_wkt("WKT1_GDAL"))
+    except (ProjError, CRSError):
+        return rasterio.CRS.from_wkt(crs.to_wkt("WKT2_2019"))
+
+
+def _overlap(tile: Grid, whole: Grid) -> tuple[Window | None, tuple[slice, slice]]:
+    """Where a tile lies in the raster, and which part of it does; no window where it lies outside."""
+    if tile.cell_m != whole.cell_m:
+        raise ValueError(f"cells of {tile.cell_m} m in a raster of {whole.cell_m} m")
+    row, column = whole.north - tile.north, tile.west - whole.west
+    top, left = max(row, 0), max(column, 0)
+    bottom, right = min(row + tile.rows, whole.rows), min(column + tile.columns, whole.columns)
+    part = slice(top - row, max(bottom, top) - row), slice(left - column, max(right, left) - column)
+    if bottom <= top or right <= left:
+        return None, part
+    return Window(left, top, right - left, bottom - top), part
+
+
+class _Statistics:
+    """What GDAL and QGIS look up of a band instead of reading it through."""
+
+    def __init__(self) -> None:
+        self._count, self._sum, self._square = 0, 0.0, 0.0
+        self._base = self._least = self._greatest = math.nan
+
+    def add(self, values: NDArray[np.float32]) -> None:
+        """Take note of a tile's values."""
+        known = values[np.isfinite(values)]
+        if not len(known):
+            return
+        if not self._count:
+            self._base = float(known[0])  # sums of what differs from it keep their digits
+        apart = known.astype(np.float64) - self._base
+        self._count += len(known)
+        self._sum += float(apart.sum())
+        self._square += float(apart @ apart)
+        self._least = float(np.fmin(self._least, known.min()))
+        self._greatest = float(np.fmax(self._greatest, known.max()))
+
+    def tags(self, cells: int) -> dict[str, str]:
+        """As GDAL names them; none where no value is known."""
+        if not self._count:
+            return {}
+        mean = self._sum / self._count
+        return {
+            "STATISTICS_MINIMUM": repr(self._least),
+            "STATISTICS_MAXIMUM": repr(self._greatest),
+            "STATISTICS_MEAN": repr(self._base + mean),
+            "STATISTICS_STDDEV": repr(math.sqrt(max(0.0, self._square / self._count - mean * mean))),
+            "STATISTICS_VALID_PERCENT": f"{100.0 * self._count / cells:.4g}",
+        }
+
+
+def _rounded(array: NDArray[Any], band: Band) -> NDArray[np.float32]:
+    values = array.astype(np.float32)
+    if band.steps_per_unit:
+        values = np.rint(values * np.float32(band.steps_per_unit)) / np.float32(band.steps_per_unit)
+    return values

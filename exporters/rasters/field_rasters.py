@@ -1,0 +1,153 @@
+"""The surfaces of a run as rasters: `dsm.tif`, of work `dsm_before.tif` and `change.tif`, of swaths `swaths.tif`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+from furrowmap.core.pipeline import Run
+from furrowmap.core.surfaces.statistic import MEDIAN
+from furrowmap.core.surfaces.visits import SwathAgreement, SwathSums, block_grid
+from furrowmap.core.values.progress import Progress
+from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
+from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import (
+    STANDARD_ERROR,
+    SURFACE_BANDS,
+    Band,
+    Bands,
+    cog_output,
+    surface_arrays,
+    with_heights,
+)
+
+DSM: Final = "dsm.tif"
+BEFORE: Final = "dsm_before.tif"
+CHANGE: Final = "change.tif"
+SWATHS: Final = "swaths.tif"
+STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml", SWATHS: "swaths.qml"}
+"""QGIS takes the style beside a raster for the raster's own."""
+CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
+SWATH_BANDS: Final = (Band("difference of swaths"),)
+_TITLES: Final = {
+    DSM: "Surface as left at the end",
+    BEFORE: "Surface before the implement passed",
+    CHANGE: "Change of the surface: after less before",
+    SWATHS: "Agreement of swaths: height in a swath less that in the one before it",
+}
+
+
+@dataclass(frozen=True)
+class RasterFigures:
+    """What the report tells of the surfaces.
+
+    Attributes:
+        cell_m: length of a cell's sides.
+        seen_m2: area with a height in `dsm.tif`.
+        moved: soil; None where no work is known.
+        swaths: how well they agree; None where no ground was seen twice.
+    """
+
+    cell_m: float
+    seen_m2: float
+    moved: SoilMoved | None
+    swaths: SwathAgreement | None
+
+    def plain(self) -> dict[str, Any]:
+        """As `report.json` has it."""
+        figures: dict[str, Any] = {"dsm_cell_m": self.cell_m, "dsm_area_m2": round(self.seen_m2, 1)}
+        if self.moved is None:
+            return figures
+        passes = [{"pass": number, **_moved(moved)} for number, moved in self.moved.passes.items()]
+        beside = {"area_m2": round(self.moved.beside.area_m2, 2), "mean_change_m": _rounded(self.moved.beside.mean_m)}
+        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": beside, "passes": passes}}
+
+
+def write_rasters(
+    folder: Path, land: FieldPoints, found: Run, origin: Origin, progress: Progress
+) -> RasterFigures | None:
+    """Write the rasters of a run into a folder; None, and no file, where no point lies on the land.
+
+    Args:
+        folder: to write to.
+        land: the points.
+        found: by the run.
+        origin: of its products.
+        progress: is told of the stage "making surfaces".
+
+    Raises:
+        OSError: if they cannot be written.
+    """
+    grid = land.grid
+    if grid is None:
+        return None
+    passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
+    bands = {DSM: SURFACE_BANDS} | ({BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
+    blocks = block_grid(grid)
+    crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
+    sums, swaths, seen = SoilSums(), SwathSums(), 0
+    with ExitStack() as stack:
+        write = {
+            name: stack.enter_context(cog_output(folder / name, grid, crs, held, _of(origin, name)))
+            for name, held in bands.items()
+        }
+        put_swaths = stack.enter_context(cog_output(folder / SWATHS, blocks, crs, SWATH_BANDS, _of(origin, SWATHS)))
+        for tile in _told(land, land.tiles(passages, MEDIAN), progress):
+            arrays = _arrays(tile)
+            for name, put in write.items():
+                put(tile.grid, arrays[name])
+            sums.add(tile)
+            put_swaths(block_grid(tile.grid), (tile.swaths_m,))
+            swaths.add(tile.swaths_m, blocks.cell_area_m2)
+            seen += int(tile.after.seen.sum())
+    agreement = swaths.agreement()
+    if agreement is None:
+        (folder / SWATHS).unlink()
+    for name in (*bands, *([SWATHS] if agreement is not None else [])):
+        style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
+        (folder / style_of(name)).write_text(style, encoding="utf-8")
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, agreement)
+
+
+def style_of(name: str) -> str:
+    """Name of the style that lies beside a raster."""
+    return str(Path(name).with_suffix(".qml"))
+
+
+def _arrays(tile: FieldTile) -> dict[str, Bands]:
+    return {
+        DSM: surface_arrays(tile.after),
+        BEFORE: surface_arrays(tile.before),
+        CHANGE: (tile.change_m, tile.change_error_m),
+    }
+
+
+def _told(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
+    """The tiles; tells `progress` how many of them are done."""
+    count = max(land.tile_count, 1)
+    for number, tile in enumerate(tiles, start=1):
+        yield tile
+        progress("making surfaces", number / count)
+
+
+def _of(origin: Origin, name: str) -> Origin:
+    statistic = "mean" if name == SWATHS else MEDIAN.name
+    return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
+
+
+def _moved(moved: Moved) -> dict[str, float | None]:
+    return {
+        "volume_m3": _rounded(moved.volume_m3),
+        "mean_change_m": _rounded(moved.mean_m),
+        "area_m2": round(moved.area_m2, 2),
+        "compared_m2": round(moved.compared_m2, 2),
+    }
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, 4) if value == value else None

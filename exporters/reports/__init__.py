@@ -1,0 +1,1 @@
+"""Reports: `report.json`, the HTML pages and their figures."""

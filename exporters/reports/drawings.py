@@ -1,0 +1,145 @@
+"""Drawings of a run as SVG: the map, and what went on over time."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.exporters.rasters.relief import Box, Relief
+from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
+
+FloatArray = NDArray[np.float64]
+
+MARGIN_M: Final = 2.0
+PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]])
+FIX_COLOURS: Final = {
+    Fix.FIXED: "#1a9850",
+    Fix.FLOAT: "#f4a528",
+    Fix.PPP: "#4575b4",
+    Fix.DGPS: "#d6604d",
+    Fix.SINGLE: "#b2182b",
+    Fix.NONE: "#222222",
+}
+OTHER_COLOUR: Final = "#888888"
+
+
+def pass_colour(number: int, passes: int) -> str:
+    """From the first pass (orange) over green to the last (blue)."""
+    at = (number - 1) / (passes - 1) * 2.0 if passes > 1 else 1.0
+    return "#" + "".join(f"{round(np.interp(at, (0, 1, 2), channel)):02x}" for channel in PASS_COLOURS.T)
+
+
+def fix_colour(fix: int) -> str:
+    """Of a quality of positions."""
+    return FIX_COLOURS.get(Fix(fix), OTHER_COLOUR) if fix in list(Fix) else OTHER_COLOUR
+
+
+def map_box(poses: ScanPoses, work: FieldWork) -> Box:
+    """What a map has to show: the vehicle's way, the ground worked and the boundary."""
+    shapes: list[BaseGeometry] = [shapely.MultiPoint(poses.xyz_m[:, :2])]
+    if work.ground is not None:
+        shapes.append(work.ground.coverage)
+    if work.boundary is not None:
+        shapes.append(work.boundary)
+    west, south, east, north = shapely.total_bounds(shapes)
+    return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
+
+
+def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | None) -> str:
+    """The ground worked over the relief; the vehicle's way where no tool's path is known."""
+    sheet = Sheet.of(box_m)
+    parts = [sheet.image(relief)] if relief is not None else []
+    if work.boundary is not None:
+        parts.append(sheet.area(work.boundary, "boundary"))
+    if work.ground is not None:
+        ground = work.ground
+        for one in ground.passes:
+            colour = pass_colour(one.number, len(ground.passes))
+            parts.append(sheet.area(one.ground, "pass", f'fill="{colour}"'))
+        parts += [sheet.area(overlap.ground, "overlap") for overlap in ground.overlaps]
+        parts += [sheet.area(miss.ground, "miss") for miss in ground.misses]
+        for path in work.paths:
+            parts.append(sheet.line(shapely.get_coordinates(path.line), f"tool {path.state.label}"))
+        if len(ground.passes) <= 60:
+            parts += [
+                sheet.text(one.ground.representative_point(), str(one.number))
+                for one in ground.passes
+                if not one.ground.is_empty
+            ]
+    if not work.paths:
+        parts += [sheet.line(part, "way") for _, part in _runs(poses, np.zeros(len(poses), np.int8))]
+    return sheet.svg(parts, "Map of the ground worked")
+
+
+def quality_map(poses: ScanPoses) -> str:
+    """The vehicle's way, coloured by the quality of the positions."""
+    sheet = Sheet.of(map_box(poses, FieldWork()))
+    parts = [sheet.line(part, "fix", f'stroke="{fix_colour(fix)}"') for fix, part in _runs(poses, poses.fix)]
+    return sheet.svg(parts, "The vehicle's way, coloured by the quality of the positions")
+
+
+def tool_graph(work: FieldWork) -> str:
+    """The tool's height over time, with its states and passes."""
+    history = work.history
+    assert history is not None
+    time = TimeAxis(float(history.t_s[0]), float(history.t_s[-1]))
+    known = history.tool_height_m[np.isfinite(history.tool_height_m)]
+    low = min(-0.05, float(known.min(initial=0.0)))
+    high = max(history.lifted_m, float(known.max(initial=0.0))) + 0.05
+    heights = Axis(low, high, 190.0, 22.0)
+    states = history.states
+    parts = []
+    for k in range(len(states)):
+        left, right = time.at(states.begin_s[k]), time.at(states.end_s[k])
+        label = ToolState(int(states.state[k])).label
+        parts.append(f'<rect class="{label}" x="{left:.1f}" y="22" width="{right - left:.1f}" height="168"/>')
+    for number, when in enumerate(work.passes, start=1):
+        if len(work.passes) <= 40:
+            middle = time.at(0.5 * (when.begin_s + when.end_s))
+            parts.append(f'<text class="number" x="{middle:.1f}" y="16">{number}</text>')
+    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm")
+    y = heights.at(history.threshold_m)
+    parts.append(f'<line class="threshold" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
+    parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
+    parts += time.labels(190.0)
+    return drawing(WIDTH, 212.0, parts, "Height of the tool above its working position over time")
+
+
+def quality_graph(poses: ScanPoses) -> str:
+    """The quality of the positions and the stated accuracy over time."""
+    time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
+    sigma_m = np.hypot(poses.sigma[:, 0], poses.sigma[:, 1])
+    edges = np.flatnonzero(np.diff(poses.fix, prepend=np.int8(-99), append=np.int8(-99)))
+    parts = []
+    for first, behind in pairwise(edges.tolist()):
+        left, right = time.at(poses.t_s[first]), time.at(poses.t_s[min(behind, len(poses) - 1)])
+        colour = fix_colour(int(poses.fix[first]))
+        parts.append(f'<rect x="{left:.1f}" y="0" width="{right - left:.1f}" height="12" fill="{colour}"/>')
+    if not np.isfinite(sigma_m).any():
+        return drawing(WIDTH, 36.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
+    axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm")
+    parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
+    parts += time.labels(130.0)
+    return drawing(WIDTH, 152.0, parts, "Quality and accuracy of the positions over time")
+
+
+def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatArray]]:
+    """(value, places (k, 2)) of each stretch of poses of one value without a pause; it ends where the next begins."""
+    if len(poses) < 2:
+        return []
+    step_s = np.diff(poses.t_s)
+    pause = step_s > max(1.0, 3.0 * float(np.median(step_s)))
+    cuts = 1 + np.flatnonzero(pause | (np.diff(values) != 0))
+    firsts, ends = np.append(0, cuts), np.append(cuts, len(poses))
+    reach = [end + int(end < len(poses) and not pause[end - 1]) for end in ends.tolist()]
+    return [(int(values[a]), poses.xyz_m[a:b, :2]) for a, b in zip(firsts.tolist(), reach, strict=True)]

@@ -1,0 +1,254 @@
+"""An evaluation of a GNSS log as a folder: `evaluation.json`, `epochs.csv` and a page that needs nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.evaluation.evaluation import Evaluation
+from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import Fix
+from furrowmap.exporters.files.json_text import json_text
+from furrowmap.exporters.files.staging import refuse_products, staged_folder
+from furrowmap.exporters.reports.drawings import fix_colour
+from furrowmap.exporters.reports.evaluation_figures import figures, write_epochs
+from furrowmap.exporters.reports.page_parts import filled, key, key_figure, section
+from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
+
+FloatArray = NDArray[np.float64]
+
+PRODUCTS: Final = ("evaluation.json", "evaluation.html", "epochs.csv")
+_PAPER: Final = ("3D", "2D", "X", "Y", "Z")
+_MARGIN: Final = 0.05
+
+
+def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> None:
+    """Write :data:`PRODUCTS`, all of them or none.
+
+    Args:
+        folder: to write to; is made.
+        found: what to write.
+        overwrite: replace those of another evaluation.
+
+    Raises:
+        RefusedError: if they are there and may not be replaced.
+        InputError: if the folder cannot be written to.
+    """
+    refuse_products(folder, PRODUCTS, overwrite=overwrite)
+    with staged_folder(folder) as staging:
+        (staging / "evaluation.json").write_text(json_text(figures(found)), encoding="utf-8")
+        write_epochs(staging / "epochs.csv", found)
+        (staging / "evaluation.html").write_text(page(found), encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def page(found: Evaluation) -> str:
+    """The page, as HTML."""
+    matched = found.matched
+    sections = [
+        *(
+            section(f"{_kind(kind)}: {next(iter(rows.values())).n:,} epochs", _table(rows))
+            for kind, rows in found.tables.items()
+        ),
+        section("Errors over time", _graphs(found)),
+        section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
+        section("Continuity", _continuity(found)),
+        section("Definitions", _definitions()),
+        *([section("To know", _list([notice.text for notice in found.notices]))] if found.notices else []),
+    ]
+    return filled(
+        title="Accuracy of a GNSS log",
+        when=f"{iso_utc(float(matched.t_s[0]))} to {iso_utc(float(matched.t_s[-1]))}",
+        summary=escape(
+            f"{Path(found.test).name}{_by(found.service)} against {Path(found.reference).name}"
+            f"{_by(found.reference_service)}: {len(matched):,} of {found.continuity.epochs:,} positions compared."
+        ),
+        figures=_figures(found),
+        sections=sections,
+        provenance=escape(
+            f"furrowmap {figures(found)['furrowmap']}. Test: {found.test}. Reference: {found.reference}."
+        ),
+    )
+
+
+def _by(service: str) -> str:
+    return f" ({service.upper()})" if service else ""
+
+
+def _kind(kind: str) -> str:
+    return (
+        "All kinds of fix" if kind == "all" else kind.upper() if kind in ("ppp", "dgps", "pps") else kind.capitalize()
+    )
+
+
+def _figures(found: Evaluation) -> list[str]:
+    best = found.tables.get(Fix.FIXED.label, found.tables["all"])
+    word = "fixed" if Fix.FIXED.label in found.tables else "all epochs"
+    told = [
+        (f"RMSE 2D, {word}", _metres(best["2D"].rmse_m)),
+        (f"RMSE Z, {word}", _metres(best["Z"].rmse_m)),
+        (f"median 2D, {word}", _metres(best["2D"].percentiles_m[0])),
+        ("95 % 2D, all epochs", _metres(found.tables["all"]["2D"].percentiles_m[QUANTILES.index(0.95)])),
+        ("fixed", f"{found.continuity.share_by_fix.get(Fix.FIXED.label, 0.0):.1%}"),
+        ("outliers", f"{found.outlier.mean():.1%}"),
+    ]
+    return [key_figure(value, name) for name, value in told]
+
+
+def _table(rows: Table) -> str:
+    """The paper's table, with percentiles and the parts along and across the track below it."""
+    names = [name for name, row in rows.items() if name in _PAPER or row.n]
+    head = "".join(f"<th>{name} [m]</th>" for name in names)
+    lines = [
+        ("Average", [rows[name].average_m for name in names]),
+        ("Standard deviation", [rows[name].standard_deviation_m for name in names]),
+        ("RMSE", [rows[name].rmse_m for name in names]),
+        *((f"{100 * q:.0f} % below", [rows[name].percentiles_m[k] for name in names]) for k, q in enumerate(QUANTILES)),
+        ("Greatest", [rows[name].greatest_m for name in names]),
+    ]
+    body = "".join(
+        f"<tr><td>{title}</td>{''.join(f'<td>{_number(value)}</td>' for value in values)}</tr>"
+        for title, values in lines
+    )
+    return f'<div class="scroll"><table><tr><th></th>{head}</tr>{body}</table></div>'
+
+
+def _graphs(found: Evaluation) -> str:
+    error = found.matched.error_m
+    graphs = [
+        ("Horizontal error (2D)", np.hypot(error[:, 0], error[:, 1]), 0.0),
+        ("X, towards east", error[:, 0], None),
+        ("Y, towards north", error[:, 1], None),
+        ("Z, up", error[:, 2], None),
+    ]
+    shown = [
+        f"<figure>{_graph(found, values, low, title)}<figcaption>{title}</figcaption></figure>"
+        for title, values, low in graphs
+        if np.isfinite(values).any()
+    ]
+    note = (
+        "The bar above each shows the kind of fix. What lies beyond the axis (1 % of the epochs) is drawn at its edge."
+    )
+    return f"{''.join(shown)}<p class='soft'>{note}</p>{_key(found)}"
+
+
+def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str) -> str:
+    t_s = found.matched.t_s
+    time = TimeAxis(float(t_s[0]), float(t_s[-1]))
+    known = values[np.isfinite(values)]
+    reach = max(1e-3, float(np.quantile(np.abs(known), 0.99)) * 1.15)
+    axis = Axis(-reach if low is None else low, reach, 150.0, 20.0)
+    edges = _edges(found)
+    parts = [
+        f'<rect x="{time.at(t_s[a]):.1f}" y="0" width="{float(time.at(t_s[b - 1]) - time.at(t_s[a])) + 0.5:.1f}" '
+        f'height="12" fill="{fix_colour(int(found.fix[a]))}"/>'
+        for a, b in pairwise(edges)
+    ]
+    parts += axis.grid(time.left, lambda v: f"{v:.3g} m")
+    for a, b in _unbroken(found):
+        parts += curve(time.at(t_s[a:b]), np.clip(axis.at(values[a:b]), 20.0, 150.0))
+    parts += time.labels(150.0)
+    return drawing(WIDTH, 172.0, parts, f"{title} over time")
+
+
+def _edges(found: Evaluation) -> list[int]:
+    """Where the kind of fix changes or the time makes a gap, with both ends."""
+    cuts = np.flatnonzero(np.diff(found.fix) != 0) + 1
+    return sorted({0, *cuts.tolist(), *(a for a, _ in _unbroken(found)), len(found.fix)})
+
+
+def _unbroken(found: Evaluation) -> list[tuple[int, int]]:
+    """Stretches of epochs without a gap."""
+    step = np.diff(found.matched.t_s)
+    wide = np.flatnonzero(step > max(1.0, 3.0 * float(np.median(step)))) + 1 if len(step) else np.empty(0, np.intp)
+    return list(pairwise([0, *wide.tolist(), len(found.matched)]))
+
+
+def _map(found: Evaluation) -> str:
+    test, reference = found.matched.test_m[:, :2], found.matched.reference_m[:, :2]
+    whole = np.concatenate([test, reference])
+    west, south = np.quantile(whole, 0.001, axis=0)
+    east, north = np.quantile(whole, 0.999, axis=0)
+    margin = max(_MARGIN * max(east - west, north - south), 0.05)
+    sheet = Sheet.of((west - margin, south - margin, east + margin, north + margin))
+    parts = [sheet.line(reference[a:b], "way") for a, b in _unbroken(found) if b - a > 1]
+    for a, b in pairwise(_edges(found)):
+        stretch = np.clip(test[a : b + 1 if b in _within(found) else b], *_corners(sheet))
+        if len(stretch) > 1:
+            parts.append(sheet.line(stretch, "curve", f'style="stroke:{fix_colour(int(found.fix[a]))}"'))
+    return sheet.svg(parts, "Trajectories: the reference in brown, the test by its kind of fix")
+
+
+def _within(found: Evaluation) -> set[int]:
+    """Epochs at which the kind of fix changes without a gap: there a line goes on to the next stretch."""
+    return set(_edges(found)[1:-1]) - {a for a, _ in _unbroken(found)}
+
+
+def _corners(sheet: Sheet) -> tuple[FloatArray, FloatArray]:
+    west, south, east, north = sheet.box_m
+    return np.array([west, south]), np.array([east, north])
+
+
+def _key(found: Evaluation) -> str:
+    kinds = [(fix_colour(int(code)), Fix(int(code)).label) for code in np.unique(found.fix)]
+    return key([("#8c460a", "reference (map)"), *kinds])
+
+
+def _continuity(found: Evaluation) -> str:
+    log = found.continuity
+    shares = ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())
+    firsts = ", ".join(f"{kind} after {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())
+    age = (
+        f"median {log.age.median_s:.1f} s, 95 % below {log.age.p95_s:.1f} s, greatest {log.age.greatest_s:.1f} s"
+        if log.age
+        else "not stated"
+    )
+    sigmas = found.within_sigmas
+    rows = [
+        (
+            "positions",
+            f"{log.epochs:,}, one each {log.interval_s:.3g} s; {log.availability:.1%} of those that could be",
+        ),
+        ("kinds of fix", shares),
+        ("first fix, from the log's first position", firsts),
+        ("gaps", f"{log.gaps}; the longest {log.longest_gap_s:.1f} s, together {log.all_gaps_s:.1f} s"),
+        ("age of corrections", age),
+        (
+            "errors within 1, 2, 3 stated sigmas (68.3, 95.4, 99.7 % would be honest)",
+            ", ".join(f"{share:.1%}" for share in sigmas.values()) if sigmas else "no sigmas stated",
+        ),
+        (
+            "test ahead in time (slope of the error along the track over speed)",
+            f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}" if found.time_ahead_s else "cannot be told",
+        ),
+        ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
+    ]
+    body = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in rows)
+    return f'<div class="scroll"><table>{body}</table></div>'
+
+
+def _cell(text: str) -> str:
+    return f'<td style="white-space: normal; text-align: left">{escape(text)}</td>'
+
+
+def _definitions() -> str:
+    return _list([f"{name}: {words}" for name, words in DEFINITIONS.items()])
+
+
+def _list(texts: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4f}" if math.isfinite(value) else "–"
+
+
+def _metres(value: float) -> str:
+    return f"{value:.3f} m" if math.isfinite(value) else "unknown"

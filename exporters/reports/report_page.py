@@ -1,0 +1,356 @@
+"""`report.html`: what a run found out, on a page that a farmer reads in a minute.
+
+It needs nothing but itself: drawings and pictures stand in it, nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections import Counter
+from collections.abc import Iterable
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.implement.model import Implement
+from furrowmap.core.pipeline import Run
+from furrowmap.core.surfaces.visits import SwathAgreement
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.exporters.cloud.writer import CopcSummary
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.rasters.png import data_uri
+from furrowmap.exporters.rasters.relief import Relief, shaded_ground
+from furrowmap.exporters.reports.drawings import (
+    fix_colour,
+    map_box,
+    pass_colour,
+    quality_graph,
+    quality_map,
+    tool_graph,
+    work_map,
+)
+from furrowmap.exporters.reports.page_parts import filled, key, key_figure, section, table
+from furrowmap.exporters.reports.run_report import points_by_class
+from furrowmap.exporters.reports.swath_drawing import swath_histogram
+
+HECTARE_M2: Final = 10_000.0
+SMALL_M2: Final = 1_000.0
+"""Smaller areas are told in square metres."""
+FINE_M2: Final = 10.0
+MOST_PASSES: Final = 60
+"""So many passes are told one by one."""
+_FIX_WORDS: Final = {
+    Fix.FIXED: "RTK fixed",
+    Fix.FLOAT: "RTK float",
+    Fix.PPP: "PPP",
+    Fix.DGPS: "differential",
+    Fix.SINGLE: "single",
+    Fix.NONE: "no position",
+}
+_NEAR: Final = np.array([253.0, 231.0, 37.0])
+_MIDDLE: Final = np.array([33.0, 145.0, 140.0])
+_FAR: Final = np.array([68.0, 1.0, 84.0])
+_NOTHING: Final = np.array([238.0, 238.0, 235.0])
+
+
+def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None, swaths: SwathAgreement | None) -> None:
+    """Write `report.html`.
+
+    Args:
+        path: of the page.
+        found: by the run.
+        cloud: the COPC file that the run wrote: the map's background.
+        summary: what its writer wrote; None where there is no cloud.
+        swaths: how well they agree; None where no ground was seen twice.
+
+    Raises:
+        OSError: if a file cannot be read or written.
+    """
+    poses, work = found.tally.poses, found.work
+    box_m = map_box(poses, work)
+    relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
+    sections = [
+        section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
+        *_tool(work),
+        *_passes(work),
+        section("GNSS", _quality(poses, found.frame)),
+        section("How good it is, and what to know", _accuracy(found)),
+        *_swaths(swaths),
+        *_views(work),
+        *_classes(summary),
+    ]
+    page = filled(
+        title=escape(found.session.name or "Field report"),
+        when=escape(_when(found)),
+        summary=_summary(found),
+        figures=_figures(found),
+        sections=sections,
+        provenance=_provenance(found),
+    )
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def _when(found: Run) -> str:
+    begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.tally.first_s, found.tally.last_s))
+    return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {end:%H:%M:%S} UTC"
+
+
+def _summary(found: Run) -> str:
+    """The session in a sentence or two."""
+    ground = found.work.ground
+    if ground is None:
+        return (
+            "The ground is mapped. Whether an implement worked it is not known; the notes below say why."
+            if found.work.notices
+            else "The ground is mapped."
+        )
+    worked, missed = ground.figures.worked, ground.figures.missed
+    if not ground.passes:
+        return "The implement was never in the ground."
+    parts = [f"{_area(worked.grid_m2)} worked in {ground.figures.passes} passes"]
+    if worked.grid_m2 > 0.0:
+        parts.append(f"{ground.figures.overlap.grid_m2 / worked.grid_m2:.1%} of it twice")
+    parts.append(f"{_area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
+    return f"<b>{escape(', '.join(parts))}.</b>"
+
+
+def _figures(found: Run) -> Iterable[str]:
+    ground = found.work.ground
+    if ground is not None:
+        figures = ground.figures
+        yield key_figure(_area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
+        yield key_figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
+        missed = figures.missed.grid_m2 > 0.0
+        yield key_figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
+        yield key_figure(str(figures.passes), "passes")
+        yield key_figure(_duration(figures.hours.field_s), "in the field")
+        yield key_figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
+        yield key_figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
+        yield key_figure(_duration(figures.hours.turning_s), "turning and reversing")
+        yield key_figure(_duration(figures.hours.idle_s), "standing")
+    else:
+        yield key_figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
+    if found.tally.points:
+        yield key_figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
+
+
+def _map_key(work: FieldWork, relief: Relief | None) -> str:
+    if work.ground is None:
+        return key([("#8c460a", "way of the vehicle")])
+    count = len(work.ground.passes)
+    rows = [(pass_colour(1, count), "first pass"), (pass_colour(count, count), "last pass")] if count > 1 else []
+    rows += [("#e31a1c", "worked twice"), ("#ffed00", "missed"), ("#8c460a", "tool down"), ("#4292c6", "tool up")]
+    note = "Areas in the map's plane."
+    if relief is not None:
+        note += " The ground is drawn as the scanner saw it, lit from the north-west."
+    return key(rows) + f'<p class="soft">{note}</p>'
+
+
+def _tool(work: FieldWork) -> Iterable[str]:
+    """The implement over time."""
+    history = work.history
+    if history is None or not len(history.t_s):
+        return
+    note = (
+        f"Height of the tool above its working position, seen by the scanner. Below the red line "
+        f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted it stands {100 * history.lifted_m:.0f} cm "
+        "high. Brown: in the ground. Blue: lifted. Grey: unknown. Numbers are those of the passes."
+    )
+    yield section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
+
+
+def _passes(work: FieldWork) -> Iterable[str]:
+    """The table of passes."""
+    ground = work.ground
+    if ground is None or not ground.passes:
+        return
+    head = ("pass", "from", "to", "length", "area", "±", "speed", "depth", "± depth")
+    rows = [
+        (
+            str(one.number),
+            _clock(one.times.begin_s),
+            _clock(one.times.end_s),
+            _number(one.length_m, 1, " m"),
+            _area(one.area.grid_m2),
+            _area(2.0 * one.area.sigma_m2),
+            _number(3.6 * one.speed_mps, 1, " km/h"),
+            _number(100.0 * depth.depth_m, 0, " cm"),
+            _number(100.0 * depth.spread_m, 1, " cm"),
+        )
+        for one, depth in zip(ground.passes[:MOST_PASSES], work.depths, strict=False)
+    ]
+    more = len(ground.passes) - len(rows)
+    note = "Depth is a proxy: the tool's height against the soil beside it, around the working depth of the session."
+    if more:
+        note = f"The layer passes of field.gpkg holds {more} more. {note}"
+    yield section("Passes", f'<div class="scroll">{table(head, rows)}</div><p class="soft">{escape(note)}</p>')
+
+
+def _classes(cloud: CopcSummary | None) -> Iterable[str]:
+    """What the points of the cloud are."""
+    if cloud is None or not cloud.points:
+        return
+    rows = [
+        (f"{name} ({PointClass[name.upper()].value})", f"{count:,}", f"{count / cloud.points:.1%}")
+        for name, count in points_by_class(cloud).items()
+    ]
+    note = "In brackets the class's number in the cloud. Noise: returns alone in the air, or below the ground."
+    yield section("What the points are", f'{table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
+
+
+def _quality(poses: ScanPoses, frame: MapFrame) -> str:
+    shares = Counter(poses.fix.tolist())
+    rows = [
+        (fix_colour(fix), f"{_fix_word(fix)} {count / len(poses):.0%}")
+        for fix, count in sorted(shares.items(), key=lambda item: -item[1])
+    ]
+    note = (
+        f"Quality of the positions (top bar) and their stated standard deviation over time; below, along the way. "
+        f"Map: {frame.name}."
+    )
+    graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
+    return f'{graph}<div class="maps small">{quality_map(poses)}</div>{key(rows)}'
+
+
+def _fix_word(fix: int) -> str:
+    return _FIX_WORDS.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
+
+
+def _accuracy(found: Run) -> str:
+    poses, work = found.tally.poses, found.work
+    east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
+    rows = [
+        ("position, horizontal", _number(100.0 * math.hypot(east, north), 1, " cm")),
+        ("height", _number(100.0 * up, 1, " cm")),
+        ("roll, pitch", f"{_number(roll, 2, '°')}, {_number(pitch, 2, '°')}"),
+        ("heading", _number(heading, 2, "°")),
+    ]
+    if work.states is not None and len(work.states) > 1:
+        rows.append(("lowering and lifting", _number(_median(work.states.begin_sigma_s[1:]), 3, " s")))
+    if work.ground is not None:
+        rows += _ellipsoid(work.ground)
+    sigmas = table(("median standard deviation", ""), rows)
+    notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
+    listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>Nothing stood out.</p>"
+    return f'{sigmas}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
+
+
+def _swaths(swaths: SwathAgreement | None) -> Iterable[str]:
+    """How well swaths agree: a check that needs no survey."""
+    if swaths is None:
+        return
+    rows = [
+        ("ground compared", _area(swaths.area_m2)),
+        ("half of it within", _number(1000.0 * swaths.within_m(0.5), 1, " mm")),
+        ("95 % of it within", _number(1000.0 * swaths.within_m(0.95), 1, " mm")),
+        ("mean", f"{1000.0 * swaths.mean_m:+.1f} mm"),
+        ("root mean square", _number(1000.0 * swaths.rms_m, 1, " mm")),
+    ]
+    note = (
+        "Ground that the scanner saw several times, and that the tool did not pass in between: how much higher it was "
+        "seen each time than the time before. Nothing was surveyed for it, so an error that all times share does not "
+        "show."
+    )
+    caption = "How much ground differs by how much. Where that is: swaths.tif."
+    graph = f"<figure>{swath_histogram(swaths)}<figcaption>{caption}</figcaption></figure>"
+    told = table(("later less earlier", ""), rows)
+    yield section("The same ground seen again", f'{told}{graph}<p class="soft">{note}</p>')
+
+
+def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
+    worked = ground.figures.worked
+    return [
+        ("worked, in the map's plane", f"{_area(worked.grid_m2)} {_margin(worked)}"),
+        ("worked, on the ellipsoid", _area(worked.ellipsoid_m2)),
+    ]
+
+
+def _views(work: FieldWork) -> Iterable[str]:
+    """What the scanner sees of the implement, and of the vehicle itself."""
+    seen = work.seen
+    if seen is None:
+        return
+    pictures = [
+        ("The implement lifted", _depth_picture(seen.images.up_m, seen)),
+        ("The implement in the ground", _depth_picture(seen.images.down_m, seen)),
+        ("What stands still: the vehicle's own body, all around", _depth_picture(seen.region.still_m, None)),
+    ]
+    shown = "".join(
+        f'<figure><img class="depth" src="{data_uri(picture)}" alt="{escape(text)}"><figcaption>{escape(text)}'
+        "</figcaption></figure>"
+        for text, picture in pictures
+    )
+    note = (
+        "Depth as the scanner saw it: a line for each laser, the highest on top, azimuth from left to right. "
+        "Yellow is near, violet far; what is not the implement is pale."
+    )
+    yield section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
+
+
+def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
+    """Colours by range, the highest laser on top; pale where it is not the implement."""
+    known = np.isfinite(range_m)
+    if not known.any():
+        return np.full((*range_m.shape, 3), 238, np.uint8)
+    shown = seen.images.implement & known if seen is not None else known
+    low, high = np.quantile(range_m[shown if shown.any() else known], (0.02, 0.98))
+    share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
+    colour = np.stack(
+        [np.interp(share, (0.0, 0.5, 1.0), channel) for channel in np.stack([_NEAR, _MIDDLE, _FAR]).T], axis=-1
+    )
+    colour = np.where(shown[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
+    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
+    return picture
+
+
+def _provenance(found: Run) -> str:
+    names = ", ".join(path.name for path in found.inputs)
+    cloud = " Cloud: cloud.copc.laz." if found.tally.points else ""
+    return (
+        f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
+        f"{escape(f'{found.frame.words} ' if found.frame.words else '')}"
+        f"All figures and the inputs' check sums: report.json. Layers: field.gpkg.{cloud}"
+    )
+
+
+def _area(area_m2: float) -> str:
+    if not math.isfinite(area_m2):
+        return "unknown"
+    if area_m2 >= SMALL_M2:
+        return f"{area_m2 / HECTARE_M2:.3f} ha"
+    return f"{area_m2:.{1 if area_m2 >= FINE_M2 else 2}f} m²"
+
+
+def _margin(area: Area) -> str:
+    return f"± {_area(2.0 * area.sigma_m2)}" if area.grid_m2 > 0.0 and math.isfinite(area.sigma_m2) else ""
+
+
+def _number(value: float, digits: int, unit: str) -> str:
+    return f"{value:.{digits}f}{unit}" if math.isfinite(value) else "unknown"
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def _duration(length_s: float) -> str:
+    whole = round(length_s)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"
+
+
+def _clock(t_s: float) -> str:
+    return f"{dt.datetime.fromtimestamp(t_s, tz=dt.UTC):%H:%M:%S}"

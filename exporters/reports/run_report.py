@@ -1,0 +1,238 @@
+"""What a run found out, as `report.json` tells it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.pipeline import Run
+from furrowmap.core.trajectory.motion import length_m
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.states_elsewhere import NEAR_S
+from furrowmap.exporters.cloud.writer import CopcSummary
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.field_rasters import RasterFigures
+from furrowmap.exporters.reports.report import FileRecord, Report
+
+
+def report_of(
+    found: Run,
+    session_file: str,
+    cloud: CopcSummary | None,
+    rasters: RasterFigures | None,
+    inputs: Sequence[FileRecord],
+    timings_s: dict[str, float],
+    products: Sequence[str],
+) -> Report:
+    """The report of a run.
+
+    Args:
+        found: by the run.
+        session_file: the way to the session from the products.
+        cloud: what its writer wrote; None where there is none.
+        rasters: what is told of its surfaces; None where there are none.
+        inputs: the records of the files that it read.
+        timings_s: seconds of each stage.
+        products: names of the files written.
+    """
+    return Report(
+        session_file=session_file,
+        session=msgspec.to_builtins(found.session),
+        inputs=inputs,
+        figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
+        coordinates=found.located.brought.account(found.frame),
+        accuracy=_accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
+        observability=_observability(found),
+        clocks=_clocks(found),
+        warnings=found.notices,
+        timings=timings_s,
+        products=products,
+    )
+
+
+def run_origin(found: Run, inputs: Sequence[FileRecord]) -> Origin:
+    """Where the products of a run come from, as it is told inside them."""
+    frame, session = found.frame, found.session
+    parameters = {"coordinates": session.crs.coordinates, "heights": frame.heights.name}
+    if frame.heights.vertical is not None:
+        parameters["geoid"] = frame.heights.source
+    if frame.parameters is not None:
+        parameters["epoch_parameters"] = frame.parameters.name
+    if frame.stated is not None:
+        parameters["coordinate_epoch"] = f"{frame.stated.epoch:.10g}"
+    return Origin(
+        session.name,
+        session.name,
+        [(record.name, record.sha256) for record in inputs],
+        (found.tally.first_s, found.tally.last_s),
+        parameters,
+    )
+
+
+def _figures(found: Run, cloud: CopcSummary | None) -> dict[str, Any]:
+    """Counts, times and lengths."""
+    tally = found.tally
+    distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
+    return {
+        "points": tally.points,
+        "points_by_class": points_by_class(cloud) if cloud is not None else {},
+        "points_read": tally.points_read,
+        "points_without_pose": tally.points_without_pose,
+        "points_standing_left_out": tally.points_standing,
+        "scans": tally.scans,
+        "scans_whole": tally.scans_whole,
+        "scans_without_pose": tally.scans_without_pose,
+        "start": iso_utc(tally.first_s),
+        "end": iso_utc(tally.last_s),
+        "duration_s": round(tally.last_s - tally.first_s, 3),
+        "distance_m": round(distance_m, 2),
+        "standing_s": round(standing_s, 1),
+        "crs": found.frame.name,
+        "heights": found.session.crs.heights,
+        "bounds_m": [[round(v, 3) for v in corner] for corner in _bounds(found, cloud)],
+        "implement": _implement(found.work),
+        **(_worked(found.work.ground) if found.work.ground is not None else {}),
+    }
+
+
+def points_by_class(cloud: CopcSummary) -> dict[str, int]:
+    """How many points of a cloud are of each class: "ground", "other", "noise", "vehicle", "implement"."""
+    return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
+
+
+def _bounds(found: Run, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
+    """The lowest and the highest coordinates: of the cloud, or of the vehicle's way where there is none."""
+    if cloud is not None:
+        return cloud.low_m, cloud.high_m
+    xyz_m = found.tally.poses.xyz_m
+    return xyz_m.min(axis=0).tolist(), xyz_m.max(axis=0).tolist()
+
+
+def _implement(work: FieldWork) -> dict[str, Any] | None:
+    """What is known of the tool; null where nothing is."""
+    history, states, agreed = work.history, work.states, work.agreement
+    if states is None:
+        return None
+    length_s = states.end_s - states.begin_s
+    sigma_s = states.begin_sigma_s[1:][states.begin_s[1:] == states.end_s[:-1]]
+    return {
+        **{f"{s.label}_s": round(float(length_s[states.state == s].sum()), 1) for s in (ToolState.DOWN, ToolState.UP)},
+        "transitions": len(sigma_s),
+        "transition_sigma_s": round(float(np.median(sigma_s)), 3) if len(sigma_s) else None,
+        "threshold_m": round(history.threshold_m, 3) if history is not None else None,
+        "lifted_m": round(history.lifted_m, 3) if history is not None else None,
+        "states_from": "elsewhere" if work.elsewhere is not None else "scans",
+        "agreement": {
+            "compared_s": round(agreed.compared_s, 1),
+            "share": round(agreed.share, 4),
+            "differing": [[iso_utc(a), iso_utc(b)] for a, b in agreed.differing_s.tolist() if b - a > NEAR_S],
+        }
+        if agreed is not None
+        else None,
+    }
+
+
+def _worked(ground: WorkedGround) -> dict[str, Any]:
+    """What an agronomist asks for."""
+    worked, hours = ground.figures, ground.figures.hours
+    zones = {
+        kind: sum(zone.area.grid_m2 for zone in ground.zones if zone.kind == kind) for kind in ("headland", "body")
+    }
+    return {
+        **_area("worked_area", worked.worked),
+        **_area("overlap_area", worked.overlap),
+        **_area("missed_area", worked.missed),
+        "swept_area_m2": round(worked.swept_m2, 3),
+        **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
+        "passes": worked.passes,
+        "worked_length_m": round(worked.length_m, 2),
+        "working_speed_mps": round(worked.speed_mps, 3),
+        "work_rate_ha_h": round(worked.work_rate_ha_h, 4),
+        "hours": {field.name: round(getattr(hours, field.name), 1) for field in fields(hours)},
+    }
+
+
+def _area(name: str, area: Area) -> dict[str, float]:
+    """An area in the map's plane, on the ellipsoid, and its standard deviation."""
+    return {
+        f"{name}_m2": round(area.grid_m2, 3),
+        f"{name}_ellipsoid_m2": round(area.ellipsoid_m2, 3),
+        f"{name}_sigma_m2": round(area.sigma_m2, 3),
+    }
+
+
+def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
+    """Metres driven and seconds at a stand from one time to another, gaps left out.
+
+    Args:
+        trajectory: its own knots are taken: scans may pause where it goes on.
+        begin_s: UTC, as `end_s`.
+        end_s: where the last scan ends.
+    """
+    inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
+    t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
+    before, share, known = trajectory.interval(t_s)
+    t_s, nearest = t_s[known], (before + (share > 0.5))[known]
+    if not len(t_s):
+        return 0.0, 0.0
+    en_m, standing = trajectory.at(t_s).xyz_m[:, :2], trajectory.motion[nearest] == Motion.STANDING
+    step_s = np.diff(t_s)
+    gap, still = step_s > trajectory.max_gap_s, standing[1:] & standing[:-1]
+    drives = np.split(en_m, np.flatnonzero(gap | still) + 1)
+    return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())
+
+
+def _accuracy(found: Run) -> dict[str, Any]:
+    """The sigmas of the scans' poses: median and 95th percentile of each, null where unknown; and which are assumed."""
+    out: dict[str, Any] = {}
+    for name, sigma in zip(SIGMAS, found.tally.poses.sigma.T, strict=True):
+        known = sigma[np.isfinite(sigma)]
+        digits = 3 if name.endswith("_deg") else 4
+        quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
+        out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
+    located = found.located
+    assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if located.source == "gnss" and located.matching is None else []
+    return out | {"assumed": assumed, "matching": located.matching}
+
+
+def _observability(found: Run) -> dict[str, Any]:
+    """What held each unknown of the poses, as shares of the scans."""
+    poses = found.tally.poses
+
+    def shares(words: NDArray[np.str_]) -> dict[str, float]:
+        return {word: round(count / len(poses), 4) for word, count in Counter(words.tolist()).most_common()}
+
+    level = shares(poses.level_from)
+    return {
+        "position": shares(poses.position_from),
+        "height": shares(poses.height_from),
+        "roll": level,
+        "pitch": level,
+        "heading": shares(poses.heading_from),
+        "positions": found.located.positions,
+        "gaps": [[iso_utc(a), iso_utc(b)] for a, b in found.located.trajectory.gaps_s.tolist()],
+    }
+
+
+def _clocks(found: Run) -> dict[str, Any]:
+    """What each clock said."""
+    track = found.located.trajectory.t_s
+    return {
+        "lidar": [
+            {"clock": c.clock, "first": iso_utc(c.first_s), "last": iso_utc(c.last_s), "note": c.note}
+            for c in found.clocks
+        ],
+        "positions": {"first": iso_utc(float(track[0])), "last": iso_utc(float(track[-1]))},
+        "lidar_minus_gnss_s": found.session.recording.lidar_minus_gnss_s,
+    }

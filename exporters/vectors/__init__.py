@@ -1,0 +1,1 @@
+"""GeoPackages and tables: trajectory, worked ground, fields of task data."""

@@ -1,0 +1,214 @@
+"""What a run knows about the field, as the layers of `field.gpkg`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.trajectory import HELD_BY, SIGMAS, Motion
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.track import Event, ToolPath
+
+ObjectArray = NDArray[np.object_]
+Columns = dict[str, NDArray[Any]]
+
+_TRAJECTORY: Final = "The vehicle frame's origin (on the ground below the rear axle) in the middle of each scan"
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A layer of vectors.
+
+    Attributes:
+        name: of the layer, and of its style.
+        kind: of geometry, as OGR calls it.
+        description: for its readers.
+        shapes: (n,) geometries; None where there is none.
+        columns: (n,) values of each field; times as datetime64[ms] in UTC, what is masked or nan becomes NULL.
+    """
+
+    name: str
+    kind: str
+    description: str
+    shapes: ObjectArray
+    columns: Columns
+
+
+def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
+    """All layers there are: `trajectory` always, the others where ground worked is known.
+
+    Those that a map shows on top come first.
+    """
+    trajectory = Layer(
+        "trajectory", "2.5D Point", _TRAJECTORY, _objects(shapely.points(poses.xyz_m)), _of_scans(poses, work)
+    )
+    if work.ground is None:
+        return [trajectory]
+    return [_of_events(work.events), trajectory, _of_paths(work.paths), *_of_ground(work.ground, work)]
+
+
+def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
+    roll_deg, pitch_deg, heading_deg = poses.attitude_deg()
+    columns: Columns = {
+        "scan": poses.scan,
+        "time": _times(poses.t_s),
+        "t_s": poses.t_s,
+        "roll_deg": roll_deg,
+        "pitch_deg": pitch_deg,
+        "heading_deg": heading_deg,
+        "speed_mps": poses.speed_mps,
+        "motion": _labels(poses.motion, {int(motion): motion.label for motion in Motion}),
+        "fix": _labels(poses.fix, {int(fix): fix.label for fix in Fix}),
+        **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMAS)},
+        **{name: getattr(poses, name).astype(object) for name in HELD_BY},
+    }
+    n = len(poses)
+    state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)
+    history = work.history
+    if history is not None:
+        row = np.searchsorted(history.scan, poses.scan)
+        state, confidence, height = history.state[row], history.confidence[row], history.tool_height_m[row]
+    if work.elsewhere is not None:
+        state, confidence = work.elsewhere.at(poses.t_s)
+    return columns | {
+        "implement": _labels(state, {int(state): state.label for state in ToolState}),
+        "implement_confidence": confidence,
+        "tool_height_m": height,
+        "pass": _numbers(work.pass_at(poses.t_s)),
+    }
+
+
+def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
+    starts = {p.number: p.times.begin_s for p in ground.passes}
+    return [
+        Layer(
+            "misses",
+            "Polygon",
+            "Strips narrower than the tool that were not worked",
+            _objects([place.ground for place in ground.misses]),
+            {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
+        ),
+        Layer(
+            "overlaps",
+            "Polygon",
+            "Ground that two passes worked, or one pass twice",
+            _objects([overlap.ground for overlap in ground.overlaps]),
+            {
+                "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
+                "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
+                "start": _times([starts[overlap.pass_b] for overlap in ground.overlaps]),
+                **_areas([overlap.area for overlap in ground.overlaps]),
+            },
+        ),
+        Layer(
+            "coverage",
+            "MultiPolygon",
+            "All ground worked, once however often",
+            _objects([] if ground.coverage.is_empty else [ground.coverage]),
+            _areas([] if ground.coverage.is_empty else [ground.figures.worked]),
+        ),
+        Layer(
+            "passes",
+            "MultiPolygon",
+            "The ground worked from one lowering of the tool to its lifting",
+            _objects([p.ground for p in ground.passes]),
+            {
+                "pass": np.array([p.number for p in ground.passes], np.int64),
+                "start": _times([p.times.begin_s for p in ground.passes]),
+                "end": _times([p.times.end_s for p in ground.passes]),
+                "length_m": _floats(p.length_m for p in ground.passes),
+                "width_m": _floats(p.width_m for p in ground.passes),
+                **_areas([p.area for p in ground.passes]),
+                "speed_mps": _floats(p.speed_mps for p in ground.passes),
+                "depth_m": _floats(depth.depth_m for depth in work.depths),
+                "depth_spread_m": _floats(depth.spread_m for depth in work.depths),
+            },
+        ),
+        Layer(
+            "zones",
+            "Polygon",
+            "Headland, where turns take place, and the field's body",
+            _objects([place.ground for place in ground.zones]),
+            {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
+        ),
+    ]
+
+
+def _of_paths(paths: Sequence[ToolPath]) -> Layer:
+    return Layer(
+        "tool_path",
+        "2.5D LineString",
+        "The way of the middle of the tool's line, a line for each state of the tool",
+        _objects([path.line for path in paths]),
+        {
+            "implement": _words(path.state.label for path in paths),
+            "pass": _numbers([path.pass_number or 0 for path in paths]),
+            "start": _times([path.begin_s for path in paths]),
+            "end": _times([path.end_s for path in paths]),
+            "length_m": _floats(path.length_m for path in paths),
+        },
+    )
+
+
+def _of_events(found: Sequence[Event]) -> Layer:
+    return Layer(
+        "events",
+        "2.5D Point",
+        "Where the tool went down or up, where the vehicle stopped, started or reversed, where positions end",
+        _objects([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in found]),
+        {
+            "kind": _words(event.kind for event in found),
+            "time": _times([event.t_s for event in found]),
+            "t_s": _floats(event.t_s for event in found),
+            "pass": _numbers([event.pass_number or 0 for event in found]),
+            "sigma_s": _floats(event.sigma_s for event in found),
+        },
+    )
+
+
+def _areas(areas: Sequence[Area]) -> Columns:
+    return {
+        "area_m2": _floats(area.grid_m2 for area in areas),
+        "area_ellipsoid_m2": _floats(area.ellipsoid_m2 for area in areas),
+        "area_sigma_m2": _floats(area.sigma_m2 for area in areas),
+    }
+
+
+def _labels(codes: NDArray[np.int8], words: Mapping[int, str]) -> ObjectArray:
+    """The word of each code; None (NULL in the file) where it has none."""
+    known, index = np.unique(codes, return_inverse=True)
+    return np.array([words.get(int(code)) for code in known], dtype=object)[index]
+
+
+def _objects(shapes: Any) -> ObjectArray:
+    """Geometries (n,), of which None are none."""
+    out = np.empty(len(shapes), object)
+    out[:] = shapes
+    return out
+
+
+def _words(words: Iterable[str]) -> ObjectArray:
+    return np.array(list(words), dtype=object)
+
+
+def _floats(values: Iterable[float]) -> NDArray[np.float64]:
+    return np.array(list(values), np.float64)
+
+
+def _numbers(passes: ArrayLike) -> NDArray[Any]:
+    """Numbers of passes; masked where it is 0, between passes."""
+    return np.ma.masked_equal(np.asarray(passes, np.int64), 0)
+
+
+def _times(t_s: ArrayLike) -> NDArray[np.datetime64]:
+    """UTC to the millisecond."""
+    return np.round(np.asarray(t_s, np.float64) * 1000.0).astype(np.int64).view("datetime64[ms]")

@@ -1,0 +1,185 @@
+"""`field.gpkg`: what a run knows about the field as vector layers, each with its style stored inside."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.vectors.field_layers import Layer, field_layers
+from furrowmap.exporters.vectors.ogr import pyogrio
+
+_UTC_OFFSET: Final = 100
+"""How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
+PAGE_BYTES: Final = 1024
+"""Of the file: large enough for a few rows of `trajectory`."""
+INDEXED_FROM: Final = 1000
+"""Fewer features are found as fast without a spatial index, which takes more room than they do."""
+GEOMETRY: Final = "geom"
+_NOTHING: Final = FieldWork()
+
+
+def write_field(
+    path: Path,
+    poses: ScanPoses,
+    crs: CRS | str,
+    work: FieldWork = _NOTHING,
+    words: str = "",
+    origin: Origin | None = None,
+) -> None:
+    """Write `field.gpkg` with its layers and their styles.
+
+    Args:
+        path: of the file; an old one is replaced when the new one is whole.
+        poses: the rows of the layer `trajectory`.
+        crs: of all coordinates; as WKT 2 it may tell their epoch.
+        work: what the implement did.
+        words: on the coordinates, added to each layer's description.
+        origin: where it comes from, told in the file's metadata.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    layers = [
+        replace(layer, description=f"{layer.description}. {words}" if words else layer.description)
+        for layer in field_layers(poses, work)
+    ]
+    with atomic_output(path) as unfinished:
+        for layer in layers:
+            told = None if unfinished.exists() else origin
+            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=told)
+        write_styles(unfinished, [layer.name for layer in layers])
+        _pack(unfinished)
+        _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
+
+
+def write_layer(
+    path: Path,
+    layer: Layer,
+    crs: CRS | str | None,
+    *,
+    indexed: bool,
+    append: bool = False,
+    origin: Origin | None = None,
+) -> None:
+    """Write a layer into a GeoPackage, or its features into one that is there.
+
+    Args:
+        path: of the GeoPackage; made where it is not there.
+        layer: without a kind it is a table of attributes.
+        crs: of its coordinates.
+        indexed: whether a new layer gets a spatial index.
+        append: add to the layer of that name, which has these columns.
+        origin: told in the metadata of the file.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    columns = layer.columns
+    times = [name for name, values in columns.items() if values.dtype == "datetime64[ms]"]
+    with_height = layer.kind.startswith("2.5D")
+    pyogrio.raw.write(
+        path,
+        shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2) if layer.kind else None,
+        [np.ma.getdata(values) for values in columns.values()],
+        list(columns),
+        field_mask=[np.ma.getmaskarray(values) if np.ma.isMA(values) else None for values in columns.values()],
+        layer=layer.name,
+        driver="GPKG",
+        geometry_type=layer.kind or None,
+        crs=(crs.to_wkt() if isinstance(crs, CRS) else crs) if layer.kind else None,
+        append=append,
+        gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
+        layer_options={} if append else _options(layer, indexed=indexed),
+        dataset_metadata=origin.told if origin is not None else None,
+    )
+
+
+def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
+    options = {"DESCRIPTION": layer.description}
+    if layer.kind:
+        options |= {"GEOMETRY_NAME": GEOMETRY, "SPATIAL_INDEX": "YES" if indexed else "NO"}
+    return options
+
+
+def write_styles(path: Path, layers: Sequence[str]) -> None:
+    """Store each layer's style in the table where QGIS looks for it, as the one to open the layer with.
+
+    Args:
+        path: of the GeoPackage.
+        layers: the name of each, one of those of `field.gpkg`.
+    """
+    folder = files("furrowmap.exporters").joinpath("styles")
+    store_styles(path, {name: folder.joinpath(f"{name}.qml").read_text("utf-8") for name in layers})
+
+
+def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
+    """Store styles, each in QGIS's own form, as the ones to open their layers with.
+
+    Args:
+        path: of the GeoPackage.
+        styles: by the name of the layer.
+        append: add to the styles that are there.
+    """
+    n = len(styles)
+    empty = np.full(n, "", dtype=object)
+    names = np.array(list(styles), dtype=object)
+    columns: dict[str, NDArray[Any]] = {
+        "f_table_catalog": empty,
+        "f_table_schema": empty,
+        "f_table_name": names,
+        "f_geometry_column": np.full(n, GEOMETRY, dtype=object),
+        "styleName": names,
+        "styleQML": np.array(list(styles.values()), dtype=object),
+        "styleSLD": empty,
+        "useAsDefault": np.ones(n, bool),
+        "description": np.full(n, "furrowmap's own", dtype=object),
+        "owner": empty,
+        "ui": np.full(n, None, dtype=object),
+        "update_time": np.full(n, np.datetime64("now", "ms")),
+    }
+    pyogrio.raw.write(
+        path,
+        None,
+        list(columns.values()),
+        list(columns),
+        layer="layer_styles",
+        driver="GPKG",
+        append=append,
+        layer_options={} if append else {"FID": "id"},
+        gdal_tz_offsets={"update_time": np.full(n, _UTC_OFFSET, np.int8)},
+    )
+
+
+def _pack(path: Path) -> None:
+    """Lay the file out anew in small pages: an outline fills its last page by half, and an empty table takes a page."""
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(f"PRAGMA page_size={PAGE_BYTES}")
+        database.execute("VACUUM")
+
+
+def _check(path: Path, counts: Mapping[str, int]) -> None:
+    """See that the file is sound and holds the features it was given.
+
+    Raises:
+        OSError: if it does not: the disk kept something else than what was written.
+    """
+    with closing(sqlite3.connect(path)) as database:
+        verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
+        found = {name: database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0] for name in counts}  # noqa: S608
+        journal = database.execute("PRAGMA journal_mode").fetchone()[0]
+    if verdict != "ok" or found != counts or journal != "delete":
+        raise OSError(f"{path} is not as it was written ({verdict}; {found} features, journal {journal})")

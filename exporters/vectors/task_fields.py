@@ -1,0 +1,133 @@
+"""The ground worked in the tasks of task data: a table of figures, and a GeoPackage of all fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.work.task_work import TaskWork, TaskWorks
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.vectors.field_layers import Layer, field_layers
+from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+
+FIELDS: Final = "fields"
+FIGURES: Final = (
+    "worked_area_m2",
+    "worked_area_sigma_m2",
+    "overlap_area_m2",
+    "missed_area_m2",
+    "swept_area_m2",
+    "logged_swept_area_m2",
+    "counted_area_m2",
+    "boundary_area_m2",
+    "worked_length_m",
+    "work_rate_ha_h",
+)
+"""The figures of a field; areas are on the ellipsoid, but `swept_area_m2`, which is in the map's plane."""
+
+
+def task_figures(work: TaskWork) -> dict[str, Any]:
+    """What is told of one task; None where a figure is unknown."""
+    task, ground = work.task, work.work.ground
+    figures = ground.figures if ground is not None else None
+    row: dict[str, Any] = {
+        "task": task.id,
+        "task_name": task.name,
+        "field": task.field.name if task.field is not None else None,
+        "start": iso_utc(float(task.track.t_s[0])),
+        "end": iso_utc(float(task.track.t_s[-1])),
+        "positions": len(work.course.trajectory),
+        "passes": figures.passes if figures is not None else None,
+        "width_m": work.implement.width_m,
+        "logged_swept_area_m2": work.logged_swept_m2,
+        "counted_area_m2": task.counted_m2,
+        "boundary_area_m2": work.boundary_area_m2,
+    }
+    if figures is not None:
+        row |= {
+            "worked_area_m2": figures.worked.ellipsoid_m2,
+            "worked_area_sigma_m2": figures.worked.sigma_m2,
+            "overlap_area_m2": figures.overlap.ellipsoid_m2,
+            "missed_area_m2": figures.missed.ellipsoid_m2,
+            "swept_area_m2": figures.swept_m2,
+            "worked_length_m": figures.length_m,
+            "work_rate_ha_h": figures.work_rate_ha_h,
+        }
+    return {
+        name: (round(value, 4) if math.isfinite(value) else None) if isinstance(value, float) else value
+        for name, value in ({"task": task.id} | dict.fromkeys(FIGURES) | row).items()
+    }
+
+
+def write_fields(path: Path, works: TaskWorks) -> None:
+    """Write the layers of `field.gpkg`, the fields of all tasks in each, and a layer of the fields themselves.
+
+    Args:
+        path: of the GeoPackage; an old one is replaced when the new one is whole.
+        works: of the tasks.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    by_name: dict[str, list[tuple[TaskWork, Layer]]] = {}
+    for work in works.works:
+        for layer in field_layers(ScanPoses.at_knots(work.course.trajectory), work.work):
+            by_name.setdefault(layer.name, []).append((work, layer))
+    order = sorted(by_name, key=lambda name: name == "trajectory")  # which stands first where nothing was worked
+    layers = [*(_joined(by_name[name]) for name in order), _fields(works.works)]
+    with atomic_output(path) as unfinished:
+        for layer in layers:
+            write_layer(unfinished, layer, works.frame.crs, indexed=len(layer.shapes) > INDEXED_FROM)
+        write_styles(unfinished, [layer.name for layer in layers])
+
+
+def _joined(parts: Sequence[tuple[TaskWork, Layer]]) -> Layer:
+    """One layer of those of each task, with columns that say which."""
+    first = parts[0][1]
+    columns: dict[str, Any] = {
+        "task": np.concatenate([np.full(len(layer.shapes), work.task.id, object) for work, layer in parts]),
+        "field": np.concatenate([np.full(len(layer.shapes), _field_name(work), object) for work, layer in parts]),
+    }
+    for name in first.columns:
+        values = [layer.columns[name] for _, layer in parts]
+        data = np.concatenate([np.ma.getdata(value) for value in values])
+        masked = any(np.ma.isMA(value) for value in values)
+        columns[name] = (
+            np.ma.array(data, mask=np.concatenate([np.ma.getmaskarray(v) for v in values])) if masked else data
+        )
+    shapes = np.concatenate([layer.shapes for _, layer in parts])
+    return Layer(first.name, first.kind, first.description, shapes, columns)
+
+
+def _fields(works: Sequence[TaskWork]) -> Layer:
+    rows = [task_figures(work) for work in works]
+    shapes = np.empty(len(works), object)
+    shapes[:] = [_outline(work) for work in works]
+    columns: dict[str, Any] = {
+        "task": np.array([row["task"] for row in rows], object),
+        "task_name": np.array([row["task_name"] for row in rows], object),
+        "field": np.array([row["field"] for row in rows], object),
+        "passes": np.array([-1 if row["passes"] is None else row["passes"] for row in rows], np.int64),
+        **{name: np.array([math.nan if row[name] is None else row[name] for row in rows]) for name in FIGURES},
+    }
+    columns["passes"] = np.ma.masked_equal(columns["passes"], -1)
+    return Layer(FIELDS, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)
+
+
+def _outline(work: TaskWork) -> shapely.MultiPolygon | None:
+    """The field's boundary as a geometry of many parts; None where there is none."""
+    if work.work.boundary is None:
+        return None
+    polygons = [part for part in shapely.get_parts(work.work.boundary) if isinstance(part, shapely.Polygon)]
+    return shapely.MultiPolygon(polygons) if polygons else None
+
+
+def _field_name(work: TaskWork) -> str:
+    return work.task.field.name if work.task.field is not None else ""

@@ -1,0 +1,68 @@
+"""What a recording says about its own mounting, and how that gets into the session."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.workflows.calibrate import Calibration, calibrated_text
+
+SESSION = """\
+furrowmap = 1
+[recording]
+lidar = ["a.pcap"]
+lidar_minus_gnss_s = 0.1  # by eye
+
+# how it sits
+[lidar]
+xyz_m = [-0.6, 0.0, 2.4]
+rpy_deg = [0.0, 40.0, 180.0]   # measured
+[implement]
+width_m = 2.0
+"""
+
+
+def found(*, turned: bool, late: bool) -> Calibration:
+    return Calibration(
+        stated=Mounting((-0.6, 0.0, 2.4), (0.0, 40.0, 180.0)),
+        found=Mounting((-0.6, 0.0, 2.4), (0.5, 39.5, 180.25) if turned else (0.0, 40.0, 180.0)),
+        sigma_deg=(0.1, 0.1, 0.1),
+        height_m=(0.0, 0.01),
+        stated_offset_s=0.1,
+        offset_s=(0.25 if late else 0.101, 0.003),
+    )
+
+
+def test_what_was_found_takes_its_place_and_nothing_else_changes() -> None:
+    text = calibrated_text(SESSION, found(turned=True, late=True))
+    expected = SESSION.replace("[0.0, 40.0, 180.0]", "[0.50, 39.50, 180.25]").replace("= 0.1 ", "= 0.250 ")
+    assert text == expected
+
+
+def test_what_is_right_stays_as_it_is() -> None:
+    assert calibrated_text(SESSION, found(turned=False, late=False)) == SESSION
+
+
+@pytest.mark.parametrize("without", ["rpy_deg", "lidar_minus_gnss_s"])
+def test_a_key_that_is_not_there_is_added_to_its_table(without: str) -> None:
+    lines = [line for line in SESSION.splitlines(keepends=True) if not line.startswith(without)]
+    session = tomllib.loads(calibrated_text("".join(lines), found(turned=True, late=True)))
+    assert session["lidar"]["rpy_deg"] == [0.5, 39.5, 180.25]
+    assert session["recording"]["lidar_minus_gnss_s"] == 0.25
+    assert session["implement"] == {"width_m": 2.0}
+
+
+def test_indented_tables_and_keys_are_found() -> None:
+    indented = "".join(f"  {line}" if line.strip() else line for line in SESSION.splitlines(keepends=True))
+    session = tomllib.loads(calibrated_text(indented, found(turned=True, late=True)))
+    assert session["lidar"]["rpy_deg"] == [0.5, 39.5, 180.25]
+    assert session["recording"]["lidar_minus_gnss_s"] == 0.25
+
+
+def test_a_mounting_comes_back_from_its_rotation() -> None:
+    mounting = Mounting((0.1, 0.2, 0.3), (3.0, 40.0, 170.0))
+    again = Mounting.from_rotation(mounting.xyz_m, mounting.rotation)
+    assert np.allclose(again.rpy_deg, mounting.rpy_deg, atol=1e-9)

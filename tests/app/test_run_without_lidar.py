@@ -1,0 +1,88 @@
+"""A session without a scanner: positions and states make a field's layers and its report, and no cloud."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pyogrio
+import pytest
+
+from furrowmap.core.values.errors import InputError
+from furrowmap.workflows.run import write_products
+from furrowmap.workflows.run_without_lidar import run_without_lidar
+
+SESSION = """furrowmap = 1
+name = "Harvest"
+[recording]
+gnss = ["TASKDATA"]
+task = "TSK20"
+[crs]
+map = "EPSG:32632"
+[implement]
+width_m = 9.0
+xy_m = [0.0, 0.0]
+states = ["{states}"]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the harvest's smallest field, and the products of a run on it."""
+    folder = tmp_path_factory.mktemp("harvest")
+    data = folder / "TASKDATA"
+    data.mkdir()
+    for name in ("TASKDATA.XML", "TLG00026.xml", "TLG00026.bin"):
+        shutil.copyfile(shared_data / "isoxml/field_days/harvest_21_fields" / name, data / name)
+    (folder / "session.toml").write_text(SESSION.format(states="TASKDATA"))
+    write_products(folder / "session.toml", folder / "result")
+    return folder
+
+
+def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
+    names = {path.name for path in (folder / "result").iterdir()}
+    assert names == {"field.gpkg", "states.csv", "report.json", "report.html", "session.toml", "item.json"}
+    layers = dict(pyogrio.list_layers(folder / "result" / "field.gpkg"))
+    assert {"trajectory", "passes", "coverage", "overlaps", "misses", "tool_path", "events"} <= layers.keys()
+    page = (folder / "result" / "report.html").read_text(encoding="utf-8")
+    assert "as the scanner saw it" not in page
+    assert "million" not in page
+
+
+def test_figures__are_those_of_the_field(folder: Path) -> None:
+    found = run_without_lidar(folder / "session.toml")
+    assert found.work.ground is not None
+    assert found.work.ground.figures.worked.ellipsoid_m2 == pytest.approx(6178, rel=0.02)
+    assert found.tally.points == 0
+    assert len(found.inputs) == 1
+    assert {notice.code for notice in found.notices} >= {"local-time", "direction-forward"}
+
+
+def test_states_table__of_a_run_gives_the_same_polygons(folder: Path) -> None:
+    first = run_without_lidar(folder / "session.toml").work.ground
+    shutil.copyfile(folder / "result" / "states.csv", folder / "states.csv")
+    (folder / "again.toml").write_text(SESSION.format(states="states.csv"))
+    again = run_without_lidar(folder / "again.toml").work.ground
+    assert first is not None
+    assert again is not None
+    assert again.coverage.wkb == first.coverage.wkb
+    assert [p.ground.wkb for p in again.passes] == [p.ground.wkb for p in first.passes]
+    assert [o.ground.wkb for o in again.overlaps] == [o.ground.wkb for o in first.overlaps]
+
+
+def test_a_session_with_neither_scanner_nor_states__is_refused(folder: Path) -> None:
+    path = folder / "neither.toml"
+    path.write_text(SESSION.format(states="TASKDATA").replace('states = ["TASKDATA"]', ""))
+    with pytest.raises(InputError) as error:
+        run_without_lidar(path)
+    assert "recording.lidar names no file" in error.value.what
+
+
+def test_tasks_of_two_machines__are_not_read_as_one(shared_data: Path, tmp_path: Path) -> None:
+    shutil.copyfile(shared_data / "isoxml/other/no_status_position_jumps.zip", tmp_path / "two.zip")
+    text = SESSION.format(states="two.zip").replace("TASKDATA", "two.zip").replace('task = "TSK20"', "")
+    (tmp_path / "session.toml").write_text(text)
+    with pytest.raises(InputError) as error:
+        run_without_lidar(tmp_path / "session.toml")
+    assert error.value.code == "tasks-overlap"
+    assert "[recording] task" in error.value.remedy

@@ -1,0 +1,132 @@
+"""A folder of products is the old one or the new one, whatever interrupts the work."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.exporters.files.staging import STAGING, recover, staged_folder
+
+NAMES = ("cloud.copc.laz", "field.gpkg", "report.json")
+
+
+def write(folder: Path, content: str, names: tuple[str, ...] = NAMES) -> None:
+    with staged_folder(folder) as staging:
+        for name in names:
+            text = json.dumps({"products": names, "content": content}) if name == "report.json" else content
+            (staging / name).write_text(text)
+
+
+def contents(folder: Path) -> set[str]:
+    return {json.loads(text)["content"] if text.startswith("{") else text for text in texts(folder).values()}
+
+
+def texts(folder: Path) -> dict[str, str]:
+    return {path.name: path.read_text() for path in folder.iterdir() if path.is_file()}
+
+
+def test_products_take_their_places_together_and_foreign_files_stay(tmp_path: Path) -> None:
+    folder = tmp_path / "ü 圃場 'x'"
+    write(folder, "old")
+    (folder / "notes.txt").write_text("old")
+    write(folder, "new")
+    assert texts(folder).keys() == {*NAMES, "notes.txt"}
+    assert (folder / "notes.txt").read_text() == "old"
+    (folder / "notes.txt").unlink()
+    assert contents(folder) == {"new"}
+
+
+def test_a_product_without_successor_goes(tmp_path: Path) -> None:
+    write(tmp_path / "out", "old", (*NAMES, "dsm.tif"))
+    write(tmp_path / "out", "new")
+    assert texts(tmp_path / "out").keys() == set(NAMES)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
+def test_an_interruption_leaves_the_old_products_and_nothing_else(tmp_path: Path, error: type[BaseException]) -> None:
+    write(tmp_path / "out", "old")
+    with pytest.raises(error), staged_folder(tmp_path / "out") as staging:
+        (staging / "cloud.copc.laz").write_text("half")
+        raise error
+    assert contents(tmp_path / "out") == {"old"}
+    assert not (tmp_path / "out" / STAGING).exists()
+
+
+def test_an_interruption_takes_a_new_folder_with_it(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt), staged_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_second_run_is_refused_while_the_first_is_at_work(tmp_path: Path) -> None:
+    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    try:
+        staging = tmp_path / STAGING
+        staging.mkdir()
+        (staging / "owner.json").write_text(json.dumps({"host": platform.node(), "process": sleeper.pid}))
+        with pytest.raises(RefusedError, match=str(sleeper.pid)):
+            write(tmp_path, "new")
+        assert staging.exists()
+    finally:
+        sleeper.kill()
+        sleeper.wait()
+    write(tmp_path, "new")
+    assert contents(tmp_path) == {"new"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kills a process")
+@pytest.mark.parametrize("delay_s", [0.0, 0.002, 0.004, 0.008, 0.015, 0.03])
+def test_a_killed_run_leaves_old_or_new_after_recovery(tmp_path: Path, delay_s: float) -> None:
+    write(tmp_path, "old")
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[2])\n"
+        "from pathlib import Path\n"
+        "from tests.exporters.files.test_staging import write\n"
+        "print('go', flush=True)\n"
+        "while True: write(Path(sys.argv[1]), 'new')\n"
+    )
+    root = Path(__file__).parents[3]
+    process = subprocess.Popen([sys.executable, "-c", program, str(tmp_path), str(root)], stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.readline()
+    time.sleep(delay_s)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    recover(tmp_path)
+    assert contents(tmp_path) in ({"old"}, {"new"})
+    assert texts(tmp_path).keys() == set(NAMES)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="kills a process")
+@pytest.mark.parametrize("account", ["report.json", "surfaces.json", "provenance.json"])
+def test_a_kill_between_moving_in_and_removing_is_made_up_for(tmp_path: Path, account: str) -> None:
+    names = ["dsm.tif", account]
+    (tmp_path / account).write_text(json.dumps({"products": [*names, "low_spots.gpkg"]}))
+    (tmp_path / "low_spots.gpkg").write_text("old")
+    program = (
+        "import json, os, sys; from pathlib import Path\n"
+        "from furrowmap.exporters.files.staging import staged_folder\n"
+        "Path.unlink = lambda *_, **__: os.kill(os.getpid(), 9)\n"
+        "with staged_folder(Path(sys.argv[1])) as staging:\n"
+        "    for name in sys.argv[2:]: (staging / name).write_text(json.dumps({'products': sys.argv[2:]}))\n"
+    )
+    assert subprocess.run([sys.executable, "-c", program, str(tmp_path), *names], check=False).returncode == -9
+    recover(tmp_path)
+    assert texts(tmp_path).keys() == set(names)
+
+
+def test_a_folder_that_is_a_file_is_an_error_in_three_lines(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(InputError) as caught:
+        write(tmp_path / "out", "new")
+    assert len(str(caught.value).splitlines()) == 3

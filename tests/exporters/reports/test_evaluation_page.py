@@ -1,0 +1,106 @@
+"""The evaluation's files: one set of figures in all three, and a page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.exporters.reports.evaluation_figures import HEADER
+from furrowmap.exporters.reports.evaluation_page import PRODUCTS, page, write_evaluation
+
+
+def driven(n: int = 300, *, source: str = "test.pos", still: bool = False) -> tuple[GnssTrack, GnssTrack]:
+    """A drive northwards with a gap and three kinds of fix, and its reference."""
+    rng = np.random.default_rng(8)
+    t_s = 1_780_000_000.0 + np.arange(n) + np.where(np.arange(n) > n // 2, 30.0, 0.0)
+    lat = 36.0 + (0.0 if still else 1e-5) * np.arange(n)
+    fix = np.select([np.arange(n) < n // 5, np.arange(n) < n // 3], [Fix.SINGLE, Fix.PPP], Fix.FIXED).astype(np.int8)
+    truth = GnssTrack.build(
+        t_s, source="reference.pos", service="rtk", lon_deg=np.full(n, 140.0), lat_deg=lat, height_m=np.full(n, 50.0),
+        fix=np.full(n, Fix.FIXED, np.int8),
+    )  # fmt: skip
+    test = GnssTrack.build(
+        t_s, source=source, service="madoca", lon_deg=truth.lon_deg + rng.normal(0.0, 2e-7, n),
+        lat_deg=lat + rng.normal(0.0, 2e-7, n), height_m=truth.height_m + rng.normal(0.1, 0.03, n), fix=fix,
+        sigma_e_m=np.full(n, 0.02), sigma_n_m=np.full(n, 0.02), age_s=np.full(n, 1.5),
+    )  # fmt: skip
+    return test, truth
+
+
+def judged(**options: object) -> Evaluation:
+    return evaluate(*driven(**options))  # type: ignore[arg-type]
+
+
+def test_figures__are_the_same_in_table_and_json(tmp_path: Path) -> None:
+    found = judged()
+    write_evaluation(tmp_path / "out", found, overwrite=False)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(PRODUCTS)
+    told = json.loads((tmp_path / "out/evaluation.json").read_text())
+    with (tmp_path / "out/epochs.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == HEADER
+    assert len(rows) == told["epochs"]["compared"] == 300
+    for kind in ("all", "single", "ppp", "fixed"):
+        mine = [row for row in rows if kind in ("all", row["fix"])]
+        for quantity, column in (("X", "x_m"), ("Z", "z_m"), ("2D", "error_2d_m"), ("3D", "error_3d_m")):
+            values = np.array([float(row[column]) for row in mine])
+            table = told["tables"][kind][quantity]
+            assert table["n"] == len(values)
+            assert table["average_m"] == pytest.approx(values.mean(), abs=2e-4)
+            assert table["rmse_m"] == pytest.approx(np.sqrt(np.mean(values**2)), abs=2e-4)
+    assert told["test"]["service"] == "madoca"
+    assert told["continuity"]["gaps"] == 1
+    assert "RMSE" in told["definitions"]
+
+
+def test_page__needs_nothing_but_itself_and_is_whole() -> None:
+    class Tags(HTMLParser):
+        def __init__(self) -> None:
+            super().__init__()
+            self.open: list[str] = []
+
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            if tag not in ("meta", "br", "img", "link"):
+                self.open.append(tag)
+
+        def handle_endtag(self, tag: str) -> None:
+            while self.open and self.open[-1] != tag:
+                assert self.open.pop() in ("rect", "path", "line", "polyline", "image", "li")
+            self.open.pop()
+
+    text = page(judged())
+    tags = Tags()
+    tags.feed(text)
+    assert tags.open == []
+    assert re.findall(r"(?:src|href)=\"(?!data:)[^\"]*\"|https?://|<script", text) == []
+    for words in ("Standard deviation", "95 % below", "Trajectories", "Errors over time", "population", "MADOCA"):
+        assert words in text
+
+
+@pytest.mark.parametrize(("n", "still"), [(2, False), (5, True), (300, True)])
+def test_page__of_few_epochs_or_of_an_antenna_at_rest(n: int, still: bool) -> None:
+    assert "nan" not in re.sub(r"<style>.*?</style>", "", page(judged(n=n, still=still)), flags=re.DOTALL).lower()
+
+
+def test_page__shows_hostile_names_as_text() -> None:
+    text = page(judged(source='<script>alert(1)</script>"><img onerror=x>.pos'))
+    assert "<script>alert" not in text
+    assert "<img onerror" not in text
+
+
+def test_earlier_evaluations__are_not_replaced_unasked(tmp_path: Path) -> None:
+    found = judged()
+    write_evaluation(tmp_path, found, overwrite=False)
+    with pytest.raises(RefusedError) as error:
+        write_evaluation(tmp_path, found, overwrite=False)
+    assert error.value.code == "output-exists"
+    write_evaluation(tmp_path, found, overwrite=True)

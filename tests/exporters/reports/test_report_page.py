@@ -1,0 +1,105 @@
+"""`report.html`: whole in itself, safe with any name, and its pictures what they are said to be."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from matplotlib import image as pictures
+
+from furrowmap.core.surfaces.visits import SwathSums
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.exporters.rasters.png import data_uri, png
+from furrowmap.exporters.reports.drawings import map_box, pass_colour, quality_graph, quality_map, tool_graph, work_map
+from furrowmap.exporters.reports.swath_drawing import swath_histogram
+from tests.exporters.vectors.worked_field import worked_field
+
+
+@given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.sampled_from([3, 4]))))
+def test_png__is_read_back_by_another_library(picture: np.ndarray) -> None:
+    read = pictures.imread(io.BytesIO(png(picture)), format="png")
+    np.testing.assert_array_equal(np.round(read * 255), picture)
+
+
+def test_data_uri__holds_the_picture() -> None:
+    picture = np.arange(24, dtype=np.uint8).reshape(3, 4, 2)
+    head, _, body = data_uri(picture).partition(",")
+    assert head == "data:image/png;base64"
+    assert base64.b64decode(body) == png(picture)
+
+
+def test_drawings__are_well_formed_and_stay_on_their_sheet() -> None:
+    poses, work = worked_field()
+    drawings = [
+        work_map(map_box(poses, work), poses, work, None),
+        work_map(map_box(poses, FieldWork()), poses, FieldWork(), None),
+        quality_map(poses),
+        tool_graph(work),
+        quality_graph(poses),
+    ]
+    for text in drawings:
+        root = ET.fromstring(text)
+        width, height = (float(v) for v in root.attrib["viewBox"].split()[2:])
+        found = 0
+        for shape in root:
+            numbers = re.findall(r"[-\d.]+", shape.attrib.get("points", ""))
+            x, y = np.array(numbers[::2], float), np.array(numbers[1::2], float)
+            assert ((x >= -1) & (x <= width + 1)).all()
+            assert ((y >= -1) & (y <= height + 1)).all()
+            found += len(shape.attrib)
+        assert found > 5
+
+
+@pytest.mark.parametrize(
+    ("spread_m", "edge"), [(0.002, "10 mm"), (0.02, "50 mm and more"), (0.2, "100 mm and more")], ids=str
+)
+def test_swath_histogram__bars_are_the_shares_of_the_ground(spread_m: float, edge: str) -> None:
+    """The bars' heights sum to all of the ground, and half of that lies right of zero."""
+    sums = SwathSums()
+    sums.add(np.random.default_rng(3).normal(0.0, spread_m, 4000).astype(np.float32), 0.16)
+    agreement = sums.agreement()
+    assert agreement is not None
+    text = swath_histogram(agreement)
+    root = ET.fromstring(text)
+    bars = [shape.attrib for shape in root if shape.attrib.get("class") == "bars"]
+    middle = next(float(shape.attrib["x1"]) for shape in root if shape.attrib.get("class") == "threshold")
+    heights = np.array([float(bar["height"]) for bar in bars])
+    right = np.array([float(bar["x"]) > middle for bar in bars])
+    assert heights[right].sum() / heights.sum() == pytest.approx(agreement.histogram[50:].sum() / 4000, abs=0.005)
+    ends = {shape.text for shape in root if shape.tag == "text"}
+    assert {f"−{edge}", f"+{edge}"} <= ends
+
+
+def test_work_map__shows_each_pass_overlap_and_miss() -> None:
+    poses, work = worked_field()
+    assert work.ground is not None
+    text = work_map(map_box(poses, work), poses, work, None)
+    for kind, count in (("pass", 3), ("overlap", len(work.ground.overlaps)), ("miss", len(work.ground.misses))):
+        assert text.count(f'class="{kind}"') == count > 0
+    assert text.count('class="boundary"') == 1
+    first = re.search(r'class="pass" fill="(#\w+)"', text)
+    assert first is not None
+    assert first[1] == pass_colour(1, 3) != pass_colour(3, 3)
+
+
+@pytest.mark.parametrize("seconds", [5.0, 60.0, 28_800.0])
+def test_tool_graph__of_a_day_is_as_small_as_that_of_a_minute(seconds: float) -> None:
+    _, work = worked_field()
+    history = work.history
+    assert history is not None
+    n = round(seconds * 10)
+    rng = np.random.default_rng(2)
+    values = {name: getattr(history, name) for name in history.__dataclass_fields__} | {
+        "t_s": history.t_s[0] + 0.1 * np.arange(n),
+        "tool_height_m": rng.uniform(0.0, 0.45, n),
+    }
+    text = tool_graph(FieldWork(history=type(history)(**values)))
+    assert 1 < text.count('class="label') < 14
+    assert len(text) < 60_000
