@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 PAGE: Final = CHECKOUT / "docs" / "reference" / "codes.md"
-PARTS: Final = ("core", "exporters", "cli")
+PARTS: Final = ("app", "core", "exporters", "cli")
 NOTICE: Final = "Notice"
 CODE: Final = "code"
 """What the argument is called by which errors, and functions that make them, are given their code."""

@@ -21,7 +21,7 @@ def test_code_reference__has_every_code_of_the_source() -> None:
     page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
     told = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
     source = "".join(
-        f.read_text(encoding="utf-8") for part in ("core", "exporters") for f in (CHECKOUT / part).rglob("*.py")
+        f.read_text(encoding="utf-8") for part in ("app", "core", "exporters") for f in (CHECKOUT / part).rglob("*.py")
     )
     used = set(re.findall(r'code="([a-z0-9-]+)"', source))
     assert len(used) > 50
