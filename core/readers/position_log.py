@@ -1,16 +1,17 @@
-"""What a log of one receiver's positions is to the user, whatever form it has."""
+"""Logs of one receiver's positions: what all formats have in common."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import week_face
+from furrowmap.core.readers.epochs import in_order, week_face
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
@@ -21,17 +22,17 @@ from furrowmap.core.values.scan import Clock
 
 @dataclass(frozen=True)
 class Positions:
-    """What a log comes to.
+    """The positions in a log, and what was found about them.
 
     Attributes:
-        track: the positions; while `dated` is False, its times count from the beginning of an unknown day or week.
+        track: the positions; if `dated` is False, their times count from the start of an unknown day or week.
         dated: whether the times are UTC.
-        without_position: epochs that state none.
-        dropped: positions whose time does not run forward.
-        facts: what `inspect` tells beside these.
-        notices: what is odd.
+        without_position: number of epochs without a position.
+        dropped: number of positions whose time is not later than all before.
+        facts: what `inspect` reports besides these.
+        notices: what is unusual.
         fault: why the positions cannot be used, if they cannot.
-        scale: by what the times are UTC, in words.
+        scale: where the UTC times come from, for `inspect`.
     """
 
     track: GnssTrack
@@ -48,6 +49,45 @@ class Positions:
         """No positions, and why."""
         return cls(GnssTrack.build(np.empty(0), source=name), False, without_position, 0, {}, (), fault)  # noqa: FBT003
 
+    @classmethod
+    def in_order(
+        cls,
+        columns: Mapping[str, NDArray[Any]],
+        place: Callable[[int], str],
+        *,
+        name: str,
+        service: str = "",
+        without_position: int = 0,
+        notices: Sequence[Notice] = (),
+        fault: InputError | None = None,
+    ) -> Self:
+        """The positions whose times increase; none, with the error as `fault`, if too many are out of order.
+
+        Args:
+            columns: (n,) each: `t_s` and columns of :class:`GnssTrack`, in the order of the log.
+            place: describes where position k is in the log.
+            name: of the log, for messages.
+            service: see :class:`GnssTrack`.
+            without_position: number of epochs without a position.
+            notices: what is unusual so far.
+            fault: why the times are not UTC, if they are not.
+        """
+        try:
+            forward, disorder = in_order(columns["t_s"], columns["lon_deg"], columns["lat_deg"], name, place)
+        except InputError as error:
+            return replace(cls.none(name, error, without_position=without_position), notices=tuple(notices))
+        return cls(
+            track=GnssTrack.build(
+                source=name, service=service, **{column: values[forward] for column, values in columns.items()}
+            ),
+            dated=fault is None,
+            without_position=without_position,
+            dropped=int(np.sum(~forward)),
+            facts={},
+            notices=(*notices, *disorder),
+            fault=fault,
+        )
+
 
 class PositionLog(FileReader, ABC):
     """A reader of one receiver's positions."""
@@ -57,14 +97,14 @@ class PositionLog(FileReader, ABC):
 
     @abstractmethod
     def _read(self, paths: list[Path]) -> Positions:
-        """The positions of some of the files; what is odd about the files goes into `notices`.
+        """The positions of some of the files; damage to the files is added to `notices`.
 
         Raises:
             InputError: if a file cannot be read.
         """
 
-    def _face(self, t_s: float) -> str:
-        """A time without a date, in words."""
+    def _undated(self, t_s: float) -> str:
+        """A time without a date, for `inspect`."""
         return f"{week_face(t_s)} (GPS time, no date)"
 
     def track(self) -> GnssTrack:
@@ -79,7 +119,7 @@ class PositionLog(FileReader, ABC):
         return positions.track
 
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds; times without a date are told as they are.
+        """Read the whole first file and report what it contains; times without a date are reported as they are.
 
         Raises:
             InputError: if the file cannot be read.
@@ -98,13 +138,13 @@ class PositionLog(FileReader, ABC):
             note = f"{positions.scale}; GPS time is {facts['gps_minus_utc_s']} s ahead of UTC"
             clocks = (ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note),)
         elif len(track):
-            facts |= {"first": self._face(float(track.t_s[0])), "last": self._face(float(track.t_s[-1]))}
+            facts |= {"first": self._undated(float(track.t_s[0])), "last": self._undated(float(track.t_s[-1]))}
         facts |= timing_facts(track.t_s) | position_facts(track)
         fault = [Notice.of(positions.fault)] if positions.fault is not None else []
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, (*self.notices, *fault))
 
     def _sources(self, paths: list[Path]) -> Iterator[Source]:
-        """Each file, open; where one ends too early is taken down in `notices`."""
+        """Each file, open; a truncated one is reported in `notices`."""
         for path in paths:
             with Source(path) as source:
                 yield source
@@ -119,17 +159,27 @@ class PositionLog(FileReader, ABC):
 
 
 def log_name(paths: Sequence[Path]) -> str:
-    """What the files of one recording are called together in messages."""
+    """The name of a recording of one or more files, for messages."""
     return str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
 
 
 def file_at(paths: Sequence[Path], ends: Sequence[int], at: int) -> tuple[Path, int]:
-    """The file in which a place lies, and where in it.
+    """The file that an offset belongs to, and the offset in that file.
 
     Args:
         paths: files that were read as one stream.
-        ends: where in that stream each of them ends.
-        at: the place in the stream, before the end of the last.
+        ends: offset in that stream where each of them ends.
+        at: an offset before the end of the last.
     """
     k = next(k for k, end in enumerate(ends) if at < end)
     return paths[k], at - (ends[k - 1] if k else 0)
+
+
+def byte_place(paths: Sequence[Path], ends: Sequence[int]) -> Callable[[int], str]:
+    """Describes a byte offset in files that were read as one stream: file and byte; see :func:`file_at`."""
+
+    def place(at: int) -> str:
+        path, byte = file_at(paths, ends, at)
+        return f"{path}, byte {byte}"
+
+    return place

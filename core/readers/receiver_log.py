@@ -1,82 +1,124 @@
-"""What a receiver's own binary log is to the user, whichever maker's it is."""
+"""Binary logs of GNSS receivers: what UBX and SBF have in common."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.frames import Records, Scan, Tally, joined, read_records
-from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.readers.framing import Framing, find_frames
+from furrowmap.core.readers.messages import FrameCounts, Messages, read_messages
+from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
+from furrowmap.core.readers.source import Head
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import Fix
+
+LEAST_SHARE: Final = 0.02
+"""Share of intact frames in a file's head from which a file without positions is recognised."""
 
 
 class ReceiverLog(PositionLog):
-    """The positions in a log of binary messages of fixed layout, with whatever stands between them.
+    """The positions in a log of binary messages of a fixed layout; other bytes between them are skipped.
 
     Args:
         paths: the files of one recording, in the order of time.
         options: `date`, `near_s` and `week` are used where the messages carry no date.
     """
 
-    messages: ClassVar[str]
-    """What the frames are called, in the plural."""
+    frames_title: ClassVar[str]
+    """What a frame is called, in the plural; also its name among the facts."""
+    framing: ClassVar[Framing]
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]]
-    find: ClassVar[Scan]
+    """The beginning of each kind of message that is read: what all its versions have."""
+    certainty: ClassVar[Mapping[int, float]]
+    """How certain a file is of this format by one intact message of a kind with positions."""
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """By intact messages with positions; possible (0.3) where there are others."""
+        if cls.framing.sync not in head.data:
+            return 0.0
+        frames = find_frames(np.frombuffer(head.data, np.uint8), cls.framing)
+        kinds = set(frames.kind.tolist())
+        possible = 0.3 if frames.intact_bytes >= LEAST_SHARE * len(head.data) else 0.0
+        return max((score for kind, score in cls.certainty.items() if kind in kinds), default=possible)
 
     @abstractmethod
-    def _epochs(
-        self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]
-    ) -> Positions:
-        """The positions of the messages; `place` has words for where in the stream something stands."""
+    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> Positions:
+        """The positions in the messages.
+
+        Args:
+            messages: of each kind in :attr:`layouts`.
+            name: of the log, for messages.
+            place: describes an offset in the stream.
+
+        Raises:
+            InputError: if there are none.
+        """
+
+    @classmethod
+    @abstractmethod
+    def _name_of(cls, kind: int) -> str:
+        """Name of a kind of message."""
 
     @abstractmethod
-    def _names(self, kinds: Sequence[int]) -> dict[int, str]:
-        """Names of kinds of messages."""
+    def _no_position_messages(self, name: str, frames: str, counts: FrameCounts) -> InputError:
+        """The error of a log without messages with positions; `frames` describes those it has."""
 
     def _read(self, paths: list[Path]) -> Positions:
-        tally = Tally()
-        parts: dict[int, list[Records]] = {kind: [] for kind in self.layouts}
+        counts = FrameCounts()
+        parts: dict[int, list[Messages]] = {kind: [] for kind in self.layouts}
         ends: list[int] = []
         for source in self._sources(paths):
-            for kind, pieces in read_records(source, type(self).find, self.layouts, tally, tally.stream_bytes).items():
+            for kind, pieces in read_messages(source, self.framing, self.layouts, counts).items():
                 parts[kind] += pieces
-            ends.append(tally.stream_bytes)
-
-        def place(at: int) -> str:
-            path, byte = file_at(paths, ends, at)
-            return f"{path}, byte {byte}"
-
+            ends.append(counts.stream_bytes)
         name = log_name(paths)
-        records = {kind: joined(pieces, self.layouts[kind]) for kind, pieces in parts.items()}
-        positions = self._epochs(records, tally, name, place)
-        if tally.bad_checksums or tally.cut:
+        messages = {kind: Messages.joined(pieces, self.layouts[kind]) for kind, pieces in parts.items()}
+        if any(len(messages[kind]) for kind in self.certainty):
+            positions = self._epochs(messages, name, byte_place(paths, ends))
+        else:
+            names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
+            frames = f"its {self.frames_title} are {', '.join(names)}" if names else f"no intact {self.frames_title}"
+            positions = Positions.none(name, self._no_position_messages(name, frames, counts))
+        if counts.bad or counts.cut:
             self.notices.append(
                 Notice(
                     "messages-damaged",
-                    f"{name}: {tally.intact} messages are intact; {tally.bad_checksums} with a wrong checksum or "
-                    f"length and {tally.cut} that the log's end cuts are not used.",
+                    f"{name}: {counts.bad} messages with a wrong checksum or length and {counts.cut} cut by the end of "
+                    f"the log are skipped; {counts.intact} are intact.",
                 )
             )
-        names = self._names(list(tally.kinds))
         facts = {
-            self.messages: {names[kind]: count for kind, count in tally.kinds.most_common()},
-            "intact": tally.intact,
-            "bad_checksums": tally.bad_checksums,
-            "cut": tally.cut,
-            "other_bytes": tally.other_bytes,
+            self.frames_title: {self._name_of(kind): count for kind, count in counts.kinds.most_common()},
+            "intact": counts.intact,
+            "bad_checksums": counts.bad,
+            "cut": counts.cut,
+            "other_bytes": counts.other_bytes,
             **positions.facts,
         }
-        return replace(positions, facts=facts, scale="UTC by its messages")
+        return replace(positions, facts=facts, scale="UTC from its messages")
 
 
-def sound(columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Which epochs (n,) state a place on the earth: finite, no pole passed, no height beyond 100 km."""
+def has_position(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Which epochs (n,) have a fix and a plausible place: finite, not beyond a pole, no height beyond 100 km."""
     lon, lat, height = (columns[name] for name in ("lon_deg", "lat_deg", "height_m"))
     with np.errstate(invalid="ignore"):
-        return (np.abs(lon) <= 360.0) & (np.abs(lat) <= 90.0) & ~(np.abs(height) > 1e5)
+        plausible = (np.abs(lon) <= 360.0) & (np.abs(lat) <= 90.0) & ~(np.abs(height) > 1e5)
+    has: NDArray[np.bool_] = plausible & (columns["fix"] != Fix.NONE)
+    return has
+
+
+def no_valid_positions(name: str, count: int, frames: str) -> InputError:
+    """The error of a log whose position messages are all without a valid position."""
+    return InputError(
+        f"{name}: none of its {count} {frames} has a valid position.",
+        "The receiver had no fix while it recorded, or marked its positions as invalid.",
+        "Record under open sky; `furrowmap inspect` lists the kinds of fix.",
+        code="no-positions",
+    )

@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 
 from furrowmap.core.readers.nmea.sentences import Kind, Sentences, Tally, read_sentences, scan_bytes
 from furrowmap.core.readers.nmea.track import assemble, clock_face
-from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
+from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.errors import Notice
 
@@ -48,7 +48,7 @@ class NmeaLog(PositionLog):
             return 0.9
         return 0.6 if share >= LEAST_NMEA_BYTES and len(sentences.of(Kind.GGA)) else 0.0
 
-    def _face(self, t_s: float) -> str:
+    def _undated(self, t_s: float) -> str:
         return f"{clock_face(t_s)} (no date)"
 
     def _read(self, paths: list[Path]) -> Positions:
@@ -58,15 +58,11 @@ class NmeaLog(PositionLog):
         for source in self._sources(paths):
             parts += read_sentences(source, tally, tally.stream_bytes)
             ends.append(tally.stream_bytes)
-
-        def place(at: int) -> str:
-            path, byte = file_at(paths, ends, at)
-            return f"{path}, byte {byte}"
-
         name = log_name(paths)
         sentences = Sentences.joined(parts)
         parts.clear()  # else a long log is held twice
-        positions = assemble(sentences, name, date=self.options.date, near_s=self.options.near_s, place=place)
+        date, near_s = self.options.date, self.options.near_s
+        positions = assemble(sentences, name, date=date, near_s=near_s, place=byte_place(paths, ends))
         self.notices += _tally_notices(tally, name)
         facts = {
             "talkers": _by(tally, lambda address: "proprietary" if address.startswith("P") else address[:2]),
@@ -78,7 +74,7 @@ class NmeaLog(PositionLog):
             "other_bytes": tally.other_bytes,
             **positions.facts,
         }
-        return replace(positions, facts=facts, scale="UTC by its sentences")
+        return replace(positions, facts=facts, scale="UTC from its sentences")
 
 
 def _by(tally: Tally, part: Callable[[str], str]) -> dict[str, int]:

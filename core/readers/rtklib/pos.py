@@ -10,14 +10,14 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order, midnights_utc_s
+from furrowmap.core.readers.epochs import midnights_utc_s
 from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
 from furrowmap.core.readers.rtklib.rows import ROWS, Form, Header, Rows, finished, read_rows
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import geodetic, variances_enu
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]
 
@@ -106,21 +106,15 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
             kept = kept[::-1]
             text = f"{name}: its times run back all through; it is read from its end."
             notices.append(Notice("written-backward", text))
-        columns = {column: values[kept] for column, values in columns.items()}
-        forward, told = in_order(
-            columns["t_s"], columns["lon_deg"], columns["lat_deg"], name, lambda k: place(int(kept[k]))
-        )
     except InputError as fault:
         return replace(Positions.none(name, fault), notices=tuple(notices))
-    columns = {column: values[forward] for column, values in columns.items()}
-    return Positions(
-        track=GnssTrack.build(columns.pop("t_s"), source=name, service=rows.header.service, **columns),
-        dated=True,
+    return Positions.in_order(
+        {column: values[kept] for column, values in columns.items()},
+        lambda k: place(int(kept[k])),
+        name=name,
+        service=rows.header.service,
         without_position=int(np.sum(~usable)),
-        dropped=int(np.sum(~forward)),
-        facts={},
-        notices=(*notices, *told),
-        fault=None,
+        notices=notices,
     )
 
 

@@ -1,22 +1,23 @@
-"""Logs of u-blox receivers: NAV-PVT, NAV-HPPOSLLH and NAV-COV, with what else belongs to their epochs."""
+"""UBX logs of u-blox receivers: positions from NAV-PVT or NAV-HPPOSLLH."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order, midnights_utc_s, no_week, week_times
-from furrowmap.core.readers.frames import BYTES, Records, Scan, Tally, at_equal, layout, paired
+from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
+from furrowmap.core.readers.framing import FLETCHER, Framing
+from furrowmap.core.readers.messages import FrameCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import Positions
-from furrowmap.core.readers.receiver_log import ReceiverLog, sound
-from furrowmap.core.readers.source import Head
-from furrowmap.core.readers.ubx.frames import scan
+from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
+from furrowmap.core.readers.ubx.names import NAMES
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]
 
@@ -46,114 +47,86 @@ LAYOUTS: Final = {
     RAWX: layout(16, tow=(0, "f8"), week=(8, "u2")),
     RELPOSNED: layout(64, version=(0, "u1"), itow=(4, "u4"), heading=(24, "i4"), flags=(60, "u4")),
 }  # fmt: skip
-"""What is read of each message: the part that all protocol versions have."""
+"""Fields that are read of each message, all of them in every protocol version."""
 
 AGE_S: Final = np.array([np.nan, 1, 2, 5, 10, 15, 20, 30, 45, 60, 90, 120, 120, 120, 120, 120], np.float64)
-"""Age of corrections by its class in NAV-PVT: the end of the class, and 120 s for all beyond."""
+"""Age of corrections by its class in NAV-PVT: the upper limit of the class; 120 s for the open one."""
 _FIXED_HEADING: Final = 0b1_0011_1101, 0b1_0011_0101
-"""Flags of NAV-RELPOSNED, and what they are where a moving base shows a heading with ambiguities fixed: heading and
-position valid, moving, carrier solution 2, fix within the receiver's limits."""
-LEAST_SHARE: Final = 0.02
-"""Share of UBX bytes from which on a file without positions is told to be a UBX log."""
+"""Mask and value of NAV-RELPOSNED's flags for a heading from a moving base with fixed ambiguities: heading and position
+valid, moving, carrier solution 2, fix within the receiver's limits."""
 _DEAD_RECKONING, _2D, _3D, _COMBINED = 1, 2, 3, 4
 _KINDS: Final = {0: "none", 1: "dead reckoning", 2: "2D", 3: "3D", 4: "GNSS and dead reckoning", 5: "time only"}
 
 
-class UbxLog(ReceiverLog):
-    """The positions in a log of u-blox messages.
+UBX: Final = Framing(
+    sync_1=0xB5, sync_2=0x62, kind_high_at=2, kind_low_at=3, kind_mask=0xFFFF, length_at=4, extra=8, least=0, most=8192,
+    multiple=1, content_at=6, checksum=FLETCHER,
+)  # fmt: skip
+"""The kind of a frame is 256 × class + id. The longest messages (RXM-RAWX) have half of `most` bytes."""
 
-    NAV-PVT makes the epoch; NAV-HPPOSLLH adds digits, NAV-COV standard deviations, NAV-DOP the dilution, each joined by
-    its equal time of the week. NAV-RELPOSNED gives the heading of two antennas, from a base that moves along to the
-    rover whose log it is, where its ambiguities are fixed; where on the vehicle they stand it does not know. Without
-    NAV-COV the horizontal accuracy estimate is shared by east and north. A log with NAV-HPPOSLLH alone has no date, and
-    no kind of fix but by NAV-STATUS. Heights are above the ellipsoid.
+
+class UbxLog(ReceiverLog):
+    """The positions in a log of u-blox's messages.
+
+    NAV-PVT makes the epoch. Joined by equal time of week are the further digits of NAV-HPPOSLLH, the standard
+    deviations of NAV-COV, the dilution of NAV-DOP, and the heading of NAV-RELPOSNED: from a moving base to the rover
+    that writes the log, if ambiguities are fixed. Without NAV-COV, east and north share the horizontal accuracy
+    estimate equally. A log with NAV-HPPOSLLH alone has no date, and its kind of fix comes from NAV-STATUS. Heights are
+    above the ellipsoid.
     """
 
     format: ClassVar[str] = "ubx"
     title: ClassVar[str] = "u-blox UBX log"
-    messages: ClassVar[str] = "messages"
+    frames_title: ClassVar[str] = "messages"
+    framing: ClassVar[Framing] = UBX
     layouts: ClassVar[Mapping[int, np.dtype[np.void]]] = LAYOUTS
-    find: ClassVar[Scan] = staticmethod(scan)
+    certainty: ClassVar[Mapping[int, float]] = {PVT: 0.95, HPPOSLLH: 0.85}  # the latter less than NMEA with its date
 
     @classmethod
-    def recognise(cls, head: Head) -> float:
-        """Certain with NAV-PVT; likely with NAV-HPPOSLLH; possible where there are other UBX messages."""
-        if b"\xb5\x62" not in head.data:
-            return 0.0
-        frames, counts, _ = scan(np.frombuffer(head.data, np.uint8), True)  # noqa: FBT003
-        kinds = set(frames[:, 0].tolist())
-        if PVT in kinds:
-            return 0.95
-        if HPPOSLLH in kinds:
-            return 0.85  # less than NMEA with its date
-        return 0.3 if counts[BYTES] >= LEAST_SHARE * len(head.data) else 0.0
+    def _name_of(cls, kind: int) -> str:
+        return NAMES.get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
 
-    def _names(self, kinds: Sequence[int]) -> dict[int, str]:
-        from pyubx2 import UBX_MSGIDS
-
-        codes = {kind: bytes((kind >> 8, kind & 255)) for kind in kinds}
-        return {kind: UBX_MSGIDS.get(code, f"{code[0]:02X}-{code[1]:02X}") for kind, code in codes.items()}
-
-    def _epochs(
-        self, records: Mapping[int, Records], tally: Tally, name: str, place: Callable[[int], str]
-    ) -> Positions:
-        pvt, hp = records[PVT], records[HPPOSLLH]
-        if not len(pvt) and not len(hp):
-            return Positions.none(name, self._no_positions(tally, name))
+    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> Positions:
+        pvt, hp = messages[PVT], messages[HPPOSLLH]
         notices: list[Notice] = []
         base = pvt if len(pvt) else hp
-        columns = _of_pvt(pvt) if len(pvt) else _of_hpposllh(hp, records[STATUS], notices, name)
+        columns = _of_pvt(pvt) if len(pvt) else _of_hpposllh(hp, messages[STATUS], notices, name)
         key = base.values["itow"].astype(np.int64)
-        _refine(columns, key, records, notices, name, both=len(pvt) > 0)
-        facts: dict[str, Any] = {}
-        if len(pvt):
-            count = np.bincount(pvt.values["kind"], minlength=6)
-            facts["kinds_of_fix"] = {words: int(count[kind]) for kind, words in _KINDS.items() if count[kind]}
-        positioned = (columns["fix"] != Fix.NONE) & sound(columns)
-        without = int(np.sum(~positioned))
-        if not positioned.any():
-            return Positions.none(
-                name,
-                InputError(
-                    f"{name}: none of its {len(base)} messages on the position states one (the receiver had no fix, or "
-                    "called it invalid).",
-                    "There is nothing to place scans with, and nothing to evaluate.",
-                    "Record under open sky; `furrowmap inspect` tells the kinds of fix.",
-                    code="no-positions",
-                ),
-                without_position=without,
-            )
-        columns = {column: values[positioned] for column, values in columns.items()}
-        at, tow_s = base.at[positioned], key[positioned] / 1000.0
+        _refine(columns, key, messages, notices, name, both=len(pvt) > 0)
+        count = np.bincount(pvt.values["kind"], minlength=6)
+        kinds = {kind: int(count[number]) for number, kind in _KINDS.items() if count[number]}
+        facts = {"kinds_of_fix": kinds} if kinds else {}
+        stated = has_position(columns)
+        without = int(np.sum(~stated))
+        if not stated.any():
+            fault = no_valid_positions(name, len(base), "NAV-PVT or NAV-HPPOSLLH messages")
+            return replace(Positions.none(name, fault, without_position=without), facts=facts)
+        columns = {column: values[stated] for column, values in columns.items()}
+        at, tow_s = base.at[stated], key[stated] / 1000.0
         try:
-            t_s = self._times(columns.pop("utc_s"), tow_s, at, records, name)
-            dated = t_s is not None
-            times = tow_s if t_s is None else t_s
-            forward, told = in_order(times, columns["lon_deg"], columns["lat_deg"], name, lambda k: place(int(at[k])))
+            t_s = self._times(columns.pop("utc_s"), tow_s, at, messages, name)
         except InputError as fault:
-            return Positions.none(name, fault, without_position=without)
-        columns = {column: values[forward] for column, values in columns.items()}
-        track = GnssTrack.build(times[forward], source=name, service="", **columns)
-        return Positions(
-            track=track,
-            dated=dated,
+            return replace(Positions.none(name, fault, without_position=without), facts=facts)
+        positions = Positions.in_order(
+            columns | {"t_s": tow_s if t_s is None else t_s},
+            lambda k: place(int(at[k])),
+            name=name,
             without_position=without,
-            dropped=int(np.sum(~forward)),
-            facts=facts,
-            notices=(*notices, *told),
-            fault=None if dated else no_week(tow_s, name),
+            notices=notices,
+            fault=no_week(tow_s, name) if t_s is None else None,
         )
+        return replace(positions, facts=facts)
 
     def _times(
         self,
         utc_s: FloatArray,
         tow_s: FloatArray,
         at: NDArray[np.int64],
-        records: Mapping[int, Records],
+        messages: Mapping[int, Messages],
         name: str,
     ) -> FloatArray | None:
-        """UTC (n,): of the calendar where the receiver knows it, else of the time of the week; None without a week."""
-        dated_s, dated_at = _dated(records)
+        """UTC (n,) from the calendar where the receiver knows it, else from the time of week; None without a week."""
+        dated_s, dated_at = _dated(messages)
         if len(dated_s):
             before = np.clip(np.searchsorted(dated_at, at, side="right") - 1, 0, None)
             gps_s: FloatArray | None = nearest_in_cycle(tow_s, dated_s[before], WEEK_S)
@@ -163,26 +136,24 @@ class UbxLog(ReceiverLog):
             return None if not np.isfinite(utc_s).all() else utc_s
         return np.where(np.isfinite(utc_s), utc_s, gps_to_utc_s(gps_s))
 
-    def _no_positions(self, tally: Tally, name: str) -> InputError:
-        names = self._names([kind for kind, _ in tally.kinds.most_common(4)])
-        raw = RAWX in tally.kinds
-        held = f"its messages are {', '.join(names.values())}" if names else "not one of its messages is intact"
+    def _no_position_messages(self, name: str, frames: str, counts: FrameCounts) -> InputError:
+        raw = RAWX in counts.kinds
         return InputError(
-            f"{name}: a UBX log without positions ({held}).",
+            f"{name}: no positions in this UBX log ({frames}).",
             "It holds raw observations, which have to be processed first."
             if raw
-            else "Positions stand in NAV-PVT or NAV-HPPOSLLH, and neither is there.",
-            "Process the observations with RTKLIB or CLASLIB and give the .pos file."
+            else "Positions are read from NAV-PVT or NAV-HPPOSLLH.",
+            "Process the observations with RTKLIB or CLASLIB and use the .pos file."
             if raw
-            else "Let the receiver write NAV-PVT (and NAV-HPPOSLLH, NAV-COV), or NMEA with GGA.",
+            else "Configure the receiver to output NAV-PVT (and NAV-HPPOSLLH, NAV-COV), or NMEA with GGA.",
             code="no-positions",
         )
 
 
-def _of_pvt(pvt: Records) -> dict[str, NDArray[Any]]:
-    """The columns of NAV-PVT; the kind of fix as the receiver's own GGA would say it.
+def _of_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
+    """The columns of NAV-PVT; the kind of fix is that of the receiver's own GGA.
 
-    (u-blox F9 HPG interface description, "Position fix flags in NMEA": a fix outside the limits the user set is none.)
+    (u-blox F9 HPG interface description, "Position fix flags in NMEA": a fix outside the configured limits is none.)
     """
     kind, flags, flags3 = (pvt.values[field] for field in ("kind", "flags", "flags3"))
     within, differential, carrier = (flags & 1) > 0, (flags & 2) > 0, flags >> 6
@@ -216,7 +187,7 @@ def _of_pvt(pvt: Records) -> dict[str, NDArray[Any]]:
     }
 
 
-def _of_hpposllh(hp: Records, status: Records, notices: list[Notice], name: str) -> dict[str, NDArray[Any]]:
+def _of_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: str) -> dict[str, NDArray[Any]]:
     """The columns of NAV-HPPOSLLH alone, with the kind of fix of NAV-STATUS."""
     key, of = hp.values["itow"].astype(np.int64), status.values["itow"].astype(np.int64)
     row, other = paired(key, of)
@@ -231,8 +202,9 @@ def _of_hpposllh(hp: Records, status: Records, notices: list[Notice], name: str)
         notices.append(
             Notice(
                 "fix-unknown",
-                f"{name}: {len(hp) - len(row)} of {len(hp)} positions (NAV-HPPOSLLH) come without NAV-PVT or "
-                "NAV-STATUS, so their kind of fix is unknown; they are taken as single. Their stated accuracy counts.",
+                f"{name}: {len(hp) - len(row)} of {len(hp)} positions (NAV-HPPOSLLH) have no NAV-PVT or NAV-STATUS of "
+                "the same time, so their kind of fix is unknown and assumed to be single. Their accuracy estimate is "
+                "used.",
             )
         )
     fix[(hp.values["flags"] & 1) > 0] = Fix.NONE
@@ -253,22 +225,22 @@ def _of_hpposllh(hp: Records, status: Records, notices: list[Notice], name: str)
 def _refine(
     columns: dict[str, NDArray[Any]],
     key: NDArray[np.int64],
-    records: Mapping[int, Records],
+    messages: Mapping[int, Messages],
     notices: list[Notice],
     name: str,
     *,
     both: bool,
 ) -> None:
-    """Put what NAV-HPPOSLLH, NAV-COV and NAV-DOP know of an epoch in the place of what NAV-PVT does."""
+    """Replace columns of NAV-PVT where NAV-HPPOSLLH or NAV-COV is more precise; add dilution and heading."""
 
     def take(column: str, kind: int, values: FloatArray, usable: NDArray[np.bool_]) -> None:
-        other = records[kind][usable]
+        other = messages[kind][usable]
         found = at_equal(key, other.values["itow"].astype(np.int64), values[usable])
         columns[column] = np.where(np.isfinite(found), found, columns[column])
 
-    hp, cov = records[HPPOSLLH], records[COV]
+    hp, cov = messages[HPPOSLLH], messages[COV]
     valid = (hp.values["flags"] & 1) == 0
-    # Whole units and the hundredths behind them, added as integers: a float64 holds the sum exactly.
+    # Units and their hundredths are added as integers: a float64 holds the sum exactly.
     for column, unit in (("lon_deg", 1e9), ("lat_deg", 1e9)):
         part = column[:3]
         take(column, HPPOSLLH, (hp.column(part, 100.0) + hp.column(f"{part}_hp")) / unit, valid)
@@ -280,38 +252,38 @@ def _refine(
     for column, field in (("sigma_e_m", "ee"), ("sigma_n_m", "nn"), ("sigma_h_m", "dd")):
         take(column, COV, np.sqrt(np.abs(cov.column(field))), stated)
     columns["heading_deg"] = np.full(len(key), np.nan)
-    base = records[RELPOSNED]
+    base = messages[RELPOSNED]
     shown = (base.values["version"] >= 1) & ((base.values["flags"] & _FIXED_HEADING[0]) == _FIXED_HEADING[1])
     take("heading_deg", RELPOSNED, base.column("heading", 1e-5) % 360.0, shown)
-    dop = records[DOP]
+    dop = messages[DOP]
     take("hdop", DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
     alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())
     if both and alone:
         notices.append(
             Notice(
                 "positions-without-fix",
-                f"{name}: {alone} of {len(hp)} positions of NAV-HPPOSLLH have no NAV-PVT of their time beside them and "
-                "are not used.",
+                f"{name}: {alone} of {len(hp)} positions of NAV-HPPOSLLH have no NAV-PVT of the same time and are not "
+                "used.",
             )
         )
 
 
-def _calendar(records: Records, valid: int) -> FloatArray:
-    """UTC (n,) to the second of a calendar's fields; nan where the receiver does not vouch for it."""
-    value = records.values
+def _calendar(messages: Messages, valid: int) -> FloatArray:
+    """UTC (n,) to the second from calendar fields; nan where the receiver does not mark them as valid."""
+    value = messages.values
     usable = (value["valid"] & valid) == valid
     usable &= (value["hour"] < 24) & (value["minute"] < 60) & (value["second"] < 61)
     seconds = 3600.0 * value["hour"] + 60.0 * value["minute"] + value["second"]
     return np.where(usable, midnights_utc_s(value["year"], value["month"], value["day"]) + seconds, np.nan)
 
 
-def _dated(records: Mapping[int, Records]) -> tuple[FloatArray, NDArray[np.int64]]:
-    """GPS seconds of the messages that carry a date, and where they stand."""
-    week = records[TIMEGPS][(records[TIMEGPS].values["valid"] & 0b011) == 0b011]
-    raw = records[RAWX]
+def _dated(messages: Mapping[int, Messages]) -> tuple[FloatArray, NDArray[np.int64]]:
+    """GPS seconds of the messages with a date, and their offsets in the stream."""
+    week = messages[TIMEGPS][(messages[TIMEGPS].values["valid"] & 0b011) == 0b011]
+    raw = messages[RAWX]
     raw = raw[np.isfinite(raw.values["tow"]) & (raw.values["week"] > 0)]
-    utc = [(_calendar(records[PVT], 0b011), records[PVT].at), (_calendar(records[TIMEUTC], 0b111), records[TIMEUTC].at)]
-    parts = [(utc_to_gps_s(t_s), at) for t_s, at in utc]
+    calendars = ((messages[PVT], 0b011), (messages[TIMEUTC], 0b111))
+    parts = [(utc_to_gps_s(_calendar(dated, valid)), dated.at) for dated, valid in calendars]
     parts.append((week.column("week") * WEEK_S + week.column("itow", 1e-3), week.at))
     parts.append((raw.column("week") * WEEK_S + raw.column("tow"), raw.at))
     gps_s, at = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from furrowmap.core.readers.frames import Tally, read_records
+from furrowmap.core.readers.framing import find_frames
+from furrowmap.core.readers.messages import FrameCounts, read_messages
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.sbf.frames import scan
-from furrowmap.core.readers.sbf.log import SbfLog
+from furrowmap.core.readers.sbf.log import LAYOUTS, SBF, SbfLog
+from furrowmap.core.readers.sbf.names import NAMES
 from furrowmap.core.readers.source import Source
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
 from furrowmap.core.values.errors import InputError
@@ -152,16 +153,53 @@ def test_blocks__are_found_whatever_stands_between_and_wherever_the_stream_is_cu
     edges = sorted({min(cut, len(stream)) for cut in cuts} | {len(stream)})
     for begin, end in zip([0, *edges], [*edges, len(stream)], strict=True):
         rest += stream[begin:end]
-        rows, _, used = scan(np.frombuffer(rest, np.uint8), begin == end)
-        found += [rest[at : at + size] for _, at, size in rows.tolist()]
-        rest = rest[used:]
+        piece = find_frames(np.frombuffer(rest, np.uint8), SBF, last=begin == end)
+        found += [rest[at : at + size] for at, size in zip(piece.at.tolist(), piece.length.tolist(), strict=True)]
+        rest = rest[piece.used :]
     assert found == [block(*part) for part in parts if isinstance(part, tuple)]
 
 
 def test_blocks__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
     """A block at every eighth byte, each claiming 32 kB: were each read through, these 4 MB would take minutes."""
     (tmp_path / "hostile").write_bytes(b"$@\x12\x34\xa7\x4f\xfc\x7f" * 500_000)
-    tally = Tally()
+    counts = FrameCounts()
     with Source(tmp_path / "hostile") as source:
-        read_records(source, scan, {}, tally)
-    assert (tally.intact, tally.bad_checksums + tally.cut) == (0, 500_000)
+        read_messages(source, SBF, {}, counts)
+    assert (counts.intact, counts.bad + counts.cut) == (0, 500_000)
+
+
+_STAMP = {"tow": ("TOW", 1), "week": ("WNc", 1)}
+_PVT = _STAMP | {"error": ("Error", 1), "course": ("COG", 1), "satellites": ("NrSV", 1), "age": ("MeanCorrAge", 100)}
+FIELDS = {  # ours, and pysbf2's: name and scale
+    "PVTGeodetic": _PVT | {
+        "lat": ("Latitude", 1), "lon": ("Longitude", 1), "height": ("Height", 1), "vn": ("Vn", 1), "ve": ("Ve", 1),
+    },
+    "PVTCartesian": _PVT | {name.lower(): (name, 1) for name in ("X", "Y", "Z", "Vx", "Vy", "Vz")},
+    "PosCovGeodetic": _STAMP | {
+        "error": ("Error", 1), "nn": ("Cov_latlat", 1), "ee": ("Cov_lonlon", 1), "hh": ("Cov_hgthgt", 1),
+    },
+    "PosCovCartesian": _STAMP | {
+        "error": ("Error", 1), **{name: (f"Cov_{name}", 1) for name in ("xx", "yy", "zz", "xy", "xz", "yz")},
+    },
+    "AttEuler": _STAMP | {"error": ("Error", 1), "mode": ("Mode", 1), "heading": ("Heading", 1)},
+    "DOP": _STAMP | {"hdop": ("HDOP", 100)},
+}  # fmt: skip
+SIZES = {"PVTGeodetic": 88, "PVTCartesian": 88, "PosCovGeodetic": 48, "PosCovCartesian": 48, "AttEuler": 36, "DOP": 24}
+
+
+@given(content=st.binary(min_size=88, max_size=88))
+def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
+    numbers = {name: number for number, name in NAMES.items()}
+    for name, fields in FIELDS.items():
+        raw = block(numbers[name], content[: SIZES[name]])
+        read = np.frombuffer(raw[: LAYOUTS[numbers[name]].itemsize], LAYOUTS[numbers[name]])[0]
+        oracle = pysbf2.SBFReader.parse(raw)
+        assert oracle.identity == name
+        for ours, (theirs, scale) in fields.items():
+            value = getattr(oracle, theirs)
+            assert np.isnan(value) == np.isnan(read[ours])
+            assert np.isnan(value) or float(read[ours]) == pytest.approx(value * scale, rel=1e-9, abs=1e-6)
+
+
+def test_names__are_those_of_pysbf2() -> None:
+    assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == NAMES

@@ -11,13 +11,14 @@ import pyubx2
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.frames import Tally, read_records
+from furrowmap.core.readers.framing import find_frames
+from furrowmap.core.readers.messages import FrameCounts, read_messages
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
-from furrowmap.core.readers.ubx.frames import scan
-from furrowmap.core.readers.ubx.log import PVT, UbxLog
+from furrowmap.core.readers.ubx.log import LAYOUTS, PVT, UBX, UbxLog
+from furrowmap.core.readers.ubx.names import NAMES
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -200,8 +201,9 @@ def test_two_receivers_in_one_log__are_refused(shared_data: Path, tmp_path: Path
 
 def test_time__is_the_week_where_the_calendar_is_not_vouched_for(shared_data: Path, tmp_path: Path) -> None:
     data = (shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx").read_bytes()
-    frames, _, _ = scan(np.frombuffer(data, np.uint8), True)
-    payloads = [bytearray(data[b : b + n]) for kind, b, n in frames.tolist() if kind == PVT]
+    frames = find_frames(np.frombuffer(data, np.uint8), UBX)
+    is_pvt = frames.kind == PVT
+    payloads = [bytearray(data[at : at + n]) for at, n in zip(frames.at[is_pvt], frames.length[is_pvt], strict=True)]
     whole = track_of(shared_data / "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx")
     for payload in payloads:
         payload[11] = 0b011  # date and time are valid, but the leap seconds not yet known
@@ -242,10 +244,11 @@ def test_frames__are_found_whatever_stands_between_and_wherever_the_stream_is_cu
     edges = sorted({min(cut, len(stream)) for cut in cuts} | {len(stream)})
     for begin, end in zip([0, *edges], [*edges, len(stream)], strict=True):
         rest += stream[begin:end]
-        rows, counts, used = scan(np.frombuffer(rest, np.uint8), begin == end)
-        found += [(kind, rest[at : at + size]) for kind, at, size in rows.tolist()]
-        assert counts[2] == sum(size + 8 for _, _, size in rows.tolist())
-        rest = rest[used:]
+        piece = find_frames(np.frombuffer(rest, np.uint8), UBX, last=begin == end)
+        rows = list(zip(piece.kind.tolist(), piece.at.tolist(), piece.length.tolist(), strict=True))
+        found += [(kind, rest[at : at + size]) for kind, at, size in rows]
+        assert piece.intact_bytes == sum(size + 8 for _, _, size in rows)
+        rest = rest[piece.used :]
     assert found == frames
     assert rest == b""
     assert len(noise) + len(frames) == len(parts)
@@ -264,7 +267,67 @@ def frame_by_hand(kind: int, payload: bytes) -> bytes:
 def test_frames__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
     """A frame at every sixth byte, each claiming 8 kB: were each read through, these 6 MB would take minutes."""
     (tmp_path / "hostile").write_bytes(b"\xb5\x62\x01\x07\xff\x1f" * 1_000_000)
-    tally = Tally()
+    counts = FrameCounts()
     with Source(tmp_path / "hostile") as source:
-        read_records(source, scan, {}, tally)
-    assert (tally.intact, tally.bad_checksums + tally.cut) == (0, 1_000_000)
+        read_messages(source, UBX, {}, counts)
+    assert (counts.intact, counts.bad + counts.cut) == (0, 1_000_000)
+
+
+FIELDS = {  # ours, and pyubx2's: name and scale
+    "NAV-PVT": {
+        "itow": ("iTOW", 1), "year": ("year", 1), "month": ("month", 1), "day": ("day", 1), "hour": ("hour", 1),
+        "minute": ("min", 1), "second": ("second", 1), "nano": ("nano", 1), "kind": ("fixType", 1),
+        "satellites": ("numSV", 1), "lon": ("lon", 1e7), "lat": ("lat", 1e7), "height": ("height", 1),
+        "h_acc": ("hAcc", 1), "v_acc": ("vAcc", 1), "speed": ("gSpeed", 1), "course": ("headMot", 1e5),
+    },
+    "NAV-COV": {
+        "itow": ("iTOW", 1), "valid": ("posCovValid", 1), "nn": ("posCovNN", 1), "ee": ("posCovEE", 1),
+        "dd": ("posCovDD", 1),
+    },
+    "NAV-DOP": {"itow": ("iTOW", 1), "hdop": ("hDOP", 100)},
+    "NAV-STATUS": {"itow": ("iTOW", 1), "kind": ("gpsFix", 1)},
+    "NAV-TIMEGPS": {"itow": ("iTOW", 1), "week": ("week", 1)},
+    "NAV-TIMEUTC": {
+        "itow": ("iTOW", 1), "year": ("year", 1), "month": ("month", 1), "day": ("day", 1), "hour": ("hour", 1),
+        "minute": ("min", 1), "second": ("sec", 1),
+    },
+    "RXM-RAWX": {"tow": ("rcvTow", 1), "week": ("week", 1)},
+    "NAV-RELPOSNED": {"version": ("version", 1), "itow": ("iTOW", 1), "heading": ("relPosHeading", 1e5)},
+    "NAV-HPPOSLLH": {"itow": ("iTOW", 1), "h_acc": ("hAcc", 10), "v_acc": ("vAcc", 10)},
+}  # fmt: skip
+SIZES = {"NAV-PVT": 92, "NAV-COV": 64, "NAV-DOP": 18, "NAV-STATUS": 16, "NAV-TIMEGPS": 16, "NAV-TIMEUTC": 20,
+         "RXM-RAWX": 16, "NAV-RELPOSNED": 64, "NAV-HPPOSLLH": 36}  # fmt: skip
+
+
+@given(content=st.binary(min_size=92, max_size=92))
+def test_fields__are_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
+    kinds = {name: kind for kind, name in NAMES.items()}
+    for name, fields in FIELDS.items():
+        payload = content[: SIZES[name]]
+        if name == "RXM-RAWX":
+            payload = payload[:11] + b"\0" + payload[12:]  # no measurements
+        elif name == "NAV-RELPOSNED":
+            payload = b"\1" + payload[1:]  # version 0 has another layout
+        read = np.frombuffer(payload[: LAYOUTS[kinds[name]].itemsize], LAYOUTS[kinds[name]])[0]
+        raw = frame(kinds[name], payload)
+        oracle = pyubx2.UBXReader.parse(raw)
+        assert oracle.identity == name
+        for ours, (theirs, scale) in fields.items():
+            value = getattr(oracle, theirs)
+            assert np.isnan(value) == np.isnan(read[ours])
+            assert np.isnan(value) or float(read[ours]) == pytest.approx(value * scale, rel=1e-9, abs=1e-6)
+
+
+@given(content=st.binary(min_size=36, max_size=36))
+def test_precise_position__is_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
+    hp = np.frombuffer(content, LAYOUTS[0x0114])[0]
+    oracle = pyubx2.UBXReader.parse(frame(0x0114, content))
+    assert hp["lon"] / 1e7 + hp["lon_hp"] / 1e9 == pytest.approx(oracle.lon, abs=1e-10)
+    assert hp["lat"] / 1e7 + hp["lat_hp"] / 1e9 == pytest.approx(oracle.lat, abs=1e-10)
+    assert hp["height"] + hp["height_hp"] / 10 == pytest.approx(oracle.height, abs=1e-3)
+    assert hp["flags"] & 1 == oracle.invalidLlh
+
+
+def test_names__are_those_of_pyubx2() -> None:
+    own = {key: name for key, name in pyubx2.UBX_MSGIDS.items() if len(key) == 2 and key[0] < 0x66}
+    assert {kind.to_bytes(2, "big"): name for kind, name in NAMES.items()} == own
