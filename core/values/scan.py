@@ -1,45 +1,51 @@
-"""One revolution of a spinning LiDAR, in the sensor's own frame."""
+"""One revolution of a spinning LiDAR, in the sensor's frame."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 class Clock(StrEnum):
-    """Which clock a time came from."""
+    """The clock that a time comes from."""
 
     SENSOR_GPS = "sensor-gps"
     """The sensor's own clock, disciplined by a GNSS receiver (PPS and GPRMC)."""
     SENSOR = "sensor"
-    """The sensor's own clock where nothing confirms a receiver, but its stamps fit the hour of UTC."""
+    """The sensor's own clock without evidence of a receiver, but with stamps that fit the hour of UTC."""
     RECORDER = "recorder"
     """The recording computer's clock."""
     GNSS = "gnss"
     """The GNSS receiver's sentences."""
     STATED = "stated"
-    """A file or its reader's options say so."""
+    """A trajectory file, or the session."""
+
+
+ARRAYS: Final = ("t_s", "xyz_m", "intensity", "laser", "column", "return_number", "returns")
+"""Names of the arrays of a scan."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The returns of one revolution, cut at azimuth 0 or at a pause, in the order in which they were measured.
+    """The returns of one revolution, cut at azimuth 0 or at a pause, in the order of measurement.
 
-    All arrays have the length n of the number of returns; slots without a return are left out.
+    All arrays have the length n, the number of returns; firings without a return are not included.
 
     Attributes:
-        number: counts the scans of a recording from 0, cut ones included.
-        t_s: (n,) float64, UTC of each return's own firing (POSIX seconds), as the sensor's clock had it.
+        number: index of the scan in the recording, from 0, incomplete scans included.
+        t_s: (n,) float64, UTC of each return's firing (POSIX seconds) by the clock of the recording.
         xyz_m: (n, 3) float32 in the lidar frame.
         intensity: (n,) uint8 or uint16.
         laser: (n,) uint8, index of the laser in the order of elevation, lowest first.
-        column: (n,) uint16, firing within the scan, counted from its first firing.
+        column: (n,) uint16, index of the firing in the scan, from 0.
         return_number: (n,) uint8, 1 for the first or only return of a firing.
         returns: (n,) uint8, number of returns of that firing.
-        whole: False where a recording's start, end or a pause cut the revolution short.
+        whole: False if the start or end of the recording or a pause cut the revolution short.
     """
 
     number: int
@@ -54,7 +60,7 @@ class Scan:
 
     def __post_init__(self) -> None:
         n = len(self.t_s)
-        for name in ("xyz_m", "intensity", "laser", "column", "return_number", "returns"):
+        for name in ARRAYS:
             if len(getattr(self, name)) != n:
                 raise ValueError(f"Scan.{name} has {len(getattr(self, name))} entries where t_s has {n}")
         if self.xyz_m.shape != (n, 3):
@@ -62,3 +68,14 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def __getitem__(self, part: slice) -> Self:
+        """Some of the returns, as views, under the same number."""
+        return replace(self, **{name: getattr(self, name)[part] for name in ARRAYS})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """The returns of several parts, one after the other, under the number of the first."""
+        if len(parts) == 1:
+            return parts[0]
+        return replace(parts[0], **{name: np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS})

@@ -1,4 +1,4 @@
-"""Trajectories in CSV files whose header names say the units."""
+"""Trajectories in CSV, with units in the column names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import difflib
 import io
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
-from furrowmap.core.readers.reader import FileReader, Inspection
+from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
+from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.pose_track import PoseTrack
 
 FloatArray = NDArray[np.float64]
 
@@ -32,7 +31,7 @@ ATTITUDE: Final = ("roll_deg", "pitch_deg", "heading_deg")
 SIGMAS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
 KNOWN: Final = frozenset((*TIMES, *PROJECTED, *GEOGRAPHIC, *ATTITUDE, *SIGMAS))
 NEEDED: Final = 7
-"""Number of columns that no trajectory can do without: time, three of position, three of attitude."""
+"""Number of required columns: time, three of position, three of attitude."""
 
 WITHIN: Final = {
     "time_unix_s": (315_964_800.0, 4_102_444_800.0),
@@ -42,20 +41,16 @@ WITHIN: Final = {
     "pitch_deg": (-90.0, 90.0),
     "heading_deg": (-360.0, 720.0),
 }
-"""What the values of a column can be; anything else is another unit or another column."""
+"""Valid range of a column; other values are in another unit or belong to another column."""
 
 
-class PoseCsv(FileReader):
+class PoseCsv(PoseFile):
     """Poses from CSV files with the columns of :data:`KNOWN`.
 
-    `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of a GPS week that
-    `ReadOptions.week` or `ReadOptions.near_s` tells. Positions are easting, northing and height in the session's map
-    frame, or longitude, latitude and ellipsoidal height; where both are there, the former count. Heading is clockwise
-    from grid north. Rows that lack a number are left out and told.
-
-    Args:
-        paths: the files of one trajectory, in the order of time.
-        options: `time`, `week` and `near_s` are used.
+    `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of the GPS week given
+    by `ReadOptions.week` or `ReadOptions.near_s`. Positions are easting, northing and height in the session's map
+    frame, or longitude, latitude and ellipsoidal height; if a file has both, the former are used. Heading is clockwise
+    from grid north. Rows with an empty field are dropped with a notice.
     """
 
     format: ClassVar[str] = "pose-csv"
@@ -63,7 +58,7 @@ class PoseCsv(FileReader):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain with time and attitude in its header; possible where a header speaks of roll and pitch otherwise."""
+        """Certain with columns of time and attitude; possible if any column names contain roll and pitch."""
         names = set(head_columns(head) or ())
         known = names & KNOWN
         if known & set(TIMES) and known & set(ATTITUDE):
@@ -73,33 +68,22 @@ class PoseCsv(FileReader):
         words = " ".join(names).lower()
         return 0.2 if len(names) >= 6 and "roll" in words and "pitch" in words else 0.0
 
-    def poses(self) -> PoseTrack:
-        """All poses of all files.
-
-        Raises:
-            InputError: if a column is missing, a row is no row of numbers, a value cannot be of its unit, the week is
-                unknown, or the rows are out of order.
-        """
-        self.notices = []
-        return joined([self._read(path)[1] for path in self.paths]).track(self.options, self.notices)
-
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds.
+        """Read the whole first file and report what it contains, its columns and where it is.
 
         Raises:
-            InputError: as :meth:`poses`, but an unknown week is only told.
+            InputError: as :meth:`poses`, but an unknown week is only a notice.
         """
-        self.notices = []
-        header, raw = self._read(self.paths[0])
-        told, clocks = raw.tell(self.options, self.notices)
+        inspection = super().inspect()
+        with Source(self.paths[0]) as source:
+            pieces = _pieces(source)
+            header = _Header.of(next(pieces, b""))
+            place = header.place(next(pieces, b"").partition(b"\n")[0]) if header.projected else {}
         unused = [name for name in header.names if name not in header.columns]
-        facts: dict[str, Any] = {"columns": list(header.columns), "unused_columns": unused, **told}
-        place = _place(header, self.paths[0]) if header.projected else None
-        if place is not None:
-            facts["place"] = place
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
+        facts: dict[str, Any] = {"columns": list(header.columns), "unused_columns": unused, **inspection.facts}
+        return replace(inspection, facts=facts | ({"place": place} if place else {}))
 
-    def _read(self, path: Path) -> tuple[_Header, RawPoses]:
+    def _read(self, path: Path) -> RawPoses:
         with Source(path) as source:
             pieces = _pieces(source)
             header = _Header.of(next(pieces, b""))
@@ -115,11 +99,11 @@ class PoseCsv(FileReader):
         whole = np.all(np.isfinite(read[:, :NEEDED]), axis=1)
         lacking = int(np.sum(~whole))
         if lacking:
-            text = f"{path}: {lacking} of {len(whole)} rows lack a number and are left out."
+            text = f"{path}: {lacking} of {len(whole)} rows have an empty field and are dropped."
             self.notices.append(Notice("rows-incomplete", text))
         read = read[whole]
         if len(read) < 2:
-            raise too_few(path, f"{len(read)} whole rows below the header")
+            raise too_few(path, f"{len(read)} complete rows below the header")
         _check_units(header, read, path)
         values = np.full((len(read), NEEDED - 1 + len(SIGMAS)), np.nan)
         values[:, : NEEDED - 1] = read[:, 1:NEEDED]
@@ -127,24 +111,23 @@ class PoseCsv(FileReader):
             values[:, NEEDED - 1 + SIGMAS.index(name)] = read[:, k]
         scale = TIMES[header.columns[0]]
         self._check_scale(header.columns[0], path)
-        note = f"as its column `{header.columns[0]}` says"
-        raw = RawPoses(read[:, 0], scale, note, values, projected=header.projected, true_north=False, name=str(path))
-        return header, raw
+        note = f"from its column `{header.columns[0]}`"
+        return RawPoses(read[:, 0], scale, note, values, projected=header.projected, true_north=False, name=str(path))
 
     def _check_scale(self, column: str, path: Path) -> None:
         stated = self.options.time
         if stated is not None and stated != ("utc" if column == "time_unix_s" else "gps"):
             raise InputError(
-                f'{path}: its times stand in the column `{column}`, but `time = "{stated}"` was stated.',
-                "One of the two is wrong, and the difference is 18 s.",
-                "Take `time` out of `[trajectory]`, or rename the column.",
+                f'{path}: the time column is `{column}`, but the session states `time = "{stated}"`.',
+                "GPS time and UTC differ by 18 s.",
+                "Remove `time` from `[trajectory]`, or rename the column.",
                 code="time-contradicted",
             )
 
 
 @dataclass(frozen=True)
 class _Header:
-    """A CSV file's first line: its column names and what separates them."""
+    """The first line of a CSV file: column names and separator."""
 
     names: tuple[str, ...]
     separator: str
@@ -156,47 +139,56 @@ class _Header:
 
     @cached_property
     def projected(self) -> bool:
-        """Whether positions are easting and northing: these are preferred where longitude and latitude stand too."""
+        """Whether positions are easting and northing, which are preferred to longitude and latitude."""
         names = set(self.names)
         return names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """The columns to read: time, three of position, three of attitude, and the sigmas that are there."""
+        """The columns to read: time, three of position, three of attitude, and the standard deviations, if any."""
         time = "time_gps_s" if "time_gps_s" in self.names and "time_unix_s" not in self.names else "time_unix_s"
         sigmas = tuple(name for name in SIGMAS if name in self.names)
         return (time, *(PROJECTED if self.projected else GEOGRAPHIC), *ATTITUDE, *sigmas)
 
     def check(self, path: Path) -> None:
-        """Refuse a header that lacks what a trajectory needs, or names it twice.
+        """Check that each required column is there once.
 
         Raises:
-            InputError: naming the column, and the one that might have been meant for it.
+            InputError: naming the column, and the closest one if it is missing.
         """
         for name in self.columns:
             count = self.names.count(name)
             if count > 1:
                 raise InputError(
-                    f"{path}, line 1: the column `{name}` is there {count} times.",
-                    "Which of them is meant cannot be known.",
-                    "Take the others out, or give them other names.",
+                    f"{path}, line 1: {count} columns are named `{name}`.",
+                    "It is ambiguous which of them to read.",
+                    "Remove or rename the others.",
                     code="column-twice",
                 )
             if count == 0:
                 near = _nearest(name, self.names)
                 other = {"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name)
                 raise InputError(
-                    f"{path}, line 1: there is no column `{name}`{f' or `{other}`' if other else ''}"
-                    f"{f'; the nearest is `{near}`' if near else ''}.",
-                    "A trajectory needs time, position and attitude, and the names in the header say their units.",
+                    f"{path}, line 1: missing column `{name}`{f' or `{other}`' if other else ''}"
+                    f"{f'; the closest is `{near}`' if near else ''}.",
+                    "A trajectory needs time, position and attitude, with units in the column names.",
                     f"Name the columns {', '.join(('time_unix_s', *PROJECTED, *ATTITUDE))}; "
-                    "time_gps_s, lon_deg and lat_deg may take the place of the first three.",
+                    "time_gps_s, lon_deg and lat_deg may replace the first three.",
                     code="missing-column",
                 )
 
+    def place(self, row: bytes) -> dict[str, float]:
+        """Longitude and latitude in a row, if the file has them in addition to easting and northing."""
+        fields = row.decode("latin-1").split(self.separator)
+        try:
+            place = {name: float(fields[self.names.index(name)]) for name in ("lat_deg", "lon_deg")}
+        except (ValueError, IndexError):
+            return {}
+        return place if all(WITHIN[name][0] <= value <= WITHIN[name][1] for name, value in place.items()) else {}
+
 
 def _nearest(wanted: str, names: Sequence[str]) -> str:
-    """The column that might have been meant: with the same word in its name, or spelt alike; "" if there is none."""
+    """The column that may be meant: one with the same word in its name, or spelt similarly; "" if there is none."""
     word = {"time_unix_s": "time|tow|epoch", "e_m": "east|^x$", "n_m": "north|^y$", "h_m": "height|alt|^z$"}.get(
         wanted, wanted.split("_")[0]
     )
@@ -206,7 +198,7 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
 
 
 def _pieces(source: Source) -> Iterator[bytes]:
-    """The first line, then whole lines in pieces of bounded size; the cut last line of a damaged stream is left out."""
+    """The first line, then pieces of complete lines; the incomplete last line of a damaged stream is dropped."""
     rest = b""
     first = True
     while block := source.read(CHUNK_BYTES):
@@ -227,15 +219,15 @@ def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:
     """Rows (n, k) of the numbers in :attr:`_Header.columns`; nan where a field is empty.
 
     Args:
-        piece: whole lines.
+        piece: complete lines.
         header: of the file.
         path: of the file, for messages.
         line: number of the first line.
 
     Raises:
-        InputError: with the line, if a field is something else.
+        InputError: with the line, if a field is not a number.
     """
-    import pandas as pd  # half of the time that importing all readers would take
+    import pandas as pd  # takes as long as importing all readers
 
     index = [header.names.index(name) for name in header.columns]
     try:
@@ -258,25 +250,9 @@ def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:
     return values
 
 
-def _place(header: _Header, path: Path) -> dict[str, float] | None:
-    """Longitude and latitude of the first row, where they stand beside easting and northing."""
-    if not {"lon_deg", "lat_deg"} <= set(header.names):
-        return None
-    with Source(path) as source:
-        pieces = _pieces(source)
-        next(pieces)
-        row = next(pieces, b"").partition(b"\n")[0].decode("latin-1").split(header.separator)
-    try:
-        place = {name: float(row[header.names.index(name)]) for name in ("lat_deg", "lon_deg")}
-    except (ValueError, IndexError):
-        return None
-    plausible = all(WITHIN[name][0] <= value <= WITHIN[name][1] for name, value in place.items())
-    return place if plausible else None
-
-
 def _bad_field(piece: bytes, header: _Header, path: Path, line: int) -> InputError:
-    """What is wrong with lines that are no table of numbers, and where."""
-    where, what = f"{path}, from line {line} on", "the lines are no table of numbers"
+    """The error of lines that are not rows of numbers, with the first such field."""
+    where, what = f"{path}, from line {line}", "the lines are not rows of numbers"
     wanted = [(name, header.names.index(name)) for name in header.columns]
     for k, text in enumerate(piece.decode("latin-1").split("\n")):
         fields = [field.strip().strip('"') for field in text.split(header.separator)]
@@ -286,8 +262,8 @@ def _bad_field(piece: bytes, header: _Header, path: Path, line: int) -> InputErr
             break
     return InputError(
         f"{where}: {what}.",
-        "A trajectory's columns hold numbers with a decimal point; an empty field is a number that is unknown.",
-        "Mend or take out that line.",
+        "The columns of a trajectory hold numbers with a decimal point; a field may be empty.",
+        "Correct or remove that line.",
         code="not-a-number",
     )
 
@@ -308,7 +284,7 @@ def _check_units(header: _Header, rows: FloatArray, path: Path) -> None:
             row = int(np.flatnonzero(outside)[0])
             raise InputError(
                 f"{path}, pose {row + 1}: column `{name}` holds {rows[row, k]:.10g}.",
-                f"That is outside {low:.10g} to {high:.10g}, so it is another unit, another column or damage.",
-                "Write times in seconds and angles in degrees, each in the column that its name says.",
+                f"Valid values are {low:.10g} to {high:.10g}: the unit or the column is wrong, or the file is damaged.",
+                "Write times in seconds and angles in degrees.",
                 code="value-out-of-range",
             )

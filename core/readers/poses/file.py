@@ -1,16 +1,17 @@
-"""What all files with trajectories from elsewhere have in common: their times, and the order of their poses."""
+"""Trajectories from other software: what all formats have in common, namely time scales and the order of the poses."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
-from furrowmap.core.readers.reader import ClockReading, ReadOptions
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.values.clock import (
     GPS_EPOCH_S,
     WEEK_S,
@@ -28,19 +29,20 @@ from furrowmap.core.values.scan import Clock
 FloatArray = NDArray[np.float64]
 
 MOST_DISORDER: Final = 0.01
-"""Share of poses running backwards from which on a trajectory is refused instead of thinned."""
+"""Share of poses out of order above which a trajectory is rejected; below it, they are dropped."""
 EARLIEST_S: Final = 10 * 365.25 * 86_400.0
-"""Seconds since 1980-01-06 below which a time is no whole one: there was no complete GPS before 1990."""
+"""Seconds since 1980-01-06 that are below this are not absolute times: GPS was not complete before 1990."""
 
 
 @dataclass(frozen=True)
 class RawPoses:
-    """Poses of one or more files, with times as the files have them and rows in their order.
+    """Poses of one or more files, with the times and the order of the files.
 
     Attributes:
-        seconds: (n,) in the scale of `scale`.
-        scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the week began, Sunday 0 h).
-        scale_note: who says so.
+        seconds: (n,) in the time scale `scale`.
+        scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the start of the week, Sunday
+            0 h).
+        scale_note: where the time scale comes from.
         values: (n, 12): position, roll, pitch, heading, and the six standard deviations of :class:`PoseTrack`.
         projected: as in :class:`PoseTrack`.
         true_north: as in :class:`PoseTrack`.
@@ -56,19 +58,19 @@ class RawPoses:
     name: str
 
     def track(self, options: ReadOptions, notices: list[Notice]) -> PoseTrack:
-        """The poses in UTC; those out of order are left out and told in `notices`.
+        """The poses in UTC; those out of order are dropped with a notice.
 
         Args:
-            options: `week`, else `near_s`, tells the week of times that count from its beginning.
-            notices: grows.
+            options: `week`, else `near_s`, gives the week of times that count from its start.
+            notices: extended.
 
         Raises:
-            InputError: if the week is unknown, the times are of no known kind, or the poses are out of order.
+            InputError: if the week or the time scale is unknown, or too many poses are out of order.
         """
         return self._in_order(self._utc_s(options), notices)
 
-    def tell(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
-        """Facts and clock for an inspection; an unknown week is only told.
+    def facts(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
+        """Facts and clock for an inspection; an unknown week is only a notice.
 
         Raises:
             InputError: as :meth:`track`, but for an unknown week.
@@ -90,13 +92,13 @@ class RawPoses:
             return self.seconds
         since_1980 = self.seconds
         if bool(np.all((self.seconds >= 0) & (self.seconds < 2 * WEEK_S))):
-            # Some processors let the seconds run on into the next week, others begin it anew.
+            # Some processors continue the seconds into the next week, others restart them.
             since_1980 = self._of_week(unroll(self.seconds, WEEK_S), options)
         elif not bool(np.all(self.seconds >= EARLIEST_S)):
             raise InputError(
-                f"{self.name}: times of {self.seconds.min():.3f} to {self.seconds.max():.3f} s are of no known kind.",
-                "They count neither from a week's beginning nor from 1980-01-06, so they cannot be brought to UTC.",
-                "Write GPS seconds of the week, or since 1980-01-06 (adjusted standard GPS time plus 1e9).",
+                f"{self.name}: unknown time scale (times from {self.seconds.min():.3f} to {self.seconds.max():.3f} s).",
+                "They count neither from the start of a week nor from 1980-01-06, so they cannot be converted to UTC.",
+                "Export GPS seconds of the week, or since 1980-01-06 (adjusted standard GPS time plus 1e9).",
                 code="unknown-time-scale",
             )
         return since_1980 + GPS_EPOCH_S if self.scale == "utc" else gps_to_utc_s(since_1980)
@@ -108,9 +110,9 @@ class RawPoses:
             near = options.near_s - GPS_EPOCH_S if self.scale == "utc" else float(utc_to_gps_s(options.near_s))
             return within + float(nearest_in_cycle(within[0], near, WEEK_S) - within[0])
         raise InputError(
-            f"{self.name}: its times, {within[0]:.3f} to {within[-1]:.3f} s, count from an unknown week's beginning.",
-            "Without the week the poses cannot be set beside scans.",
-            "Write `week = N` under `[trajectory]`: weeks since 1980-01-06, as 2422 for the one begun on 2026-06-07.",
+            f"{self.name}: the times {within[0]:.3f} to {within[-1]:.3f} s are seconds of an unknown GPS week.",
+            "Without the week the poses cannot be matched with scans.",
+            "Write `week = N` under `[trajectory]`: weeks since 1980-01-06, such as 2422 for the week of 2026-06-07.",
             code="no-gps-week",
         )
 
@@ -122,17 +124,18 @@ class RawPoses:
         if backward.sum() > MOST_DISORDER * len(t_s):
             row = int(np.flatnonzero(backward)[0])
             raise InputError(
-                f"{self.name}: pose {row + 1} and {int(backward.sum()) - 1} more of {len(t_s)} come after later ones.",
-                "A trajectory is one way through time; this is two, or one that was shuffled.",
-                "Sort the file by time, or give its pieces as files of their own in the order of time.",
+                f"{self.name}: {int(backward.sum())} of {len(t_s)} poses are out of time order, the first is pose "
+                f"{row + 1}.",
+                "The file contains more than one trajectory, or its rows were shuffled.",
+                "Sort the file by time, or split it into one file per trajectory.",
                 code="time-disorder",
             )
         for code, rows, words in (
-            ("poses-repeated", repeated, "repeat the time before them"),
-            ("time-runs-back", backward, "are not later than all before them"),
+            ("poses-repeated", repeated, "repeat the time of the pose before"),
+            ("time-runs-back", backward, "are not later than all before"),
         ):
             if rows.any():
-                text = f"{self.name}: {int(rows.sum())} of {len(t_s)} poses {words} and are left out."
+                text = f"{self.name}: {int(rows.sum())} of {len(t_s)} poses {words} and are dropped."
                 notices.append(Notice(code, text))
         values = self.values[keep]
         return PoseTrack(
@@ -148,19 +151,58 @@ class RawPoses:
         )
 
 
+class PoseFile(FileReader, ABC):
+    """A reader of a trajectory from other software.
+
+    Args:
+        paths: the files of one trajectory, in the order of time.
+        options: `time`, `week` and `near_s` are used.
+    """
+
+    format: ClassVar[str]
+    title: ClassVar[str]
+
+    @abstractmethod
+    def _read(self, path: Path) -> RawPoses:
+        """The poses of a file; damage to it is added to `notices`.
+
+        Raises:
+            InputError: if the file has fewer than two poses, or cannot be read.
+        """
+
+    def poses(self) -> PoseTrack:
+        """All poses of all files.
+
+        Raises:
+            InputError: if a file cannot be read, the week is unknown, or the poses are out of order.
+        """
+        self.notices = []
+        return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report what it contains.
+
+        Raises:
+            InputError: as :meth:`poses`, but an unknown week is only a notice.
+        """
+        self.notices = []
+        facts, clocks = self._read(self.paths[0]).facts(self.options, self.notices)
+        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
+
+
 def joined(parts: list[RawPoses]) -> RawPoses:
     """The poses of several files, one after the other.
 
     Raises:
-        InputError: if time or position mean different things in them.
+        InputError: if their time scales, coordinates or north references differ.
     """
     first = parts[0]
     for part in parts[1:]:
         if (part.scale, part.projected, part.true_north) != (first.scale, first.projected, first.true_north):
             raise InputError(
-                f"{part.name} has other times or positions than {first.name}.",
-                "The files of one trajectory are read as one, so these must mean the same in all.",
-                "Export them alike.",
+                f"{part.name} has another time scale, coordinates or north reference than {first.name}.",
+                "The files of one trajectory are read as one.",
+                "Export them with the same settings.",
                 code="mixed-trajectories",
             )
     if len(parts) == 1:
@@ -177,10 +219,10 @@ def joined(parts: list[RawPoses]) -> RawPoses:
 
 
 def too_few(path: Path, found: str) -> InputError:
-    """The error of a file that holds fewer than two poses; `found` says what it does hold."""
+    """The error of a file with fewer than two poses; `found` describes its content."""
     return InputError(
         f"{path}: {found}.",
         "A trajectory needs at least two poses.",
-        "Export it again, or copy the file again; perhaps the writing was stopped at once.",
+        "Export or copy the file again.",
         code="no-poses",
     )

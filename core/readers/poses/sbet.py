@@ -1,4 +1,4 @@
-"""SBET: the smoothed best estimate of trajectory that GNSS/INS processors write."""
+"""SBET (smoothed best estimate of trajectory), the format of GNSS/INS post-processors."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.poses.file import RawPoses, joined, too_few
-from furrowmap.core.readers.reader import FileReader, Inspection
+from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.pose_track import PoseTrack
 
 FloatArray = NDArray[np.float64]
 
@@ -20,7 +18,7 @@ FIELDS: Final = 17
 RECORD_BYTES: Final = 8 * FIELDS
 CHUNK_RECORDS: Final = 1 << 16
 TIME, LAT, LON, HEIGHT, ROLL, PITCH, HEADING, WANDER = 0, 1, 2, 3, 7, 8, 9, 10
-"""Fields of a record that are read."""
+"""Indices of the fields that are read."""
 
 LIMITS: Final = {
     TIME: (0.0, 1e10),
@@ -34,22 +32,18 @@ LIMITS: Final = {
 }
 LONGEST_STEP_S: Final = 3600.0
 LEAST_ANGLE: Final = 1e-12
-"""Bytes of other formats, read as doubles, are mostly next to nothing; no place is so near to 0° N 0° E."""
+"""Radians. Bytes of other formats, read as doubles, are mostly close to 0; no recording is this close to 0° N 0° E."""
 
 
-class Sbet(FileReader):
+class Sbet(PoseFile):
     """Poses from SBET files.
 
     A record is 17 little-endian doubles: time, latitude, longitude, ellipsoidal height, three velocities, roll, pitch,
     platform heading, wander angle, three accelerations, three angular rates; angles in radians, body axes x forward,
     y right, z down (Applanix POSPac's SBET). The platform heading counts from the wander-azimuth frame: true heading =
     platform heading − wander angle. Times are GPS seconds of the week or since 1980-01-06; with
-    ``ReadOptions.time = "utc"`` the same in UTC, which some processors write. Standard deviations stand in a file of
-    another kind and stay unknown.
-
-    Args:
-        paths: the files of one trajectory, in the order of time.
-        options: `time`, `week` and `near_s` are used.
+    ``ReadOptions.time = "utc"`` the same in UTC, which some processors write. Standard deviations are not part of
+    SBET and stay unknown.
     """
 
     format: ClassVar[str] = "sbet"
@@ -57,7 +51,7 @@ class Sbet(FileReader):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """By its numbers, as SBET has no signature: angles of places on Earth, at times that increase."""
+        """By its numbers, as SBET has no signature: coordinates and angles within their limits, increasing times."""
         records = _records(head.data)[:200]
         if not len(records) or not np.isfinite(records).all() or not _plausible(records).all():
             return 0.0
@@ -65,26 +59,6 @@ class Sbet(FileReader):
         if np.any(step <= 0) or np.any(step > LONGEST_STEP_S):
             return 0.0
         return 0.95 if len(records) > 1 or head.suffix in (".sbet", ".out") else 0.0
-
-    def poses(self) -> PoseTrack:
-        """All poses of all files.
-
-        Raises:
-            InputError: if a file holds fewer than two whole records or impossible ones, if the week is unknown, or if
-                the records are out of order.
-        """
-        self.notices = []
-        return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
-
-    def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds.
-
-        Raises:
-            InputError: as :meth:`poses`, but an unknown week is only told.
-        """
-        self.notices = []
-        facts, clocks = self._read(self.paths[0]).tell(self.options, self.notices)
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))
 
     def _read(self, path: Path) -> RawPoses:
         seconds: list[FloatArray] = [np.empty(0)]
@@ -102,10 +76,10 @@ class Sbet(FileReader):
                 rest = len(block) % RECORD_BYTES
             fault = source.fault
         if count < 2:
-            raise too_few(path, f"{count} whole records of {RECORD_BYTES} bytes, and {rest} bytes behind")
+            raise too_few(path, f"{count} complete records of {RECORD_BYTES} bytes, followed by {rest} bytes")
         if rest or fault:
-            self.notices.append(cut_notice(path, fault or f"{rest} bytes behind {count} whole records are part of one"))
-        note = "taken for GPS time, as SBET has it" if self.options.time is None else "as stated"
+            self.notices.append(cut_notice(path, fault or f"after {count} complete records, {rest} bytes of another"))
+        note = "assumed to be GPS time, as usual in SBET" if self.options.time is None else "as stated"
         scale = self.options.time or "gps"
         return RawPoses(
             np.concatenate(seconds),
@@ -119,7 +93,7 @@ class Sbet(FileReader):
 
 
 def _records(data: bytes) -> FloatArray:
-    """The whole records (n, 17) at the head of `data`."""
+    """The complete records (n, 17) at the start of `data`."""
     count = len(data) // RECORD_BYTES
     return np.frombuffer(data, "<f8", count * FIELDS).reshape(count, FIELDS)
 
@@ -146,8 +120,8 @@ def _plausible(records: FloatArray) -> NDArray[np.bool_]:
 
 def _damaged(path: Path, at: int) -> InputError:
     return InputError(
-        f"{path}, byte {at}: the record there is no pose on Earth.",
-        "Its latitude, longitude, height or attitude cannot be: the file is damaged, or no SBET.",
-        "Export the trajectory again, or copy the file again.",
+        f"{path}, byte {at}: invalid record (latitude, longitude, height or attitude out of range).",
+        "The file is damaged, or not an SBET.",
+        "Export or copy the file again.",
         code="damaged-record",
     )

@@ -1,11 +1,12 @@
-"""Velodyne data packets to scans: held together over batches, cut where one revolution ends.
+"""Velodyne data packets to scans, cut where a revolution ends.
 
-Whoever has packets (a capture, a ROS bag) pushes them in batches through one `PacketDecoder` and gets scans back.
+The reader of a capture or a ROS bag pushes packets in batches through one `PacketDecoder` and gets scans back.
 """
 
 from __future__ import annotations
 
-from typing import Final, cast
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.velodyne.clock import SensorClock, settle
 from furrowmap.core.readers.velodyne.counts import PacketCounts
 from furrowmap.core.readers.velodyne.models import PACKET_BYTES, Model, model_named, model_of
-from furrowmap.core.readers.velodyne.returns import Carry, Columns, Returns, Tables, decode_returns
+from furrowmap.core.readers.velodyne.returns import Carry, Tables, decode_returns
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
@@ -23,15 +24,14 @@ IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 _SETTLE_PACKETS: Final = 2000
-"""So many packets are held back to set the sensor's clock against the recorder's (1 to 3 s)."""
+"""Number of packets that are held back to compare the sensor's clock with the recorder's (1 to 3 s)."""
 
 _LONE_REVOLUTION: Final = (0.95, 1.1)
-"""A sensor that is read for one revolution gives some packets more or less, never a tenth of a revolution more."""
-_COLUMN: Final = 4
+"""Length of a revolution that was recorded alone: some packets more or less, never a tenth of a revolution more."""
 
 
 class PacketDecoder:
-    """Turns a stream of data packets, pushed in batches in the order of time, into scans.
+    """Decodes a stream of data packets, pushed in batches in the order of time, into scans.
 
     Example:
         ```
@@ -43,25 +43,24 @@ class PacketDecoder:
         clock = decoder.kind                        # known after the first scan
         ```
 
-    Scans are cut where azimuth passes 0 and at pauses of a revolution or more; a gap of less (lost packets, or a
-    sensor that is set to report a sector only) is no cut. A single revolution between two pauses is one scan, wherever
-    it begins: so do recorders store that keep every fifth revolution.
+    Scans are cut where azimuth passes 0 and at pauses of a revolution or more, but not at shorter gaps (lost packets,
+    or a sensor that reports a sector only). A single revolution between two pauses is one scan at whatever azimuth it
+    begins: some recorders store every fifth revolution.
 
-    Where a sensor reports two returns of a firing that differ, the nearer one is return 1 of 2 and the farther one
-    return 2, as LAS counts them along the ray (the manual's order is last, then strongest or second-strongest); equal
-    ones are one return.
+    If a firing has two different returns, the nearer one is return 1 of 2 and the farther one return 2, as LAS counts
+    along the ray (the manual's order is last, then strongest or second-strongest). Equal ones are one return.
 
-    Without a `SensorClock` the first packets are held back until there are enough to set the sensor's clock against
-    the recorder's: `push` then gives nothing at first.
+    Without a `SensorClock` the first packets are held back to compare the sensor's clock with the recorder's: `push`
+    returns nothing at first.
 
     Args:
-        model: the scanner's model, which wins over the packets' product byte; None takes what the packets say.
-        clock: what the stamps count from; None finds out from the recorder's times.
-        where: what an error is to name as its place: file, and topic where there is one.
-        near_s: a UTC time near which the recording lies, for recorders whose clock knows no date.
+        model: the scanner's model, which overrides the packets' product byte; None for that byte.
+        clock: what the stamps count from; None to derive it from the recorder's times.
+        where: the location that errors name: file, and topic if there is one.
+        near_s: a UTC time near the recording, for recorders whose clock has no date.
 
     Attributes:
-        counts: what went through so far.
+        counts: counts over all packets so far.
 
     Raises:
         InputError: if the stated model is unknown.
@@ -86,20 +85,20 @@ class PacketDecoder:
         self._notices: list[Notice] = []
         self._tables: Tables | None = None
         self._carry = Carry()
-        self._open: list[Columns] = []
+        self._open: list[Scan] = []
         self._open_by_wrap = False
-        self._held: Columns | None = None
+        self._held: Scan | None = None
         self._number = 0
         self._last_stamp = (-1, -1)
 
     @property
     def kind(self) -> Clock:
-        """Which clock the times come from."""
+        """The clock that the times come from."""
         return self._clock.kind if self._clock else Clock.RECORDER
 
     @property
     def model(self) -> Model | None:
-        """The model that packets are decoded as; None before the first."""
+        """The model that packets are decoded as; None before the first packet."""
         return self._model
 
     @property
@@ -115,7 +114,7 @@ class PacketDecoder:
             host_s: (m,) float64, the recorder's time of each (UTC, POSIX seconds).
 
         Raises:
-            InputError: if the model is unknown or none that can be decoded.
+            InputError: if the model is unknown or not supported.
         """
         payloads = np.ascontiguousarray(payloads, np.uint8)
         if payloads.ndim != 2 or payloads.shape[1] != PACKET_BYTES or len(payloads) != len(host_s):
@@ -124,7 +123,7 @@ class PacketDecoder:
         return self.push_at(payloads.reshape(-1), offset, np.asarray(host_s, np.float64))
 
     def push_at(self, data: ByteArray, offset: IntArray, host_s: FloatArray) -> list[Scan]:
-        """As `push`, for packets that lie in a larger buffer.
+        """As `push`, for packets in a larger buffer.
 
         Args:
             data: (k,) uint8.
@@ -132,7 +131,7 @@ class PacketDecoder:
             host_s: (m,) float64, the recorder's time of each.
 
         Raises:
-            InputError: if the model is unknown or none that can be decoded.
+            InputError: if the model is unknown or not supported.
         """
         if not len(offset):
             return []
@@ -143,7 +142,7 @@ class PacketDecoder:
         return self._settle() if self._early_packets >= _SETTLE_PACKETS else []
 
     def finish(self) -> list[Scan]:
-        """The scans that were still open or held back; the decoder takes no more packets then."""
+        """The scans that are still open or held back; call it once, after the last packet."""
         scans = self._settle() if self._early else []
         return scans + self._close(by_wrap=False) + self._release()
 
@@ -173,75 +172,74 @@ class PacketDecoder:
             self._tables = Tables.of(self._model)
         assert self._clock is not None
         t_s = self._clock.utc_s(device_us, host_s)
-        returns = decode_returns(data, offset, t_s, self._tables, self._carry)
+        returns, cut_at, cut_by_wrap = decode_returns(data, offset, t_s, self._tables, self._carry)
         self.counts.revolutions, self.counts.turning_s = self._carry.revolutions, self._carry.turning_s
         self.counts.bad_blocks = self._carry.bad_blocks
         self.counts.note_times(t_s, host_s, self._model)
-        return self._cut(returns)
+        return self._cut(returns, cut_at, cut_by_wrap)
 
     def _repeated(self, device_us: NDArray[np.uint32], azimuth: IntArray) -> NDArray[np.bool_]:
-        """Packets that are the one before once more, as captures on several interfaces have them."""
+        """Which packets repeat the one before, as in captures on several interfaces."""
         stamps = device_us.astype(np.int64)
         before = self._last_stamp
         same: NDArray[np.bool_] = (np.diff(stamps, prepend=before[0]) | np.diff(azimuth, prepend=before[1])) == 0
         self._last_stamp = int(stamps[-1]), int(azimuth[-1])
         return same
 
-    def _cut(self, returns: Returns) -> list[Scan]:
+    def _cut(self, returns: Scan, cut_at: IntArray, cut_by_wrap: NDArray[np.bool_]) -> list[Scan]:
         """Scans that end in this batch; the rest stays open."""
         scans = []
         start = 0
-        for stop, by_wrap in zip(returns.cut_at.tolist(), returns.cut_by_wrap.tolist(), strict=True):
-            self._open.append(returns.between(start, stop))
+        for stop, by_wrap in zip(cut_at.tolist(), cut_by_wrap.tolist(), strict=True):
+            self._open.append(returns[start:stop])
             scans += self._close(by_wrap=by_wrap)
             self._open_by_wrap = by_wrap
             start = stop
-        self._open.append(returns.between(start, len(returns.t_s)))
+        self._open.append(returns[start:])
         return scans
 
     def _close(self, *, by_wrap: bool) -> list[Scan]:
-        """What the end of the open piece completes: at azimuth 0 if `by_wrap`, else at a pause or at the end."""
-        pieces = [piece for piece in self._open if len(piece[0])]
+        """The scans that are complete where the open piece ends: at azimuth 0 if `by_wrap`, else at a pause or end."""
+        pieces = [piece for piece in self._open if len(piece)]
         self._open.clear()
         if not pieces:
             return []
-        piece = _joined(pieces)
-        if by_wrap and not self._open_by_wrap:  # perhaps the first part of a revolution that stands alone
+        piece = Scan.joined(pieces)
+        if by_wrap and not self._open_by_wrap:  # maybe the first part of a revolution that was recorded alone
             scans = self._release()
             self._held = piece
             return scans
         if not by_wrap and self._held is not None and self._is_lone_revolution(self._held, piece):
             first, self._held = self._held, None
-            piece[_COLUMN][:] += first[_COLUMN][-1] + 1
-            return [self._scan(_joined([first, piece]), whole=True)]
-        return [*self._release(), self._scan(piece, whole=by_wrap and self._open_by_wrap)]
+            piece.column[:] += first.column[-1] + 1
+            return [self._numbered(Scan.joined([first, piece]), whole=True)]
+        return [*self._release(), self._numbered(piece, whole=by_wrap and self._open_by_wrap)]
 
     def _release(self) -> list[Scan]:
-        """The piece that was held back, now that it is known to be a cut revolution of its own."""
+        """The piece that was held back, now known to be an incomplete revolution."""
         held, self._held = self._held, None
-        return [] if held is None else [self._scan(held, whole=False)]
+        return [] if held is None else [self._numbered(held, whole=False)]
 
-    def _is_lone_revolution(self, first: Columns, second: Columns) -> bool:
-        """Whether two pieces with azimuth 0 between them are one revolution in which firings were not lost."""
+    def _is_lone_revolution(self, first: Scan, second: Scan) -> bool:
+        """Whether two pieces with azimuth 0 between them are one revolution without lost firings."""
         if not self.counts.revolutions:
             return False
         assert self._model is not None
         revolution_s = self.counts.turning_s / self.counts.revolutions
-        fired_s = (int(first[_COLUMN][-1]) + int(second[_COLUMN][-1])) * self._model.cycle_s
+        fired_s = (int(first.column[-1]) + int(second.column[-1])) * self._model.cycle_s
         low, high = _LONE_REVOLUTION
-        return fired_s >= low * revolution_s and float(second[0][-1] - first[0][0]) <= high * revolution_s
+        return fired_s >= low * revolution_s and float(second.t_s[-1] - first.t_s[0]) <= high * revolution_s
 
-    def _scan(self, columns: Columns, *, whole: bool) -> Scan:
-        t_s, xyz_m, intensity, laser, column, return_number, returns = columns
-        scan = Scan(self._number, t_s, xyz_m, intensity, laser, column, return_number, returns, whole)
+    def _numbered(self, piece: Scan, *, whole: bool) -> Scan:
+        scan = replace(piece, number=self._number, whole=whole)
         self._number += 1
-        self.counts.points += len(t_s)
+        self.counts.points += len(scan)
         self.counts.whole += whole
         self.counts.cut += not whole
         return scan
 
     def notices(self) -> list[Notice]:
-        """What was odd about the packets so far."""
+        """What is unusual about the packets so far."""
         notices = list(self._notices)
         if self._model is not None and self.counts.packets:
             notices += self.counts.notices(self._model, stated=self._stated is not None)
@@ -250,15 +248,8 @@ class PacketDecoder:
             notices.append(
                 Notice(
                     "clock-jumps",
-                    f"The sensor's clock was set anew {len(self._clock.jumps):,} times, first by {size_s:+.3f} s at"
-                    f" {iso_utc(at_s)}; time runs on across it by the recorder's clock.",
+                    f"The sensor's clock was reset {len(self._clock.jumps):,} times, first by {size_s:+.3f} s at"
+                    f" {iso_utc(at_s)}; time continues across it by the recorder's clock.",
                 )
             )
         return notices
-
-
-def _joined(pieces: list[Columns]) -> Columns:
-    """The columns of pieces one after another."""
-    if len(pieces) == 1:
-        return pieces[0]
-    return cast("Columns", tuple(np.concatenate(part) for part in zip(*pieces, strict=True)))

@@ -1,4 +1,4 @@
-"""The kernel that turns Velodyne data packets into returns."""
+"""The kernel that decodes Velodyne data packets into returns."""
 
 from __future__ import annotations
 
@@ -10,64 +10,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.velodyne.models import DUAL, LAST, STRONGEST, Model
+from furrowmap.core.values.scan import Scan
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 _MAX_STEP: Final = 120
-"""No sensor turns further from one block to the next (0.8 degrees at 1200 rpm)."""
-
-Columns = tuple[
-    FloatArray,
-    NDArray[np.float32],
-    ByteArray,
-    ByteArray,
-    NDArray[np.uint16],
-    ByteArray,
-    ByteArray,
-]
-"""The arrays of a `Scan`, in its order."""
-
-
-@dataclass(frozen=True)
-class Returns:
-    """The returns of some packets, and where among them scans end.
-
-    Attributes:
-        cut_at: (c,) int64, the first return of each next scan.
-        cut_by_wrap: (c,) bool, whether azimuth passed 0 there; else there was a pause.
-
-    The other attributes are those of `Scan`.
-    """
-
-    t_s: FloatArray
-    xyz_m: NDArray[np.float32]
-    intensity: ByteArray
-    laser: ByteArray
-    column: NDArray[np.uint16]
-    return_number: ByteArray
-    returns: ByteArray
-    cut_at: IntArray
-    cut_by_wrap: NDArray[np.bool_]
-
-    def between(self, start: int, stop: int) -> Columns:
-        """Views of a part."""
-        part = slice(start, stop)
-        return (
-            self.t_s[part],
-            self.xyz_m[part],
-            self.intensity[part],
-            self.laser[part],
-            self.column[part],
-            self.return_number[part],
-            self.returns[part],
-        )
+"""Largest azimuth step from one block to the next (0.8 degrees at 1200 rpm)."""
 
 
 @dataclass(frozen=True)
 class Tables:
-    """A model as the kernel wants it: per laser when it fires, where it looks, and its place by elevation."""
+    """A model as arrays for the kernel: firing time, direction and height of each laser, and its rank by elevation."""
 
     cycle_s: float
     resolution_m: float
@@ -86,40 +41,46 @@ class Tables:
 
 
 _STARTED, _AZIMUTH, _TIME, _COLUMN, _TURNED, _TURNING, _BAD, _STATE = range(8)
-"""Places in `Carry.state`; the last is how many there are."""
+"""Indices into `Carry.state`; the last is its length."""
 
 
 class Carry:
-    """What goes on from batch to batch: the last firing and its column, and sums over all packets."""
+    """State from batch to batch: the last firing and its column, and sums over all packets."""
 
     def __init__(self) -> None:
         self.state = np.zeros(_STATE)
 
     @property
     def revolutions(self) -> float:
-        """By how much azimuth went on within packets."""
+        """Revolutions of azimuth within packets, summed."""
         return float(self.state[_TURNED]) / 36_000
 
     @property
     def turning_s(self) -> float:
-        """The time that took."""
+        """Duration of those."""
         return float(self.state[_TURNING])
 
     @property
     def bad_blocks(self) -> int:
-        """Blocks left out because they don't begin as blocks do."""
+        """Blocks skipped because their mark is wrong."""
         return int(self.state[_BAD])
 
 
-def decode_returns(data: ByteArray, offset: IntArray, t_s: FloatArray, tables: Tables, carry: Carry) -> Returns:
-    """The returns of data packets.
+def decode_returns(
+    data: ByteArray, offset: IntArray, t_s: FloatArray, tables: Tables, carry: Carry
+) -> tuple[Scan, IntArray, NDArray[np.bool_]]:
+    """The returns of data packets, and where one scan ends and the next begins.
 
     Args:
-        data: (k,) the bytes they lie in.
-        offset: (m,) where in `data` each begins.
-        t_s: (m,) UTC of the first firing of each.
-        tables: the model's.
-        carry: what the batch before left; is changed.
+        data: (k,) the bytes of the packets.
+        offset: (m,) where in `data` each packet begins.
+        t_s: (m,) UTC of the first firing of each packet.
+        tables: of the model.
+        carry: state after the batch before; updated.
+
+    Returns:
+        All returns as one scan; (c,) index of the first return of each next scan; (c,) whether azimuth passed 0 there,
+        else there was a pause.
     """
     slots = len(offset) * 384
     t_out = np.empty(slots)
@@ -131,16 +92,14 @@ def decode_returns(data: ByteArray, offset: IntArray, t_s: FloatArray, tables: T
     returns = np.empty(slots, np.uint8)
     cut_at = np.empty(len(offset) * 24, np.int64)
     cut_by_wrap = np.empty(len(offset) * 24, np.bool_)
-    # Data that may not be written to would be another type to the kernel, and compiled for once more.
+    # A read-only array is another type to numba: the kernel would be compiled a second time.
     n, cuts = _decode(
         np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), np.ascontiguousarray(t_s),
         tables.cycle_s, tables.resolution_m, tables.lasers, tables.order, carry.state,
         t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
     )  # fmt: skip
-    return Returns(
-        t_out[:n], xyz[:n], intensity[:n], laser[:n], column[:n], return_number[:n], returns[:n],
-        cut_at[:cuts], cut_by_wrap[:cuts],
-    )  # fmt: skip
+    scan = Scan(0, t_out[:n], xyz[:n], intensity[:n], laser[:n], column[:n], return_number[:n], returns[:n])
+    return scan, cut_at[:cuts], cut_by_wrap[:cuts]
 
 
 @njit(cache=True, nogil=True)
@@ -148,14 +107,12 @@ def _decode(  # type: ignore[no-untyped-def]
     data, offset, t_s, cycle_s, resolution_m, lasers, order, state,
     t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
 ):  # fmt: skip
-    """Returns of all packets in the order of firing; how many, and how many scans end among them.
+    """Returns of all packets in the order of firing; their number, and the number of scans that end among them.
 
-    Azimuth is counted in hundredths of a degree.
-
-    The azimuth of a firing is its block's, carried on by the packet's mean rate of turning (which averages out the
-    encoder's rounding over 11 blocks), to the microsecond of each laser's own firing (VLP-16 manual, section 9.5).
-    A sensor that is set to report only a sector leaves the rest out and fills its packets across: the blocks after
-    the leap were fired as much later as turning there took.
+    Azimuth is in hundredths of a degree. The azimuth of a firing is that of its block, extrapolated by the packet's
+    mean turning rate (which averages the encoder's rounding over 11 blocks) to the firing time of each laser (VLP-16
+    manual, section 9.5). A sensor that reports only a sector fills its packets across the gap: the blocks after the
+    leap are later by the time that turning through the gap takes.
     """
     lasers_n = len(order)
     per_block = 32 // lasers_n
@@ -185,7 +142,7 @@ def _decode(  # type: ignore[no-untyped-def]
         rate = max(0.0, turned / (steps * per_block * cycle_s)) if steps else 0.0
         state[_TURNED] += turned
         state[_TURNING] += steps * per_block * cycle_s
-        hidden = steps == blocks - 2  # one leap: the edges of the sector that the sensor is set to report
+        hidden = steps == blocks - 2  # one leap, between the edges of the sector that the sensor reports
         hidden_s = 0.0
         for i in range(lasers_n):
             ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad

@@ -126,7 +126,7 @@ def test_times__over_the_end_of_the_week(begins_anew: bool, tmp_path: Path) -> N
 
 
 def test_times__of_no_known_kind_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no known kind"):
+    with pytest.raises(InputError, match="unknown time scale"):
         poses(write(tmp_path, records(first_s=15_261_507.0)), week=WEEK)
 
 
@@ -159,7 +159,7 @@ def test_files__of_one_trajectory_follow_each_other(tmp_path: Path) -> None:
     a = write(tmp_path, records(), "a.sbet")
     b = write(tmp_path, records(first_s=407_200.0), "b.sbet")
     assert len(poses(a, b, week=WEEK)) == 600
-    with pytest.raises(InputError, match="come after later ones"):
+    with pytest.raises(InputError, match="out of time order"):
         poses(b, a, week=WEEK)
 
 
