@@ -26,6 +26,7 @@ import numpy as np
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.cloud.file import las_header
 from furrowmap.exporters.cloud.octree import Key, Limits, Octree
 from furrowmap.exporters.cloud.points import PointBatch, pack
@@ -56,7 +57,7 @@ class Collected:
         self.batches.append(
             PointBatch(
                 placed.xyz_m,
-                placed.t_s,
+                placed.scan.t_s,
                 intensity=scan.intensity,
                 return_number=scan.return_number,
                 returns=scan.returns,
@@ -123,7 +124,7 @@ def write_copclib(path: Path, cloud: Collected) -> None:
 
 def collect(session: Path) -> Collected:
     cloud = Collected()
-    run(session, cloud)
+    run(open_session(session), cloud)
     return cloud
 
 

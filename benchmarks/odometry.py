@@ -32,12 +32,10 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
@@ -168,19 +166,18 @@ class Recording:
 def prepare(folder: Path, work: Path) -> Recording:
     """Read a recording, and leave for the peers in `work` what they take: scans, their ends, and GNSS's steps."""
     session_file = folder / "session.toml"
-    session = load_session(session_file)
-    inputs, frame, mounting = Inputs.of(session_file, session), map_frame(session.crs), session.lidar.mounting
+    opened = open_session(session_file)
+    session, frame, mounting = opened.session, opened.frame, opened.session.lidar.mounting
     truth = trajectory_from_poses(PoseCsv([folder / "truth" / "trajectory.csv"], ReadOptions()).poses(), frame)
-    offset_s = session.recording.lidar_minus_gnss_s
     origin_m = np.round(truth.xyz_m[0])
-    placer = Placer(truth, mounting, offset_s, tuple(origin_m.tolist()))
+    placer = Placer(truth, mounting, tuple(origin_m.tolist()))
     t_s: list[float] = []
     clouds: list[NDArray[np.float32]] = []
     points = 0
-    for scan in open_lidar(inputs, session, float(np.mean(truth.span_s)) + offset_s).scans():
+    for scan in opened.lidar(float(np.mean(truth.span_s))).scans():
         if not scan.whole:
             continue
-        at_s = 0.5 * float(scan.t_s[0] + scan.t_s[-1]) - offset_s
+        at_s = 0.5 * float(scan.t_s[0] + scan.t_s[-1])
         placed, known = placer.place(scan)
         in_vehicle = scan.xyz_m @ mounting.rotation.T + mounting.xyz_m
         seen = placed[known & ~own_body(in_vehicle, session)] + origin_m
@@ -195,7 +192,7 @@ def prepare(folder: Path, work: Path) -> Recording:
     if len(times) < 2 or not np.all(np.diff(times) > 0):
         raise SystemExit(f"{folder}: {len(times)} scans with a true pose, or their times do not increase")
     lever = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
-    positions = open_positions(inputs, session)
+    positions = opened.positions()
     assert isinstance(positions, GivesTrack)
     gnss = trajectory_from_gnss(positions.track(), frame, lever, None).trajectory
     np.save(work / "points.npy", np.concatenate(clouds))

@@ -22,12 +22,10 @@ from pathlib import Path
 import numpy as np
 import velodyne_decoder
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.locating import locate
 from furrowmap.core.pointclouds.placed import place_scans
 from furrowmap.core.pointclouds.placing import Placer
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.simulate import simulate
 
@@ -82,20 +80,19 @@ def recording(passes: int) -> Path:
 
 def stages(session_file: Path) -> int:
     """Reading alone, then reading and placing; in this process, kernels compiled."""
-    session = load_session(session_file)
-    inputs = Inputs.of(session_file, session)
-    frame = map_frame(session.crs)
-    trajectory = locate(open_positions(inputs, session), session, frame).trajectory
+    opened = open_session(session_file)
+    session = opened.session
+    trajectory = locate(opened.positions(), session, opened.frame).trajectory
     near_s = float(np.mean(trajectory.t_s[[0, -1]]))
-    placer = Placer(trajectory, session.lidar.mounting, 0.0, (0.0, 0.0, 0.0))
+    placer = Placer(trajectory, session.lidar.mounting, (0.0, 0.0, 0.0))
     points = 0
 
     def read() -> None:
         nonlocal points
-        points = sum(len(scan) for scan in open_lidar(inputs, session, near_s).scans())
+        points = sum(len(scan) for scan in opened.lidar(near_s).scans())
 
     def place() -> None:
-        place_scans(open_lidar(inputs, session, near_s).scans(), placer, standing=True, sink=lambda _: None)
+        place_scans(opened.lidar(near_s).scans(), placer, standing=True, sink=lambda _: None)
 
     read()
     row("reading", points, median(read))

@@ -1,41 +1,45 @@
-"""From a session to placed points: the whole way, composed."""
+"""From an open session to placed points and the ground worked: a run, a run without scans, a preview."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 from time import perf_counter
 from typing import Final, Protocol
 
 import msgspec
 import numpy as np
 
-from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.matching.facing import TURNED_DEG
-from furrowmap.core.matching.laser_ranges import LaserRanges
-from furrowmap.core.matching.locating import SCANS_AHEAD, Located, locate, matched_to_ground
+from furrowmap.core.matching.locating import SCANS_AHEAD, Located, locate, located_without_lidar, matched_to_ground
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.pointclouds.placement_notices import gap_notices, refuse_empty, session_notices, tally_notices
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.reader import ClockReading
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions, watched
+from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.work.field_work import FieldWork, ImplementWatch, earlier_implement, field_boundary
+from furrowmap.core.work.field_work import FieldWork, ImplementWatch, field_boundary, with_ground
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.states_elsewhere import states_from_elsewhere
 
 ORIGIN_STEP_M: Final = 100.0
-"""The local origin of the points is a whole multiple of this."""
+"""The local origin of the points is a multiple of this."""
+PREVIEW_SCANS: Final = 400
+"""Places of the drive at which a preview reads scans; each shows the ground for some 15 m around."""
+PREVIEW_PERIOD_S: Final = 0.4
+"""Shortest period between them: half a metre of a tractor's way."""
+PREVIEW_LENGTH_S: Final = 0.12
+"""Time for which scans are read at each."""
 
 
-class CloudSink(Protocol):
+class PointSink(Protocol):
     """Takes the points of a run as they are placed."""
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
@@ -47,113 +51,155 @@ class CloudSink(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Run:
-    """What a run found out, besides the points that went to its sink.
+def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
+    """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
 
-    Attributes:
-        session: as it was understood.
-        inputs: the files that were read.
-        frame: the map frame.
-        located: the trajectory.
-        tally: scans and points, and the scans' poses.
-        work: what the implement did.
-        clocks: what the clocks in the scanner's recording said, the one that was used first.
-        notices: everything worth knowing, in the order of the work.
-        timings_s: seconds of each stage.
-    """
-
-    session: Session
-    inputs: tuple[Path, ...]
-    frame: MapFrame
-    located: Located
-    tally: Tally
-    work: FieldWork
-    clocks: tuple[ClockReading, ...]
-    notices: tuple[Notice, ...]
-    timings_s: dict[str, float]
-
-
-def run(session_file: Path, sink: CloudSink, progress: Progress = silent) -> Run:
-    """Place every point of a session's recording and hand them to `sink` scan by scan.
+    A session without a scanner's recording gives the ground worked alone, and `sink` gets nothing.
 
     Raises:
-        FurrowmapError: if the session, its files or what they hold do not make a cloud.
+        FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
     """
-    watch = _StopWatch()
-    session = load_session(session_file)
-    frame = map_frame(session.crs, session_file)
-    inputs = Inputs.of(session_file, session)
-    positions = open_positions(inputs, session)
+    session, frame, watch = opened.session, opened.frame, _StopWatch()
+    if not session.recording.lidar:
+        return _run_without_scans(opened, progress)
+    positions = opened.positions()
     located = locate(positions, session, frame)
-    boundary = field_boundary(session_file, session, frame)
-    elsewhere = states_from_elsewhere(inputs.states, session, located.trajectory)
+    boundary = field_boundary(opened.inputs.boundary, frame)
+    elsewhere = states_from_elsewhere(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
-    near_s = float(np.mean(located.trajectory.span_s)) + session.recording.lidar_minus_gnss_s
-    earlier = earlier_implement(session_file, session)
+    lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
+    earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementWatch(session, earlier)
-    lidar = open_lidar(inputs, session, near_s)
     if located.antenna is not None:
         located = matched_to_ground(located, lidar, session, implement.look, progress)
-        if located.mounting is not None and _faces_elsewhere(located.mounting, session.lidar.mounting):
-            # By the mounting as stated it was looked for on another side of the vehicle than it is.
-            implement = ImplementWatch(_mounted(session, located.mounting), earlier)
-            for scan in open_lidar(inputs, session, near_s).scans():
-                implement.look(scan)
+        if located.mounting is not None and _yaw_differs(located.mounting, session.lidar.mounting):
+            # With the stated mounting the implement was looked for on another side of the vehicle.
+            implement = ImplementWatch(_with_mounting(session, located.mounting), earlier)
+            _each(lidar.scans(), implement)
         watch.lap("matching")
     else:
-        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
-            implement.look(scan)
+        _each(watched(lidar.scans(), lidar, progress, "reading scans"), implement)
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    lidar = open_lidar(inputs, session, near_s)
     placer = placer_of(located, session)
     sink.begin(frame, placer.origin_m)
-    followed = implement.following(_with_ranges(lidar.scans(), located.ranges))
-    scans = watched(ahead(followed, SCANS_AHEAD), lidar, progress, "placing points")
+    scans = lidar.scans() if located.ranges is None else map(located.ranges.corrected, lidar.scans())
+    scans = watched(ahead(implement.following(scans), SCANS_AHEAD), lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
         tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
     refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
     watch.lap("work")
-    notices = [
-        *positions.notices,
-        *located.notices,
-        *lidar.notices,
-        *session_notices(session, located),
-        *gap_notices(tally, located),
-        *tally_notices(tally),
-        *(elsewhere[1] if elsewhere is not None else ()),
-        *work.notices,
-    ]
-    unique = tuple(dict.fromkeys(notices))
-    return Run(session, inputs.all, frame, located, tally, work, lidar.clocks, unique, watch.laps_s)
+    notices = [*positions.notices, *located.notices, *lidar.notices, *session_notices(session, located)]
+    notices += [*gap_notices(tally, located), *tally_notices(tally)]
+    notices += [*(elsewhere[1] if elsewhere is not None else ()), *work.notices]
+    return _result(opened, located, tally, work, lidar.clocks, notices, watch)
 
 
-def _faces_elsewhere(used: Mounting, stated: Mounting) -> bool:
-    """Whether the scanner faces another way than stated, not just a little beside it."""
-    forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
-    return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
+def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
+    """The ground worked in a session that names no scanner's recording."""
+    session, watch = opened.session, _StopWatch()
+    progress("reading positions", 0.0)
+    positions = opened.positions()
+    located = located_without_lidar(positions, session, opened.frame)
+    boundary = field_boundary(opened.inputs.boundary, opened.frame)
+    elsewhere = states_from_elsewhere(opened.inputs.states, session, located.trajectory)
+    assert elsewhere is not None
+    watch.lap("positions")
+    progress("work", 0.0)
+    known = FieldWork(boundary=boundary, elsewhere=elsewhere[0])
+    work = with_ground(known, located.trajectory, opened.frame, session.implement)
+    watch.lap("work")
+    notices = [*positions.notices, *located.notices, *elsewhere[1], *work.notices]
+    return _result(opened, located, Tally.without_scans(located.trajectory), work, (), notices, watch)
 
 
-def _mounted(session: Session, mounting: Mounting) -> Session:
-    """The session with another mounting of the scanner."""
-    lidar = msgspec.structs.replace(session.lidar, rpy_deg=mounting.rpy_deg)
-    return msgspec.structs.replace(session, lidar=lidar)
+def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
+    """A run with few scans, in seconds: neither matched to the ground nor searched for the implement.
+
+    An error that would stop a run before its work, such as clocks without a common time, stops a preview.
+
+    Args:
+        opened: the session.
+        sink: takes the points of these scans; not called where the session names no scanner's recording.
+        progress: is called with each stage.
+
+    Raises:
+        FurrowmapError: if the session's files do not make a track with points along it.
+    """
+    session, watch = opened.session, _StopWatch()
+    progress("reading positions", 0.0)
+    positions = opened.positions()
+    clocks: tuple[ClockReading, ...] = ()
+    if session.recording.lidar:
+        located = locate(positions, session, opened.frame)
+        begin_s, end_s = located.trajectory.span_s
+        period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
+        lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
+        placer = placer_of(located, session)
+        sink.begin(opened.frame, placer.origin_m)
+        scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
+        tally = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
+        refuse_empty(tally, located.trajectory, session)
+        clocks, assumed = lidar.clocks, session_notices(session, located)
+    else:
+        located = located_without_lidar(positions, session, opened.frame)
+        tally, assumed = Tally.without_scans(located.trajectory), []
+    watch.lap("preview")
+    notices = [*positions.notices, *located.notices, *assumed]
+    return _result(opened, located, tally, FieldWork(), clocks, notices, watch)
 
 
-def _with_ranges(scans: Iterator[Scan], ranges: LaserRanges | None) -> Iterator[Scan]:
-    """The scans without what their lasers measure too long, as far as the ground showed it."""
-    return scans if ranges is None else map(ranges.corrected, scans)
+def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
+    """The scans that begin within the first PREVIEW_LENGTH_S of each period; a period begins with a scan."""
+    begin_s = -np.inf
+    for scan in scans:
+        if not len(scan):
+            continue
+        since_s = float(scan.t_s[0]) - begin_s
+        if since_s >= period_s - PREVIEW_LENGTH_S or since_s < 0.0:
+            begin_s = float(scan.t_s[0])
+        elif since_s >= PREVIEW_LENGTH_S:
+            continue
+        yield scan
 
 
 def placer_of(located: Located, session: Session) -> Placer:
     """What places a session's points, against a round local origin in the middle of the drive."""
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
-    mounting = located.mounting or session.lidar.mounting
-    return Placer(located.trajectory, mounting, session.recording.lidar_minus_gnss_s, (e, n, h))
+    return Placer(located.trajectory, located.mounting or session.lidar.mounting, (e, n, h))
+
+
+def _each(scans: Iterable[Scan], implement: ImplementWatch) -> None:
+    for scan in scans:
+        implement.look(scan)
+
+
+def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
+    """Whether the yaw ambiguity of the mounting was resolved otherwise than stated."""
+    forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
+    return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
+
+
+def _with_mounting(session: Session, mounting: Mounting) -> Session:
+    lidar = msgspec.structs.replace(session.lidar, rpy_deg=mounting.rpy_deg)
+    return msgspec.structs.replace(session, lidar=lidar)
+
+
+def _result(
+    opened: OpenSession,
+    located: Located,
+    tally: Tally,
+    work: FieldWork,
+    clocks: tuple[ClockReading, ...],
+    notices: list[Notice],
+    watch: _StopWatch,
+) -> RunResult:
+    unique = tuple(dict.fromkeys(notices))
+    inputs = opened.inputs.all
+    return RunResult(opened.session, inputs, opened.frame, located, tally, work, clocks, unique, watch.laps_s)
 
 
 class _StopWatch:

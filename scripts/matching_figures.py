@@ -18,13 +18,11 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.locating import locate, matched_to_ground
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.surface import TILE, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
@@ -46,27 +44,27 @@ class Sample:
     """A sample recording: its session, the trajectories of GNSS alone and of matching, and the truth."""
 
     session: Session
-    inputs: Inputs
+    opened: OpenSession
     gnss: Trajectory
     matched: Trajectory
     truth: Trajectory
 
     def scans(self) -> Iterator[Scan]:
         """The recording's scans, once more."""
-        yield from open_lidar(self.inputs, self.session, self.truth.span_s[0]).scans()
+        yield from self.opened.lidar(self.truth.span_s[0]).scans()
 
 
 def sample(name: str) -> Sample:
     """The sample of that name, matched."""
     file = DATA / name / "session.toml"
-    session = load_session(file)
-    frame, inputs = map_frame(session.crs), Inputs.of(file, session)
-    located = locate(open_positions(inputs, session), session, frame)
+    opened = open_session(file)
+    session, frame = opened.session, opened.frame
+    located = locate(opened.positions(), session, frame)
     near_s = float(np.mean(located.trajectory.span_s))
-    matched = matched_to_ground(located, open_lidar(inputs, session, near_s), session)
+    matched = matched_to_ground(located, opened.lidar(near_s), session)
     poses = open_recording([DATA / name / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(poses, GivesPoses)
-    return Sample(session, inputs, located.trajectory, matched.trajectory, trajectory_from_poses(poses.poses(), frame))
+    return Sample(session, opened, located.trajectory, matched.trajectory, trajectory_from_poses(poses.poses(), frame))
 
 
 def placed(xyz_m: FloatArray, t_s: FloatArray, trajectory: Trajectory) -> FloatArray:
@@ -83,7 +81,7 @@ def without_frame(axes: Axes) -> None:
 
 def no_movement(one: Sample, picture: Path) -> None:
     """What two scans a second apart have in common, and what the ground between them says."""
-    returns = ground_returns(one.scans(), one.session.lidar.mounting, 0.0, one.truth)
+    returns = ground_returns(one.scans(), one.session.lidar.mounting, one.truth)
     unworked = np.abs(returns.xyz_m[:, 1]) > 1.2  # beside the tool
     t, half = np.asarray(returns.t_s[unworked]), np.asarray(returns.half[unworked])
     xyz = np.asarray(returns.xyz_m[unworked], np.float64)
@@ -155,7 +153,7 @@ def no_movement(one: Sample, picture: Path) -> None:
 
 def relief(one: Sample, picture: Path) -> None:
     """The same soil in two independent halves of the scans, and their slopes against each other."""
-    returns = ground_returns(one.scans(), one.session.lidar.mounting, 0.0, one.matched)
+    returns = ground_returns(one.scans(), one.session.lidar.mounting, one.matched)
     t = np.asarray(returns.t_s)
     early = t < t[0] + 10.0  # the first pass over stubble
     xyz = placed(np.asarray(returns.xyz_m[early], np.float64), t[early], one.matched)

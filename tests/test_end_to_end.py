@@ -19,8 +19,10 @@ import numpy as np
 import pytest
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import Run, run
+from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import open_session
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.workflows.run import write_products
 
 TRACTORS = ("tractor_loop", "tractor_fishtail")
@@ -41,7 +43,7 @@ class Gathered:
     def add(self, placed: PlacedScan) -> None:
         k = slice(None, None, self.every)
         scan = placed.scan
-        self.parts.append((placed.xyz_m[k] + self.origin, placed.t_s[k], scan.laser[k], scan.column[k]))
+        self.parts.append((placed.xyz_m[k] + self.origin, placed.scan.t_s[k], scan.laser[k], scan.column[k]))
 
     def columns(self) -> tuple[np.ndarray, ...]:
         return tuple(np.concatenate([part[i] for part in self.parts]) for i in range(4))
@@ -128,7 +130,7 @@ def test_with_the_true_trajectory_the_ground_is_as_sharp_as_the_sensor(
 def test_residuals_show_no_trend_with_time_laser_or_azimuth(shared_data: Path, tmp_path: Path, name: str) -> None:
     session = session_folder(shared_data, name, tmp_path, truth=True)
     sink = Gathered(every=7)
-    run(session, sink)
+    run(open_session(session), sink)
     xyz, t_s, laser, column = sink.columns()
     dz, used = against_the_surface_of_its_moment(shared_data / name, xyz, t_s)
     laser, column, time = laser[used], column[used], t_s[used] - t_s.min()
@@ -174,8 +176,8 @@ def test_a_recording_cut_inside_a_packet_gives_all_up_to_the_cut(shared_data: Pa
     everything = session_folder(shared_data, name, tmp_path / "whole", truth=True)
     part, full = Gathered(), Gathered()
 
-    found: Run = run(session, part)
-    run(everything, full)
+    found: RunResult = run(open_session(session), part)
+    run(open_session(everything), full)
 
     xyz, t_s, *_ = part.columns()
     expected, moments, *_ = full.columns()

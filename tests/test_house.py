@@ -33,7 +33,17 @@ ROOMS = {
     "implement": ["values"],
     "matching": ["estimation", "geodesy", "readers", "session", "trajectory", "values"],
     "pointclouds": ["geodesy", "implement", "matching", "readers", "session", "surfaces", "values"],
-    "work": ["geodesy", "implement", "pointclouds", "readers", "session", "surfaces", "trajectory", "values"],
+    "work": [
+        "geodesy",
+        "implement",
+        "matching",
+        "pointclouds",
+        "readers",
+        "session",
+        "surfaces",
+        "trajectory",
+        "values",
+    ],
     "checking": ["geodesy", "pointclouds", "readers", "values"],
     "evaluation": ["readers", "values"],
     "simulator": [],
@@ -54,7 +64,7 @@ MAY_IMPORT = {
         f"furrowmap.core.{room}" for room in ROOMS if room not in {"simulator", "checking", "evaluation"}
     ],
     "furrowmap.core": [],
-    "furrowmap.exporters": ["furrowmap.core", "furrowmap.exporters"],
+    "furrowmap.exporters": [*(f"furrowmap.core.{room}" for room in ROOMS), "furrowmap.exporters"],
     "furrowmap": ["furrowmap"],
     "furrowmap.cli": ["furrowmap"],
 }

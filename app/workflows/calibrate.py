@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import msgspec
 import numpy as np
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.locating import locate, match_session
 from furrowmap.core.matching.matched import CLOCK_CERTAIN, Matched
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
@@ -65,21 +62,19 @@ def calibrate(session_file: Path, progress: Progress = silent) -> Calibration:
         RefusedError: if the scans do not show enough of the ground.
         FurrowmapError: if the session or its files do not make a trajectory.
     """
-    session = load_session(session_file)
-    inputs = Inputs.of(session_file, session)
-    frame = map_frame(session.crs, session_file)
-    located = locate(open_positions(inputs, session), session, frame)
+    opened = open_session(session_file)
+    session = opened.session
+    located = locate(opened.positions(), session, opened.frame)
     stated = session.recording.lidar_minus_gnss_s
     offset, sigma, matched = stated, float("nan"), None
     before = 0.0
     for _ in range(ROUNDS):
-        recording = msgspec.structs.replace(session.recording, lidar_minus_gnss_s=offset)
-        attempt = msgspec.structs.replace(session, recording=recording)
-        near_s = float(np.mean(located.trajectory.span_s)) + offset
+        attempt = opened.with_clock_offset(offset)
         if located.antenna is None:
             raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
         try:
-            matched = match_session(located, open_lidar(inputs, session, near_s), attempt, progress=progress)
+            lidar = attempt.lidar(float(np.mean(located.trajectory.span_s)))
+            matched = match_session(located, lidar, session, progress=progress)
         except np.linalg.LinAlgError as error:
             why = "positions and ground leave a part of the drive without any hold"
             raise _not_shown(session_file, why) from error

@@ -11,8 +11,9 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import Run
+from furrowmap.core.pipeline import preview
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.clock import iso_utc
@@ -20,6 +21,7 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.files.json_text import json_text
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import staged_folder
@@ -28,7 +30,6 @@ from furrowmap.exporters.rasters.field_rasters import style_of
 from furrowmap.exporters.reports.report import files_in
 from furrowmap.exporters.reports.run_report import run_origin, way
 from furrowmap.exporters.vectors.geopackage import write_field
-from furrowmap.workflows.preview_run import preview
 
 TRACK: Final = "preview_track.gpkg"
 SURFACE: Final = "preview_dsm.tif"
@@ -54,7 +55,7 @@ def write_preview(session_file: Path, folder: Path, progress: Progress = silent)
     """
     with staged_folder(folder) as staging:
         with FieldPoints(staging, CELL_M) as land:
-            found = preview(session_file, _Sink(land), progress)
+            found = preview(open_session(session_file), _Sink(land), progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
             figures = _figures(found)
@@ -91,14 +92,14 @@ class _Sink:
         self._land.add(placed)
 
 
-def _track(found: Run) -> ScanPoses:
+def _track(found: RunResult) -> ScanPoses:
     """The trajectory's knots, evenly fewer where there are very many."""
     knots = ScanPoses.at_knots(found.located.trajectory)
     some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
     return ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
 
 
-def _figures(found: Run) -> dict[str, Any]:
+def _figures(found: RunResult) -> dict[str, Any]:
     begin_s, end_s = found.located.trajectory.span_s
     distance_m, standing_s = way(found.located.trajectory, begin_s, end_s)
     return {
@@ -120,7 +121,7 @@ def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
     return [{"name": path.relative_to(root).as_posix(), "bytes": path.stat().st_size} for path in read]
 
 
-def _write_surface(folder: Path, land: FieldPoints, found: Run, origin: Origin) -> dict[str, float]:
+def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Origin) -> dict[str, float]:
     """Write the surface with its style; what is to be told of it: nothing where no point lies on the land."""
     grid = land.grid
     if grid is None:

@@ -17,12 +17,11 @@ import tomli_w
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import save_implement
-from furrowmap.core.pipeline import Run, run
 from furrowmap.core.pointclouds.placed import PlacedScan
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs
+from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
@@ -30,6 +29,7 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.points import PointBatch
@@ -51,7 +51,6 @@ from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import report_of, run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
-from furrowmap.workflows.run_without_lidar import run_without_lidar
 
 CLOUD: Final = "cloud.copc.laz"
 FIELD: Final = "field.gpkg"
@@ -100,11 +99,12 @@ def write_products(
         FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
     """
     start = perf_counter()
+    opened = open_session(session_file)
     origin = _way_to(session_file, folder)
     _refuse_original(folder, session_file)
-    inputs = None if overwrite else _refuse_foreign(folder, session_file, progress)
+    inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
     with staged_folder(folder) as staging:
-        made = _made(session_file, staging, inputs, progress)
+        made = _made(opened, staging, inputs, progress)
         found, summary = made.found, made.cloud
         told = run_origin(found, made.inputs)
         progress("writing layers", 0.0)
@@ -129,22 +129,20 @@ def write_products(
 class _Made:
     """What a run found out, and what is told of its cloud and its rasters; None where there are none."""
 
-    found: Run
+    found: RunResult
     inputs: list[FileRecord]
     cloud: CopcSummary | None = None
     rasters: RasterFigures | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def _made(session_file: Path, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
+def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
-    root = session_file.resolve().parent
-    if not load_session(session_file).recording.lidar:
-        found = run_without_lidar(session_file, progress)
-        return _Made(found, inputs or file_records(found.inputs, root, progress))
     with _Cloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
-        found = run(session_file, _Both(cloud, land), progress)
-        inputs = inputs or file_records(found.inputs, root, progress)
+        found = pipeline.run(opened, _Both(cloud, land), progress)
+        inputs = inputs or file_records(found.inputs, opened.file.resolve().parent, progress)
+        if not found.session.recording.lidar:
+            return _Made(found, inputs)
         origin = run_origin(found, inputs)
         begin = perf_counter()
         summary = cloud.finish(progress, found.work, f"{found.frame.words}\n{origin.text}".strip())
@@ -205,7 +203,7 @@ class _Cloud:
         self._writer.append(
             PointBatch(
                 placed.xyz_m,
-                placed.t_s,
+                scan.t_s,
                 intensity=scan.intensity,
                 return_number=scan.return_number,
                 returns=scan.returns,
@@ -293,7 +291,7 @@ def _refuse_original(folder: Path, session_file: Path) -> None:
         )
 
 
-def _refuse_foreign(folder: Path, session_file: Path, progress: Progress) -> list[FileRecord] | None:
+def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:
     """Keep the products of another session where they are.
 
     Recorders give their files the same names every time, so the files' content decides.
@@ -310,11 +308,10 @@ def _refuse_foreign(folder: Path, session_file: Path, progress: Progress) -> lis
     there = [name for name in PRODUCTS if (folder / name).exists()]
     if not there:
         return None
-    session = load_session(session_file)
-    inputs = file_records(Inputs.of(session_file, session).all, session_file.resolve().parent, progress)
+    inputs = file_records(opened.inputs.all, opened.file.resolve().parent, progress)
     try:
         earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))
-        same = (earlier["session"]["name"], earlier["inputs"]) == (session.name, plain(inputs))
+        same = (earlier["session"]["name"], earlier["inputs"]) == (opened.session.name, plain(inputs))
     except (OSError, ValueError, KeyError, TypeError):
         same = False
     if not same:

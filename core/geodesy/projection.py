@@ -17,7 +17,7 @@ from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile,
 from furrowmap.core.geodesy.stated_frame import StatedFrame, stated_frame
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs, resolve
+from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
 
 FloatArray = NDArray[np.float64]
 
@@ -151,12 +151,13 @@ def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
     return (first + east + 180.0) % 360.0 - 180.0, float(np.nanmedian(lat_deg))
 
 
-def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
+def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | None = None) -> MapFrame:
     """The map frame that a session asks for.
 
     Args:
-        crs: what the session says of it.
-        session_file: beside which the files lie that it names; None for one that names none.
+        crs: the session's table.
+        parameters_file: the file that `crs.parameters` names.
+        geoid_grid: the file that `crs.geoid_grid` names.
 
     Raises:
         InputError: if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres,
@@ -165,7 +166,7 @@ def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
     """
     flat, vertical = _projected(crs)
     unused = vertical if crs.heights == ELLIPSOIDAL else None
-    parameters = _parameters(crs, flat, session_file)
+    parameters = _parameters(crs, flat, parameters_file)
     stated = stated_frame(crs.coordinates)
     if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
         raise InputError(
@@ -175,8 +176,7 @@ def map_frame(crs: Crs, session_file: Path | None = None) -> MapFrame:
             code="crs-coordinates",
         )
     base = (stated.frame if stated is not None else flat.geodetic_crs) or flat
-    grid = resolve(session_file, crs.geoid_grid) if crs.geoid_grid is not None and session_file is not None else None
-    heights = height_system(crs.heights, base, grid)
+    heights = height_system(crs.heights, base, geoid_grid)
     if stated is not None:
         return MapFrame(stated.map_crs(flat), None, stated, heights, flat, unused)
     return MapFrame(flat, parameters, None, heights, None, unused)
@@ -206,7 +206,7 @@ def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
     return flat, vertical[0] if vertical else None
 
 
-def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile | None:
+def _parameters(crs: Crs, flat: CRS, file: Path | None) -> ParameterFile | None:
     """The file that leads from the current epoch to the map's; None where coordinates are taken as they are."""
     if crs.coordinates != CURRENT_EPOCH:
         return None
@@ -218,7 +218,7 @@ def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile
             'Choose a CRS on JGD2011, or go on in the frame of the receiver: `coordinates = "itrf2020@2026.4"`.',
             code="epoch-map",
         )
-    if crs.parameters is None or session_file is None:
+    if file is None:
         raise RefusedError(
             f'The session\'s key `crs.coordinates` is "{CURRENT_EPOCH}", and no key `crs.parameters` names a file.',
             "Since the map's epoch the ground has moved by decimetres, and how far only the file tells.",
@@ -226,7 +226,7 @@ def _parameters(crs: Crs, flat: CRS, session_file: Path | None) -> ParameterFile
             'write `parameters = "SemiDyna2026.par"` under [crs]; or state frame and epoch: "itrf2020@2026.4".',
             code="parameters-missing",
         )
-    found = read_parameters(resolve(session_file, crs.parameters))
+    found = read_parameters(file)
     if found.format not in BETWEEN_EPOCHS:
         raise InputError(
             f"{found.name} holds parameters of the kind {found.format}, which lead from one datum to another.",

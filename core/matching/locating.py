@@ -15,12 +15,14 @@ from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.matched import Matched, match
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, Reader
-from furrowmap.core.session.inputs import LidarReader, watched
+from furrowmap.core.session.opened import LidarRecording, watched
+from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.positions import Positions, fixes_from_labels
+from furrowmap.core.trajectory.positions import Positions, fixes_from_labels, quality_words
 from furrowmap.core.values.ahead import ahead
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
@@ -29,6 +31,13 @@ from furrowmap.core.values.trajectory import Trajectory
 
 SCANS_AHEAD: Final = 32
 """Scans that are read while others are at work."""
+SLOWEST_DIRECTIONS_S: Final = 0.3
+"""Positions further apart than this do not show whether a vehicle reverses."""
+_FORWARD: Final = Notice(
+    "direction-forward",
+    "Positions are too far apart, or have no heights, for a direction of motion to be seen in them: the vehicle is "
+    "taken to drive forward, level, along its course.",
+)
 _UNSOLVED: Final = Notice(
     "matching-unsolved",
     "The scans were not matched: positions and ground leave a part of the drive without any hold, so that the poses' "
@@ -85,7 +94,7 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
 
 def matched_to_ground(
     located: Located,
-    lidar: LidarReader,
+    lidar: LidarRecording,
     session: Session,
     on_scan: Callable[[Scan], None] | None = None,
     progress: Progress = silent,
@@ -112,7 +121,7 @@ def matched_to_ground(
 
 def match_session(
     located: Located,
-    lidar: LidarReader,
+    lidar: LidarRecording,
     session: Session,
     on_scan: Callable[[Scan], None] | None = None,
     progress: Progress = silent,
@@ -127,9 +136,7 @@ def match_session(
     implement = session.implement
     tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
     scans = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
-    returns = ground_returns(
-        scans, session.lidar.mounting, session.recording.lidar_minus_gnss_s, located.trajectory, on_scan
-    )
+    returns = ground_returns(scans, session.lidar.mounting, located.trajectory, on_scan)
     return match(
         returns,
         located.trajectory,
@@ -139,3 +146,24 @@ def match_session(
         tool,
         lambda share: progress("matching scans", share),
     )
+
+
+def located_without_lidar(positions: Reader, session: Session, frame: MapFrame) -> Located:
+    """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves."""
+    if session.trajectory is not None or not isinstance(positions, GivesTrack):
+        return locate(positions, session, frame)
+    track = positions.track()
+    if not _seldom(track):
+        return locate(positions, session, frame)
+    lever_m = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+    track, brought = brought_track(track, frame)
+    course = trajectory_from_course(track, frame, lever_m)
+    used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
+    notices = (_FORWARD, *brought.notices, *course.notices)
+    return Located(course.trajectory, "gnss", used, notices, brought=brought)
+
+
+def _seldom(track: GnssTrack) -> bool:
+    if len(track) < 2:
+        return True
+    return float(np.median(np.diff(track.t_s))) > SLOWEST_DIRECTIONS_S or not np.isfinite(track.height_m).any()

@@ -82,7 +82,6 @@ class GroundReturns:
 def ground_returns(
     scans: Iterable[Scan],
     mounting: Mounting,
-    lidar_minus_gnss_s: float,
     trajectory: Trajectory,
     on_scan: Callable[[Scan], None] | None = None,
 ) -> GroundReturns:
@@ -94,7 +93,6 @@ def ground_returns(
     Args:
         scans: in the order of time.
         mounting: of the sensor.
-        lidar_minus_gnss_s: what the sensor's clock is ahead of the trajectory's.
         trajectory: the first approximation; scans well outside its span are left out, those at a stand teach nothing
             about the body.
         on_scan: sees each scan on its way.
@@ -115,7 +113,7 @@ def ground_returns(
                 on_scan(scan)
             if not len(scan):
                 continue
-            t_s = scan.t_s - lidar_minus_gnss_s
+            t_s = scan.t_s
             if t_s[0] < begin_s or t_s[-1] > end_s:
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING

@@ -28,14 +28,12 @@ class PlacedScan:
     Attributes:
         scan: the points as measured.
         xyz_m: (n, 3) float64 easting, northing, height less the placer's local origin.
-        t_s: (n,) UTC by the trajectory's clock.
         classification: (n,) uint8, :class:`~furrowmap.core.values.point_classes.PointClass` as far as the scan alone
             shows it: the machine, noise, and all else "other".
     """
 
     scan: Scan
     xyz_m: NDArray[np.float64]
-    t_s: NDArray[np.float64]
     classification: NDArray[np.uint8]
 
     @property
@@ -101,7 +99,7 @@ def place_scans(
 
     Args:
         scans: in the order of time.
-        placer: trajectory, mounting and clocks.
+        placer: trajectory and mounting.
         standing: whether scans taken at a stand go to `sink`.
         sink: takes the points of each scan that has any.
         classify: gives the classes of a scan's points.
@@ -119,7 +117,7 @@ def place_scans(
         read += len(scan)
         if not len(scan):
             continue
-        t_s = scan.t_s - placer.lidar_minus_gnss_s
+        t_s = scan.t_s
         if t_s[0] < last_s - DISORDER_S:
             raise _runs_back(scan.number, float(t_s[0]), last_s)
         first_s = first_s if np.isfinite(first_s) else float(t_s[0])
@@ -134,8 +132,8 @@ def place_scans(
             without_pose += 1
             continue
         if count < len(scan):
-            scan, xyz, t_s, classification = _part(scan, known), xyz[known], t_s[known], classification[known]
-        middle_s = _middle_s(t_s, placer.trajectory)
+            scan, xyz, classification = _part(scan, known), xyz[known], classification[known]
+        middle_s = _middle_s(scan.t_s, placer.trajectory)
         number.append(scan.number)
         t_mid.append(middle_s)
         if not standing and _nearest_motion(placer.trajectory, middle_s) == Motion.STANDING:
@@ -144,7 +142,7 @@ def place_scans(
             placed_points.append(0)
             continue
         placed_points.append(count)
-        sink(PlacedScan(scan, xyz, t_s, classification))
+        sink(PlacedScan(scan, xyz, classification))
     return Tally(
         scans=total,
         scans_whole=whole,

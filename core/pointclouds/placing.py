@@ -24,13 +24,11 @@ class Placer:
     Attributes:
         trajectory: of the vehicle frame.
         mounting: of the sensor.
-        lidar_minus_gnss_s: what the sensor's clock is ahead of the trajectory's.
         origin_m: local origin (easting, northing, height) that is taken off the coordinates given out.
     """
 
     trajectory: Trajectory
     mounting: Mounting
-    lidar_minus_gnss_s: float
     origin_m: tuple[float, float, float]
 
     @cached_property
@@ -56,7 +54,6 @@ class Placer:
         coordinates, known = place_points(
             np.ascontiguousarray(scan.t_s, np.float64),
             np.ascontiguousarray(scan.xyz_m, np.float32),
-            self.lidar_minus_gnss_s,
             np.ascontiguousarray(self.mounting.rotation),
             np.asarray(self.mounting.xyz_m, np.float64),
             *self._knots,
@@ -66,13 +63,13 @@ class Placer:
 
 
 @numba.njit(
-    "Tuple((float64[:, ::1], boolean[::1]))(float64[::1], float32[:, ::1], float64, float64[:, ::1], float64[::1],"
+    "Tuple((float64[:, ::1], boolean[::1]))(float64[::1], float32[:, ::1], float64[:, ::1], float64[::1],"
     " float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], float64)",
     cache=True,
     nogil=True,
 )
 def place_points(  # type: ignore[no-untyped-def]
-    t_s, xyz_m, clock_offset_s, mount, lever_m, knot_s, knot_m, knot_rotation, turn_rad, max_gap_s
+    t_s, xyz_m, mount, lever_m, knot_s, knot_m, knot_rotation, turn_rad, max_gap_s
 ):
     """Kernel of :meth:`Placer.place`: ``p = X(t) + R(t) (M p_lidar + lever)``.
 
@@ -83,7 +80,7 @@ def place_points(  # type: ignore[no-untyped-def]
     known = np.zeros(n, np.bool_)
     k = 0
     for i in range(n):
-        t = t_s[i] - clock_offset_s
+        t = t_s[i]
         if not (knot_s[0] <= t <= knot_s[m - 1]):
             out[i] = np.nan
             continue

@@ -12,10 +12,9 @@ from pyproj import CRS, Geod
 
 from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, Brought, brought_poses, brought_track
 from furrowmap.core.geodesy.crs_choice import choose_crs
-from furrowmap.core.geodesy.projection import MapFrame, map_frame, middle_deg
+from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_positions
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.compass import compass_word
 from furrowmap.core.values.errors import InputError
@@ -159,9 +158,8 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
     Raises:
         FurrowmapError: as the run would, if they cannot be brought to the map.
     """
-    session = load_session(session_file)
-    frame = map_frame(session.crs, session_file)
-    reader = open_positions(Inputs.of(session_file, session), session)
+    opened = open_session(session_file)
+    session, frame, reader = opened.session, opened.frame, opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:
         poses, brought = brought_poses(reader.poses(), frame)
         t_s = poses.t_s

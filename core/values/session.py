@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Final
 
 import msgspec
 
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.mounting import Mounting
 
 SCHEMA: Final = 1
@@ -170,50 +168,3 @@ class Session(_Part, frozen=True):
     field: Field = Field()
     trajectory: TrajectorySource | None = None
     run: Run = Run()
-
-
-def resolve(session_file: Path, named: str) -> Path:
-    """The path of a file that a session names: relative to the session file, and inside its folder.
-
-    A folder is as good as a file where it is a ROS 2 bag, or holds task data.
-
-    Raises:
-        InputError: if the name leads out of the session's folder (or a file in a bag's folder does), or if the file is
-            not there.
-    """
-    folder = session_file.resolve().parent
-    try:
-        path = (folder / named).resolve()
-        inside = list(path.iterdir()) if path.is_dir() else []
-        is_whole = any(_of_a_whole(file) for file in inside)
-        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_whole else ())))
-        is_file, is_folder = path.is_file(), path.is_dir()
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{session_file}: {named!r} cannot be the name of a file ({error}).",
-            "A file that the session names cannot be there, so the work did not start.",
-            "Correct the name in the session file; paths are relative to that file.",
-            code="session-file-missing",
-        ) from None
-    if leads_out:
-        raise InputError(
-            f"{session_file}: {named!r} leads out of the session's folder.",
-            "A session may only name files beside or below itself, so that a foreign one cannot read others.",
-            "Put the session file at or above the recordings' folder, or copy the recording beside it.",
-            code="session-path-outside",
-        )
-    if not is_file and not is_whole:
-        what = "a folder, and holds no bag and no task data" if is_folder else "not there"
-        raise InputError(
-            f"{session_file}: {named!r} is {what}.",
-            "A file that the session names is missing, so the work did not start.",
-            "Correct the name in the session file; paths are relative to that file.",
-            code="session-file-missing",
-        )
-    return path
-
-
-def _of_a_whole(file: Path) -> bool:
-    """Whether a file is named as those in the folder of a ROS 2 bag, or of task data, are."""
-    named = file.name == "metadata.yaml" or file.name.upper() == "TASKDATA.XML"
-    return named or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

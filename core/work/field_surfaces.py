@@ -101,7 +101,7 @@ class FieldPoints:
         """Take the points of one scan that may lie on the land and not too far away."""
         assert self._spool is not None
         near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, REACH_M)
-        self._spool.add(placed.xyz_m, placed.t_s, near, self._origin_m)
+        self._spool.add(placed.xyz_m, placed.scan.t_s, near, self._origin_m)
 
     @property
     def grid(self) -> Grid | None:

@@ -18,12 +18,11 @@ from furrowmap.core.implement.machine import Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
-from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import REPLACE, Implement, Session, resolve
+from furrowmap.core.values.session import REPLACE, Implement, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.boundary import boundary_on_map
@@ -95,27 +94,13 @@ class FieldWork:
         return pass_numbers(self.passes, t_s)
 
 
-def field_boundary(session_file: Path, session: Session, frame: MapFrame) -> BaseGeometry | None:
-    """The boundary that a session names, in the map frame.
+def field_boundary(file: Path | None, frame: MapFrame) -> BaseGeometry | None:
+    """The field's boundary in the map frame; None without a file.
 
     Raises:
-        InputError: if it cannot be read, or lies elsewhere.
+        InputError: if the file cannot be read, or the boundary lies elsewhere.
     """
-    if session.field.boundary is None:
-        return None
-    return boundary_on_map(read_boundary(resolve(session_file, session.field.boundary)), frame)
-
-
-def earlier_implement(session_file: Path, session: Session) -> SeenImplement | None:
-    """The implement that a session names as learned before.
-
-    Raises:
-        InputError: if it cannot be read.
-    """
-    stated = session.implement
-    if stated is None or stated.learned is None:
-        return None
-    return load_implement(resolve(session_file, stated.learned))
+    return boundary_on_map(read_boundary(file), frame) if file is not None else None
 
 
 class ImplementWatch:
@@ -151,8 +136,7 @@ class ImplementWatch:
         self._learned = learn_implement(self._near.scans, hint)
         if self._learned.implement is None and self._earlier is not None:
             self._learned = Learned(self._earlier, (_FROM_EARLIER,))
-        ahead_s = self._session.recording.lidar_minus_gnss_s
-        begin_s = np.array([scan.begin_s for scan in self._near.scans]) - ahead_s
+        begin_s = np.array([scan.begin_s for scan in self._near.scans])
         machine = learn_machine(self._near.scans, _moving(trajectory, begin_s), mounting, self._learned.implement)
         if machine is None:
             self._notices = (_NO_MACHINE,)
@@ -164,10 +148,9 @@ class ImplementWatch:
 
     def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
         """The scans of the second reading, looked at on their way."""
-        ahead_s = self._session.recording.lidar_minus_gnss_s
         for scan in scans:
             if self._heights is not None:
-                self._heights.add(replace(scan, t_s=scan.t_s - ahead_s) if ahead_s else scan)
+                self._heights.add(scan)
             yield scan
 
     def work(

@@ -9,11 +9,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from furrowmap.core.pipeline import Run
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import SwathAgreement, SwathSums, block_grid
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import (
@@ -69,7 +69,7 @@ class RasterFigures:
 
 
 def write_rasters(
-    folder: Path, land: FieldPoints, found: Run, origin: Origin, progress: Progress
+    folder: Path, land: FieldPoints, found: RunResult, origin: Origin, progress: Progress
 ) -> RasterFigures | None:
     """Write the rasters of a run into a folder; None, and no file, where no point lies on the land.
 

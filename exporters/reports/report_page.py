@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
-from furrowmap.core.pipeline import Run
 from furrowmap.core.surfaces.visits import SwathAgreement
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.png import data_uri
@@ -63,7 +63,9 @@ _FAR: Final = np.array([68.0, 1.0, 84.0])
 _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
-def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None, swaths: SwathAgreement | None) -> None:
+def write_page(
+    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, swaths: SwathAgreement | None
+) -> None:
     """Write `report.html`.
 
     Args:
@@ -101,12 +103,12 @@ def write_page(path: Path, found: Run, cloud: Path, summary: CopcSummary | None,
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 
-def _when(found: Run) -> str:
+def _when(found: RunResult) -> str:
     begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.tally.first_s, found.tally.last_s))
     return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {end:%H:%M:%S} UTC"
 
 
-def _summary(found: Run) -> str:
+def _summary(found: RunResult) -> str:
     """The session in a sentence or two."""
     ground = found.work.ground
     if ground is None:
@@ -125,7 +127,7 @@ def _summary(found: Run) -> str:
     return f"<b>{escape(', '.join(parts))}.</b>"
 
 
-def _figures(found: Run) -> Iterable[str]:
+def _figures(found: RunResult) -> Iterable[str]:
     ground = found.work.ground
     if ground is not None:
         figures = ground.figures
@@ -227,7 +229,7 @@ def _fix_word(fix: int) -> str:
     return _FIX_WORDS.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
 
 
-def _accuracy(found: Run) -> str:
+def _accuracy(found: RunResult) -> str:
     poses, work = found.tally.poses, found.work
     east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
     rows = [
@@ -314,7 +316,7 @@ def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDAr
     return picture
 
 
-def _provenance(found: Run) -> str:
+def _provenance(found: RunResult) -> str:
     names = ", ".join(path.name for path in found.inputs)
     cloud = " Cloud: cloud.copc.laz." if found.tally.points else ""
     return (

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.pipeline import Run
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.point_classes import PointClass
@@ -19,6 +18,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.states_elsewhere import NEAR_S
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.provenance import Origin
@@ -27,7 +27,7 @@ from furrowmap.exporters.reports.report import FileRecord, Report
 
 
 def report_of(
-    found: Run,
+    found: RunResult,
     session_file: str,
     cloud: CopcSummary | None,
     rasters: RasterFigures | None,
@@ -61,7 +61,7 @@ def report_of(
     )
 
 
-def run_origin(found: Run, inputs: Sequence[FileRecord]) -> Origin:
+def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
     """Where the products of a run come from, as it is told inside them."""
     frame, session = found.frame, found.session
     parameters = {"coordinates": session.crs.coordinates, "heights": frame.heights.name}
@@ -80,7 +80,7 @@ def run_origin(found: Run, inputs: Sequence[FileRecord]) -> Origin:
     )
 
 
-def _figures(found: Run, cloud: CopcSummary | None) -> dict[str, Any]:
+def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
     """Counts, times and lengths."""
     tally = found.tally
     distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
@@ -111,7 +111,7 @@ def points_by_class(cloud: CopcSummary) -> dict[str, int]:
     return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
 
 
-def _bounds(found: Run, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
+def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
     """The lowest and the highest coordinates: of the cloud, or of the vehicle's way where there is none."""
     if cloud is not None:
         return cloud.low_m, cloud.high_m
@@ -193,7 +193,7 @@ def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, fl
     return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())
 
 
-def _accuracy(found: Run) -> dict[str, Any]:
+def _accuracy(found: RunResult) -> dict[str, Any]:
     """The sigmas of the scans' poses: median and 95th percentile of each, null where unknown; and which are assumed."""
     out: dict[str, Any] = {}
     for name, sigma in zip(SIGMAS, found.tally.poses.sigma.T, strict=True):
@@ -206,7 +206,7 @@ def _accuracy(found: Run) -> dict[str, Any]:
     return out | {"assumed": assumed, "matching": located.matching}
 
 
-def _observability(found: Run) -> dict[str, Any]:
+def _observability(found: RunResult) -> dict[str, Any]:
     """What held each unknown of the poses, as shares of the scans."""
     poses = found.tally.poses
 
@@ -225,7 +225,7 @@ def _observability(found: Run) -> dict[str, Any]:
     }
 
 
-def _clocks(found: Run) -> dict[str, Any]:
+def _clocks(found: RunResult) -> dict[str, Any]:
     """What each clock said."""
     track = found.located.trajectory.t_s
     return {

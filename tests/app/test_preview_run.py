@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furrowmap.core.pipeline import PREVIEW_LENGTH_S, PREVIEW_PERIOD_S, preview_scans
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.velodyne.captures import VelodynePcap
 from furrowmap.core.values.scan import Scan
-from furrowmap.workflows.preview_run import LENGTH_S, SHORTEST_S, glances
 
 
 def scan(t_s: float, n: int = 1) -> Scan:
@@ -24,23 +24,23 @@ def scan(t_s: float, n: int = 1) -> Scan:
 
 @given(
     steps=st.lists(st.floats(0.02, 20.0), min_size=1, max_size=60),
-    period_s=st.floats(SHORTEST_S, 60.0),
+    period_s=st.floats(PREVIEW_PERIOD_S, 60.0),
 )
-def test_glances__are_never_further_apart_than_the_period_and_the_next_scan(
+def test_preview_scans__are_never_further_apart_than_the_period_and_the_next_scan(
     steps: list[float], period_s: float
 ) -> None:
     t_s = np.cumsum(steps)
-    kept = [float(s.t_s[0]) for s in glances(map(scan, t_s.tolist()), period_s)]
+    kept = [float(s.t_s[0]) for s in preview_scans(map(scan, t_s.tolist()), period_s)]
     assert kept[0] == t_s[0]
     for left_out in sorted(set(t_s.tolist()) - set(kept)):
         before = max(t for t in kept if t < left_out)
         assert left_out - before < period_s
-    looks = [t for t, previous in zip(kept, [-np.inf, *kept], strict=False) if t - previous >= LENGTH_S]
-    assert all(b - a >= period_s - 2 * LENGTH_S for a, b in pairwise(looks))
+    looks = [t for t, previous in zip(kept, [-np.inf, *kept], strict=False) if t - previous >= PREVIEW_LENGTH_S]
+    assert all(b - a >= period_s - 2 * PREVIEW_LENGTH_S for a, b in pairwise(looks))
 
 
-def test_glances__leave_out_scans_without_returns() -> None:
-    assert [len(s) for s in glances(iter([scan(0.0, 0), scan(0.1), scan(0.2, 0)]), 1.0)] == [1]
+def test_preview_scans__leave_out_scans_without_returns() -> None:
+    assert [len(s) for s in preview_scans(iter([scan(0.0, 0), scan(0.1), scan(0.2, 0)]), 1.0)] == [1]
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,13 @@ from pathlib import Path
 import pyogrio
 import pytest
 
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline import run
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.work.run_result import RunResult
 from furrowmap.workflows.run import write_products
-from furrowmap.workflows.run_without_lidar import run_without_lidar
 
 SESSION = """furrowmap = 1
 name = "Harvest"
@@ -24,6 +28,20 @@ width_m = 9.0
 xy_m = [0.0, 0.0]
 states = ["{states}"]
 """
+
+
+class NoSink:
+    """Takes no points, because there are none."""
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        pytest.fail("a session without scans has no points")
+
+    def add(self, placed: PlacedScan) -> None:
+        pytest.fail("a session without scans has no points")
+
+
+def run_alone(session_file: Path) -> RunResult:
+    return run(open_session(session_file), NoSink())
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +68,7 @@ def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
 
 
 def test_figures__are_those_of_the_field(folder: Path) -> None:
-    found = run_without_lidar(folder / "session.toml")
+    found = run_alone(folder / "session.toml")
     assert found.work.ground is not None
     assert found.work.ground.figures.worked.ellipsoid_m2 == pytest.approx(6178, rel=0.02)
     assert found.tally.points == 0
@@ -59,10 +77,10 @@ def test_figures__are_those_of_the_field(folder: Path) -> None:
 
 
 def test_states_table__of_a_run_gives_the_same_polygons(folder: Path) -> None:
-    first = run_without_lidar(folder / "session.toml").work.ground
+    first = run_alone(folder / "session.toml").work.ground
     shutil.copyfile(folder / "result" / "states.csv", folder / "states.csv")
     (folder / "again.toml").write_text(SESSION.format(states="states.csv"))
-    again = run_without_lidar(folder / "again.toml").work.ground
+    again = run_alone(folder / "again.toml").work.ground
     assert first is not None
     assert again is not None
     assert again.coverage.wkb == first.coverage.wkb
@@ -74,7 +92,7 @@ def test_a_session_with_neither_scanner_nor_states__is_refused(folder: Path) -> 
     path = folder / "neither.toml"
     path.write_text(SESSION.format(states="TASKDATA").replace('states = ["TASKDATA"]', ""))
     with pytest.raises(InputError) as error:
-        run_without_lidar(path)
+        run_alone(path)
     assert "recording.lidar names no file" in error.value.what
 
 
@@ -83,6 +101,6 @@ def test_tasks_of_two_machines__are_not_read_as_one(shared_data: Path, tmp_path:
     text = SESSION.format(states="two.zip").replace("TASKDATA", "two.zip").replace('task = "TSK20"', "")
     (tmp_path / "session.toml").write_text(text)
     with pytest.raises(InputError) as error:
-        run_without_lidar(tmp_path / "session.toml")
+        run_alone(tmp_path / "session.toml")
     assert error.value.code == "tasks-overlap"
     assert "[recording] task" in error.value.remedy

@@ -12,9 +12,11 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import Run, run
+from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import Cancelled, InputError
+from furrowmap.core.work.run_result import RunResult
 
 SESSION = """furrowmap = 1
 [recording]
@@ -32,7 +34,7 @@ class Counting:
         pass
 
     def add(self, placed: PlacedScan) -> None:
-        self.points += len(placed.t_s)
+        self.points += len(placed.scan.t_s)
 
 
 @pytest.fixture
@@ -45,10 +47,10 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
     return tmp_path / "session.toml"
 
 
-def run_alone(session: Path) -> Run:
+def run_alone(session: Path) -> RunResult:
     """The session's run with its capture in one file."""
     session.write_text(SESSION)
-    return run(session, Counting())
+    return run(open_session(session), Counting())
 
 
 def shifted_nmea(log: bytes, seconds: int) -> bytes:
@@ -64,7 +66,7 @@ def shifted_nmea(log: bytes, seconds: int) -> bytes:
 
 def test_a_session_places_all_points(session: Path) -> None:
     sink = Counting()
-    found = run(session, sink)
+    found = run(open_session(session), sink)
     assert found.tally.points == found.tally.points_read == sink.points > 200_000
     assert {notice.code for notice in found.notices} >= {"antenna-unknown", "mounting-identity"}
 
@@ -72,7 +74,7 @@ def test_a_session_places_all_points(session: Path) -> None:
 def test_clocks_without_overlap_are_an_error_with_both_spans_and_the_offset(session: Path) -> None:
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 32400.0\n[crs]"))
     with pytest.raises(InputError, match="no time in common") as caught:
-        run(session, Counting())
+        run(open_session(session), Counting())
     assert "lidar_minus_gnss_s = 0.0" in caught.value.remedy
     assert "32400" in caught.value.what
 
@@ -81,10 +83,10 @@ def test_a_log_in_gps_time_is_found_out_and_its_cure_works(session: Path) -> Non
     log = session.with_name("gnss.nmea")
     log.write_bytes(shifted_nmea(log.read_bytes(), 18))
     with pytest.raises(InputError) as caught:
-        run(session, Counting())
+        run(open_session(session), Counting())
     assert "lidar_minus_gnss_s = -18.0" in caught.value.remedy
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -18.0\n[crs]"))
-    assert run(session, Counting()).tally.points_without_pose == 0
+    assert run(open_session(session), Counting()).tally.points_without_pose == 0
 
 
 def test_scans_in_a_gap_of_the_positions_are_told_as_such(session: Path) -> None:
@@ -92,7 +94,7 @@ def test_scans_in_a_gap_of_the_positions_are_told_as_such(session: Path) -> None
     lines = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join(line for line in lines if not b",012341" <= line[6:13] <= b",012345"))
     with pytest.raises(InputError, match="have a gap"):
-        run(session, Counting())
+        run(open_session(session), Counting())
 
 
 def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
@@ -102,18 +104,18 @@ def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
     capture.with_name("first.pcap").write_bytes(whole[:half])
     capture.with_name("second.pcap").write_bytes(whole[:24] + whole[half:])
     session.write_text(SESSION.replace('"capture.pcap"', '"first.pcap", "second.pcap"'))
-    right = run(session, Counting())
+    right = run(open_session(session), Counting())
     assert right.tally.points == run_alone(session).tally.points
     session.write_text(SESSION.replace('"capture.pcap"', '"second.pcap", "first.pcap"'))
     with pytest.raises(InputError, match="Scan") as caught:
-        run(session, Counting())
+        run(open_session(session), Counting())
     assert caught.value.code == "scans-not-in-order"
 
 
 def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:
-    as_recorded, shifted = run(session, Counting()), None
+    as_recorded, shifted = run(open_session(session), Counting()), None
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -20.0\n[crs]"))
-    shifted = run(session, Counting())
+    shifted = run(open_session(session), Counting())
     assert shifted.tally.poses.t_s[0] - as_recorded.tally.poses.t_s[0] == pytest.approx(20.0, abs=1e-6)
     moved = shifted.tally.poses.xyz_m[0] - as_recorded.tally.poses.xyz_m[0]
     assert abs(moved[:2]).max() > 5
@@ -122,7 +124,7 @@ def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:
 def test_standing_scans_are_left_out_on_request(session: Path) -> None:
     session.write_text(SESSION + "[run]\nstanding = false\n")
     sink = Counting()
-    found = run(session, sink)
+    found = run(open_session(session), sink)
     assert found.tally.scans_standing > 0
     assert found.tally.points_standing + sink.points == found.tally.points_read
     assert "standing-left-out" in {notice.code for notice in found.notices}
@@ -140,7 +142,7 @@ def test_standing_scans_are_left_out_on_request(session: Path) -> None:
 def test_a_wrong_file_is_named_before_any_work(session: Path, old: str, new: str, code: str) -> None:
     session.write_text(SESSION.replace(old, new))
     with pytest.raises(InputError) as caught:
-        run(session, Counting())
+        run(open_session(session), Counting())
     assert caught.value.code == code
     assert all(caught.value.lines)
 
@@ -151,4 +153,4 @@ def test_a_listener_can_end_the_work(session: Path) -> None:
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        run(session, Counting(), impatient)
+        run(open_session(session), Counting(), impatient)

@@ -19,8 +19,9 @@ from pyproj import CRS, Geod
 from furrowmap.core.geodesy.coordinates import brought_poses, brought_track
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import ParameterFile, read_parameters
-from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.geodesy.stated_frame import stated_frame
+from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
@@ -46,6 +47,12 @@ def expected(geo: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def semidyna(geo: Path) -> ParameterFile:
     return read_parameters(geo / "semidynaexe_sample.par")
+
+
+def frame_beside(crs: Crs, session_file: Path) -> MapFrame:
+    """The map frame of a session whose files lie beside it."""
+    files = [resolve(session_file, name) if name is not None else None for name in (crs.parameters, crs.geoid_grid)]
+    return map_frame(crs, *files)
 
 
 def of_2023(geo: Path, folder: Path) -> Path:
@@ -176,7 +183,7 @@ def test_pos2jgd__is_read_as_jgdtrans_does_and_leads_to_the_map_whatever_its_sig
 def test_pos2jgd__holds_on_its_days_in_japan(geo: Path, tmp_path: Path) -> None:
     quarter(geo, tmp_path)
     crs = Crs(map="EPSG:6677", coordinates="current-epoch", parameters="pos2jgd_202307_ITRF2014.par")
-    frame = map_frame(crs, tmp_path / "session.toml")
+    frame = frame_beside(crs, tmp_path / "session.toml")
     _, done = brought_track(track("2023-06-11"), frame)
     assert done.account(frame)["moves"][0]["parameters"] == "pos2jgd_202307_ITRF2014.par"
     assert done.notices == ()
@@ -213,7 +220,7 @@ def test_current_epoch__moves_every_position_back_to_the_map(
     geo: Path, expected: dict[str, Any], tmp_path: Path
 ) -> None:
     """The ground at Tsukuba has moved to the east-south-east since 2011: the map's coordinates lie west of today's."""
-    frame = map_frame(
+    frame = frame_beside(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par"), of_2023(geo, tmp_path)
     )
     sample = expected["SemiDynaEXE"]["backward"]
@@ -237,7 +244,7 @@ def test_current_epoch__moves_every_position_back_to_the_map(
 
 def test_a_position_far_away_stays_for_those_who_tell_jumps(geo: Path, tmp_path: Path) -> None:
     crs = Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par", heights="GSIGEO2011")
-    frame = map_frame(crs, of_2023(geo, tmp_path))
+    frame = frame_beside(crs, of_2023(geo, tmp_path))
     some = track()
     some.lon_deg[3], some.lat_deg[3] = 0.0, 0.0
     moved, _ = brought_track(some, frame)
@@ -255,7 +262,7 @@ def test_as_recorded__moves_nothing() -> None:
 
 
 def test_positions_without_a_place_stay_without_one(geo: Path, tmp_path: Path) -> None:
-    frame = map_frame(
+    frame = frame_beside(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par"), of_2023(geo, tmp_path)
     )
     some = track()
@@ -266,7 +273,7 @@ def test_positions_without_a_place_stay_without_one(geo: Path, tmp_path: Path) -
 
 @pytest.mark.parametrize("day", ["2023-03-30", "2024-04-02"])
 def test_an_epoch_out_of_the_files_year_is_refused(geo: Path, tmp_path: Path, day: str) -> None:
-    frame = map_frame(
+    frame = frame_beside(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par"), of_2023(geo, tmp_path)
     )
     with pytest.raises(InputError, match=r"SemiDyna2023\.par is for 2023-03-31T15:00.* to 2024-03-31T15:00"):
@@ -275,7 +282,7 @@ def test_an_epoch_out_of_the_files_year_is_refused(geo: Path, tmp_path: Path, da
 
 def test_parameters_whose_year_is_unknown_are_used_and_told(geo: Path, tmp_path: Path) -> None:
     shutil.copyfile(geo / "semidynaexe_sample.par", tmp_path / "shift.par")
-    frame = map_frame(
+    frame = frame_beside(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="shift.par"), tmp_path / "session.toml"
     )
     _, done = brought_track(track("2019-01-01"), frame)
@@ -301,7 +308,7 @@ def test_what_is_missing_or_wrong_is_said_before_any_work(geo: Path, tmp_path: P
     session.write_text("furrowmap = 1\n")
     shutil.copyfile(geo / "tky2jgd_sample.par", tmp_path / "tokyo.par")
     with pytest.raises(FurrowmapError) as refused:
-        map_frame(crs, session)
+        frame_beside(crs, session)
     assert refused.value.code == code
     assert all(refused.value.lines)
 
@@ -373,7 +380,7 @@ def test_a_grid_of_the_user_is_read(tmp_path: Path) -> None:
     folder.mkdir()
     head = np.array([51.0, 20.0, 1.0, 1.0], ">f8").tobytes() + np.array([3, 3], ">i4").tobytes()
     (folder / "geoid.gtx").write_bytes(head + (30.0 + lat + 0.5 * lon).astype(">f4").tobytes())
-    frame = map_frame(Crs(map="EPSG:32634", heights="EGM2008", geoid_grid="geoid.gtx"), folder / "session.toml")
+    frame = frame_beside(Crs(map="EPSG:32634", heights="EGM2008", geoid_grid="geoid.gtx"), folder / "session.toml")
     moved, done = brought_track(track(lon=20.9, lat=52.4, height_m=100.0), frame)
     assert moved.height_m[0] == pytest.approx(100.0 - (30.0 + 1.4 + 0.45), abs=1e-4)
     assert done.account(frame)["moves"][0]["source"] == "the grid geoid.gtx"

@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.locating import Located, locate
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_lidar, open_positions
+from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
@@ -37,26 +35,25 @@ class Recording:
 
     session: Session
     located: Located
-    inputs: Inputs
+    opened: OpenSession
     truth: Trajectory
     scenario: Scenario
     surface: dict[str, NDArray[np.float64]]
 
     def scans(self) -> Iterator[Scan]:
-        yield from open_lidar(self.inputs, self.session, self.truth.span_s[0]).scans()
+        yield from self.opened.lidar(self.truth.span_s[0]).scans()
 
 
 @pytest.fixture(scope="session")
 def straight(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     folder: Path = tmp_path_factory.mktemp("matching") / "straight"
     made = simulate(STRAIGHT, folder)
-    session = load_session(made.session)
-    frame = map_frame(session.crs)
-    inputs = Inputs.of(made.session, session)
-    located = locate(open_positions(inputs, session), session, frame)
+    opened = open_session(made.session)
+    session, frame = opened.session, opened.frame
+    located = locate(opened.positions(), session, frame)
     poses = open_recording([folder / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(poses, GivesPoses)
     with np.load(folder / "truth" / "surface.npz") as stored:
         surface = {name: stored[name] for name in stored.files}
     truth = trajectory_from_poses(poses.poses(), frame)
-    return Recording(session, located, inputs, truth, made.scenario, surface)
+    return Recording(session, located, opened, truth, made.scenario, surface)

@@ -26,7 +26,7 @@ from tests.core.matching.conftest import Recording
 
 @pytest.fixture(scope="module")
 def found(straight: Recording) -> GroundReturns:
-    return ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, straight.located.trajectory)
+    return ground_returns(straight.scans(), straight.session.lidar.mounting, straight.located.trajectory)
 
 
 def test_returns_are_thinned_to_an_even_rate(found: GroundReturns) -> None:
@@ -87,7 +87,7 @@ def test_what_is_left_is_ground(straight: Recording, found: GroundReturns) -> No
 def test_a_stand_teaches_nothing_about_the_body(straight: Recording) -> None:
     start = straight.located.trajectory
     standing = replace(start, motion=np.full(len(start), Motion.STANDING, np.int8))
-    found = ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, standing)
+    found = ground_returns(straight.scans(), straight.session.lidar.mounting, standing)
     assert not found.body.any()
 
 
@@ -97,11 +97,11 @@ def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
     half = len(start.t_s) // 2
     names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", *HELD_BY)
     late = replace(start, **{name: getattr(start, name)[half:] for name in names})
-    found = ground_returns(straight.scans(), straight.session.lidar.mounting, 0.0, late)
+    found = ground_returns(straight.scans(), straight.session.lidar.mounting, late)
     assert begin < late.t_s[0] + 4.0
     assert found.t_s[0] >= late.t_s[0] - BEYOND_S
     assert len(found) > 10_000
-    nothing = ground_returns([], straight.session.lidar.mounting, 0.0, start)
+    nothing = ground_returns([], straight.session.lidar.mounting, start)
     assert len(nothing) == 0
 
 

@@ -77,7 +77,7 @@ def test_a_drive_of_ten_seconds_shows_more_than_half_of_what_each_laser_has_of_i
     assert session.antenna is not None
     assert session.implement is not None
     mounting = session.lidar.mounting
-    returns = ground_returns(straight.scans(), mounting, 0.0, located.trajectory)
+    returns = ground_returns(straight.scans(), mounting, located.trajectory)
     added = 0.006 * np.cos(2.6 * np.arange(LASERS))
     longer = np.zeros(256)
     longer[:LASERS] = -added

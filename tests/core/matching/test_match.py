@@ -46,7 +46,7 @@ def judged(straight: Recording) -> Judged:
     assert located.antenna is not None
     assert session.antenna is not None
     assert session.implement is not None
-    returns = ground_returns(straight.scans(), session.lidar.mounting, 0.0, located.trajectory)
+    returns = ground_returns(straight.scans(), session.lidar.mounting, located.trajectory)
     told: list[float] = []
     tool = Tool(session.implement.xy_m, 0.5 * session.implement.width_m)
     mounting = session.lidar.mounting
@@ -125,7 +125,7 @@ def test_a_stray_return_long_after_all_others_does_no_harm(straight: Recording) 
     located, session = straight.located, straight.session
     assert located.antenna is not None
     assert session.antenna is not None
-    whole = ground_returns(straight.scans(), session.lidar.mounting, 0.0, located.trajectory)
+    whole = ground_returns(straight.scans(), session.lidar.mounting, located.trajectory)
     part = slice(0, int(np.searchsorted(whole.t_s, whole.t_s[0] + 3.0)))
     stray_s = located.trajectory.span_s[1] + 20.0
     few = GroundReturns(whole.t_s[part], whole.xyz_m[part], whole.half[part], whole.body)

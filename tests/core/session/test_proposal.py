@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import load_session, parse_session
+from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.proposal import UNKNOWN, Proposal, common_folder, propose_session
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session import Session
 
 
 def sentence(body: str) -> str:

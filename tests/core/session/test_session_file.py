@@ -11,8 +11,9 @@ import pytest
 
 from furrowmap.core.session import file as module
 from furrowmap.core.session.file import load_session, parse_session
+from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Session, resolve
+from furrowmap.core.values.session import Session
 
 LEAST = """
 furrowmap = 1

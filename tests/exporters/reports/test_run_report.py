@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.matching.locating import locate
-from furrowmap.core.session.file import load_session
-from furrowmap.core.session.inputs import Inputs, open_positions
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from furrowmap.exporters.reports.run_report import way
 
@@ -23,9 +21,8 @@ SCANS_S = {
 
 
 def trajectory_of(session_file: Path) -> Trajectory:
-    session = load_session(session_file)
-    positions = open_positions(Inputs.of(session_file, session), session)
-    return locate(positions, session, map_frame(session.crs)).trajectory
+    opened = open_session(session_file)
+    return locate(opened.positions(), opened.session, opened.frame).trajectory
 
 
 def true_way(truth: Path, begin_s: float, end_s: float) -> float:

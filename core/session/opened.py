@@ -1,0 +1,258 @@
+"""An open session: its paths resolved once, its map frame, and the readers of its files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, Protocol, cast
+
+import msgspec
+
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.readers.reader import (
+    ClockReading,
+    GivesPoses,
+    GivesScans,
+    GivesTrack,
+    Reader,
+    ReadOptions,
+    open_recording,
+)
+from furrowmap.core.session.file import load_session
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.progress import Progress
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Session
+
+_GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
+
+
+class LidarReader(Reader, GivesScans, Protocol):
+    """A reader of laser scans."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The files that a session names, resolved: each exists and lies inside the session's folder.
+
+    Attributes:
+        lidar: laser scanner recordings, in time order.
+        positions: GNSS logs, or the files of a trajectory from elsewhere, in time order.
+        boundary: boundary of the field.
+        states: tool states.
+        learned: implement learned in an earlier session.
+        parameters: parameter file of the map frame.
+        geoid_grid: geoid grid of the map frame.
+    """
+
+    lidar: tuple[Path, ...]
+    positions: tuple[Path, ...]
+    boundary: Path | None = None
+    states: tuple[Path, ...] = ()
+    learned: Path | None = None
+    parameters: Path | None = None
+    geoid_grid: Path | None = None
+
+    @classmethod
+    def of(cls, session_file: Path, session: Session) -> Inputs:
+        """The files that `session` names, relative to `session_file`.
+
+        Raises:
+            InputError: if a file is missing, or lies outside the session's folder.
+        """
+
+        def one(name: str | None) -> Path | None:
+            return resolve(session_file, name) if name is not None else None
+
+        def several(names: tuple[str, ...]) -> tuple[Path, ...]:
+            return tuple(resolve(session_file, name) for name in names)
+
+        stated, implement = session.trajectory, session.implement
+        return cls(
+            lidar=several(session.recording.lidar),
+            positions=several(stated.files if stated is not None else session.recording.gnss),
+            boundary=one(session.field.boundary),
+            states=several(implement.states if implement is not None else ()),
+            learned=one(implement.learned if implement is not None else None),
+            parameters=one(session.crs.parameters),
+            geoid_grid=one(session.crs.geoid_grid),
+        )
+
+    @property
+    def all(self) -> tuple[Path, ...]:
+        """Every file once, laser scanner recordings first, in the order in which the session names them."""
+        single = (self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
+        return tuple(dict.fromkeys([*self.lidar, *self.positions, *(path for path in single if path is not None)]))
+
+
+class LidarRecording:
+    """The laser scans of a session, with times by the clock of its positions.
+
+    `[recording] lidar_minus_gnss_s` is subtracted here and nowhere else. The recording may be read several times.
+
+    Args:
+        reader: of the files.
+        minus_gnss_s: scanner clock minus GNSS clock.
+    """
+
+    def __init__(self, reader: LidarReader, minus_gnss_s: float) -> None:
+        self._reader, self._minus_gnss_s = reader, minus_gnss_s
+
+    def scans(self) -> Iterator[Scan]:
+        """All scans in time order; `notices` and `clocks` are complete when they have ended."""
+        scans = self._reader.scans()
+        if not self._minus_gnss_s:
+            return scans
+        return (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
+
+    @property
+    def notices(self) -> list[Notice]:
+        """Warnings about the files."""
+        return self._reader.notices
+
+    @property
+    def clocks(self) -> tuple[ClockReading, ...]:
+        """First and last reading of each clock in the recording, as recorded; the clock in use first."""
+        return self._reader.clocks
+
+    @property
+    def share_read(self) -> float:
+        """Share of the files read so far, 0 to 1."""
+        return self._reader.share_read
+
+
+@dataclass(frozen=True)
+class OpenSession:
+    """A session whose files have been found.
+
+    Attributes:
+        file: path of `session.toml`.
+        session: its content.
+        inputs: the files it names.
+        frame: the map frame.
+    """
+
+    file: Path
+    session: Session
+    inputs: Inputs
+    frame: MapFrame
+
+    def positions(self) -> Reader:
+        """A reader of the GNSS positions, or of the trajectory from elsewhere.
+
+        Raises:
+            InputError: if a file has an unknown format, or one that does not give what the session names it for.
+        """
+        recording, stated = self.session.recording, self.session.trajectory
+        options = ReadOptions(
+            date=recording.date,
+            time=stated.time if stated is not None else None,
+            week=stated.week if stated is not None else None,
+            task=recording.task,
+        )
+        reader = open_recording(self.inputs.positions, options)
+        if stated is not None:
+            _expect(reader, GivesPoses, self.inputs.positions[0], "trajectory.files")
+        else:
+            _expect(reader, GivesTrack, self.inputs.positions[0], "recording.gnss")
+        return reader
+
+    def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
+        """The laser scans.
+
+        Args:
+            near_s: a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
+            glance_s: one scan in this many seconds is enough; None for all.
+
+        Raises:
+            InputError: as :meth:`positions`.
+        """
+        minus_gnss_s = self.session.recording.lidar_minus_gnss_s
+        options = ReadOptions(model=self.session.lidar.model, near_s=near_s + minus_gnss_s, glance_s=glance_s)
+        reader = open_recording(self.inputs.lidar, options)
+        _expect(reader, GivesScans, self.inputs.lidar[0], "recording.lidar")
+        return LidarRecording(cast("LidarReader", reader), minus_gnss_s)
+
+    def with_clock_offset(self, lidar_minus_gnss_s: float) -> OpenSession:
+        """The same session with another offset between the clocks."""
+        recording = msgspec.structs.replace(self.session.recording, lidar_minus_gnss_s=lidar_minus_gnss_s)
+        return replace(self, session=msgspec.structs.replace(self.session, recording=recording))
+
+
+def open_session(session_file: Path) -> OpenSession:
+    """The session in a file, with the files it names found and its map frame.
+
+    Raises:
+        InputError: if the session file or a file that it names cannot be used.
+        RefusedError: if the map frame cannot be had without a guess.
+    """
+    session = load_session(session_file)
+    inputs = Inputs.of(session_file, session)
+    return OpenSession(session_file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
+
+
+def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress, stage: str) -> Iterator[Scan]:
+    """The scans; reports to `progress` how much of the recording has been read."""
+    for scan in scans:
+        yield scan
+        progress(stage, recording.share_read)
+    progress(stage, 1.0)
+
+
+def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
+    """Raises InputError where a file cannot give what the session names it for."""
+    if not isinstance(reader, kind):
+        raise InputError(
+            f"{path} is '{reader.title}', which gives no {_GIVES[kind]}.",
+            f"The session names it under `{key}`.",
+            "Name the right file there; `furrowmap inspect` says what a file holds.",
+            code="wrong-kind-of-file",
+        )
+
+
+def resolve(session_file: Path, named: str) -> Path:
+    """The path of a file that a session names: relative to the session file, and inside its folder.
+
+    A folder is as good as a file where it is a ROS 2 bag, or holds task data.
+
+    Raises:
+        InputError: if the name leads out of the session's folder (or a file in a bag's folder does), or if the file is
+            not there.
+    """
+    folder = session_file.resolve().parent
+    try:
+        path = (folder / named).resolve()
+        inside = list(path.iterdir()) if path.is_dir() else []
+        is_whole = any(_of_a_whole(file) for file in inside)
+        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_whole else ())))
+        is_file, is_folder = path.is_file(), path.is_dir()
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{session_file}: {named!r} cannot be the name of a file ({error}).",
+            "A file that the session names cannot be there, so the work did not start.",
+            "Correct the name in the session file; paths are relative to that file.",
+            code="session-file-missing",
+        ) from None
+    if leads_out:
+        raise InputError(
+            f"{session_file}: {named!r} leads out of the session's folder.",
+            "A session may only name files beside or below itself, so that a foreign one cannot read others.",
+            "Put the session file at or above the recordings' folder, or copy the recording beside it.",
+            code="session-path-outside",
+        )
+    if not is_file and not is_whole:
+        what = "a folder, and holds no bag and no task data" if is_folder else "not there"
+        raise InputError(
+            f"{session_file}: {named!r} is {what}.",
+            "A file that the session names is missing, so the work did not start.",
+            "Correct the name in the session file; paths are relative to that file.",
+            code="session-file-missing",
+        )
+    return path
+
+
+def _of_a_whole(file: Path) -> bool:
+    """Whether a file is named as those in the folder of a ROS 2 bag, or of task data, are."""
+    named = file.name == "metadata.yaml" or file.name.upper() == "TASKDATA.XML"
+    return named or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

@@ -1,0 +1,41 @@
+"""What a run, a preview or a run without scans results in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.matching.locating import Located
+from furrowmap.core.pointclouds.placed import Tally
+from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.session import Session
+from furrowmap.core.work.field_work import FieldWork
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """The result of a run, besides the points that went to its sink.
+
+    Attributes:
+        session: as it was understood.
+        inputs: the files that were read.
+        frame: the map frame.
+        located: the trajectory.
+        tally: counts of scans and points, and the scans' poses.
+        work: states of the implement and the ground worked.
+        clocks: readings of the clocks in the scanner's recording, the clock in use first.
+        notices: warnings, in the order of the work.
+        timings_s: seconds of each stage.
+    """
+
+    session: Session
+    inputs: tuple[Path, ...]
+    frame: MapFrame
+    located: Located
+    tally: Tally
+    work: FieldWork
+    clocks: tuple[ClockReading, ...]
+    notices: tuple[Notice, ...]
+    timings_s: dict[str, float]
