@@ -14,7 +14,6 @@ from pyproj import CRS
 
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, nothing_left, open_clouds
-from furrowmap.core.pointclouds.spool import Records
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
@@ -22,6 +21,7 @@ from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.record_spool import Records
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing

@@ -8,13 +8,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours
-from furrowmap.core.pointclouds.spool import Records, RecordSpool, Square
 from furrowmap.core.readers.las.cloud import Box, CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
@@ -30,6 +29,7 @@ from furrowmap.core.surfaces.outliers import (
 from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.record_spool import Records, RecordSpool, Square, square_keys, square_of
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +63,33 @@ POINT: Final = np.dtype(
 """A point with all that is passed on. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and
 the machine are never ground. `apart_m` is how far it is from its neighbours, where that is asked; infinite for one that
 is alone in any case."""
+PLACE: Final = np.dtype(("<f8", 3))
+
+
+class SquareSpool(RecordSpool):
+    """Records by square of the map.
+
+    Args:
+        layout: dtype of a record.
+        folder: for the temporary file.
+        side_m: of the squares.
+    """
+
+    def __init__(self, layout: np.dtype[Any], folder: Path, side_m: float) -> None:
+        super().__init__(layout, folder)
+        self.side_m = side_m
+
+    def keys(self, squares: Iterable[Square]) -> NDArray[np.int64]:
+        """Keys of squares."""
+        return square_keys(*np.reshape(list(squares), (-1, 2)).T)
+
+    def add_at(self, place_m: FloatArray, records: Records) -> None:
+        """Append records (n,) under the squares in which places (n, 2) lie."""
+        self.add(records, square_keys(*np.floor(place_m.T / self.side_m)))
+
+    def read_squares(self, squares: Iterable[Square]) -> Records:
+        """The records of squares, one square after the other."""
+        return self.read(self.keys(squares))
 
 
 @dataclass(frozen=True)
@@ -124,27 +151,28 @@ def cleaned(
         return
     with ExitStack() as stack:
         side_m = _square_m(clouds)
-        spool = stack.enter_context(RecordSpool(POINT, folder, side_m))
-        lows, few = (stack.enter_context(RecordSpool(np.dtype(("<f8", 3)), folder, side_m)) for _ in range(2))
+        spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
+        lows, few = (stack.enter_context(SquareSpool(PLACE, folder, side_m)) for _ in range(2))
         for records in points:
             # A cube lies in one square whole, that of its corner.
             flat = records["xyz_m"][:, :2]
             corner = flat if cleaning.voxel_m is None else np.floor(flat / cleaning.voxel_m) * cleaning.voxel_m
-            spool.add(corner, records)
+            spool.add_at(corner, records)
         blocks = _blocks(spool)
+        squares = [square for block in blocks for square in block]
         usual = UsualDistances()
         if cleaning.outliers == "statistical":
-            for square in spool.count:
-                _add_few(spool.read([square]), square, few)
+            for square in squares:
+                _add_few(spool.read_squares([square]), square, few)
         if cleaning.outliers != "none":
             for number, block in enumerate(blocks, 1):
                 _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
                 progress("looking for noise", number / len(blocks))
         if cleaning.ground != "none":
-            for square in spool.count:
-                _add_lows(_told(spool.read([square]), usual), square, lows)
+            for square in squares:
+                _add_lows(_told(spool.read_squares([square]), usual), square, lows)
         for number, block in enumerate(blocks, 1):
-            records = _told(spool.read(block), usual)
+            records = _told(spool.read_squares(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE)] = PointClass.NOISE
             if cleaning.ground != "none":
                 _tell_ground(records, block, lows, cleaning.ground)
@@ -196,9 +224,10 @@ def _square_m(clouds: Clouds) -> float:
     return DENSE_SQUARE_M if 0.0 < area_m2 < clouds.points / DENSE else SQUARE_M
 
 
-def _blocks(spool: RecordSpool) -> list[list[Square]]:
+def _blocks(spool: SquareSpool) -> list[list[Square]]:
     """The squares by block, each of about :data:`BLOCK_POINTS` at most where it has more than one square."""
-    count, most = spool.count, round(BLOCK_M / spool.side_m)
+    count = {square_of(key): number for key, number in spool.counts.items()}
+    most = round(BLOCK_M / spool.side_m)
 
     def split(squares: list[Square], across: int) -> Iterator[list[Square]]:
         if across == 1 or sum(count[square] for square in squares) <= BLOCK_POINTS:
@@ -228,10 +257,10 @@ def _around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Squa
 
 
 def _measure(
-    spool: RecordSpool, few: RecordSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
+    spool: SquareSpool, few: SquareSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
 ) -> None:
     """Note how far each point of a block is from its neighbours; squares may reach `slack_m` beyond their borders."""
-    records = spool.read(block)
+    records = spool.read_squares(block)
     known = ~records["noise"]
     own = records["xyz_m"][known]
     if not len(own):
@@ -239,7 +268,7 @@ def _measure(
     around = [np.zeros((0, 3))]
     low, high = own[:, :2].min(axis=0) - NEAR_M, own[:, :2].max(axis=0) + NEAR_M
     for square in _around(block, NEAR_M + slack_m, spool.side_m):
-        others = spool.read([square])
+        others = spool.read_squares([square])
         xyz = others["xyz_m"][~others["noise"]]
         around.append(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] <= high), axis=1)])
     xyz = np.concatenate([own, *around]) - own[0]
@@ -249,17 +278,17 @@ def _measure(
         apart_m = mean_neighbour_distance(xyz, reach_m=NEAR_M, asked=len(own))
         lonely = np.isinf(apart_m)
         if lonely.any():
-            others = few.read([*block, *_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
+            others = few.read_squares([*block, *_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
             apart_m[lonely] = mean_distance_among(own[lonely] - own[0], others, REACH_M)
     records["apart_m"][known] = apart_m
     usual.add(own, records["apart_m"][known].astype(np.float64))
-    spool.write(block, records)
+    spool.overwrite(spool.keys(block), records)
 
 
-def _add_few(records: Records, square: Square, few: RecordSpool) -> None:
+def _add_few(records: Records, square: Square, few: SquareSpool) -> None:
     """Keep of a square what points that have no neighbours near are compared with."""
     some = few_of_many(records["xyz_m"][~records["noise"]])
-    few.add(_middle_m(square, few, len(some)), some)
+    few.add(some, np.repeat(few.keys([square]), len(some)))
 
 
 def _told(records: Records, usual: UsualDistances) -> Records:
@@ -271,7 +300,7 @@ def _told(records: Records, usual: UsualDistances) -> Records:
     return records
 
 
-def _add_lows(records: Records, square: Square, lows: RecordSpool) -> None:
+def _add_lows(records: Records, square: Square, lows: SquareSpool) -> None:
     """Keep of a square the lowest points of its cells, all that the filter sees of land around a block."""
     xyz = _ground_like(records)
     column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
@@ -279,12 +308,7 @@ def _add_lows(records: Records, square: Square, lows: RecordSpool) -> None:
     first = np.ones(len(order), bool)
     first[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
     lowest = xyz[order[first]]
-    lows.add(_middle_m(square, lows, len(lowest)), lowest)
-
-
-def _middle_m(square: Square, spool: RecordSpool, count: int) -> FloatArray:
-    """The middle of a square, `count` times."""
-    return np.broadcast_to((np.array(square) + 0.5) * spool.side_m, (count, 2))
+    lows.add(lowest, np.repeat(lows.keys([square]), len(lowest)))
 
 
 def _ground_like(records: Records) -> FloatArray:
@@ -293,10 +317,10 @@ def _ground_like(records: Records) -> FloatArray:
     return xyz
 
 
-def _tell_ground(records: Records, block: list[Square], lows: RecordSpool, method: GroundMethod) -> None:
+def _tell_ground(records: Records, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
     can = ~(records["noise"] | records["machine"])
     own = records["xyz_m"][can]
-    around = lows.read(_around(block, 2.0 * SMRF.window_m, lows.side_m))
+    around = lows.read_squares(_around(block, 2.0 * SMRF.window_m, lows.side_m))
     asked = np.arange(len(own) + len(around)) < len(own)
     ground = classify_ground(np.concatenate([own, around]), method, SMRF, asked)[: len(own)]
     records["classification"][can] = np.where(ground, PointClass.GROUND, PointClass.OTHER)

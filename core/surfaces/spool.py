@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.record_spool import RecordSpool, Square, square_keys, square_of
 
 FloatArray = NDArray[np.float64]
 
 TILE: Final = 256
 """Cells a side: so a cell of a tile has a number of 16 bits."""
 HELD: Final = 1 << 20
-"""Points in memory until they are sorted and written, while as many others are collected."""
+"""Points collected in memory before they are sorted and written, while as many others are collected."""
+POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
 
 
 @dataclass(frozen=True)
@@ -50,21 +49,6 @@ class TilePoints:
         """Those of the points that are kept."""
         arrays = self.cell[kept], self.height_m[kept], self.t_s[kept]
         return TilePoints(self.grid, *arrays, self.base_m, self.begin_s)
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Points sorted by tile as they stand in the file: all cells, all heights, all times.
-
-    Attributes:
-        offset: of the block in the file.
-        tiles: column and row of each tile -> first and behind the last of its points.
-        points: in the block.
-    """
-
-    offset: int
-    tiles: dict[tuple[int, int], tuple[int, int]]
-    points: int
 
 
 class _Held(NamedTuple):
@@ -96,13 +80,11 @@ class PointSpool:
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
         Grid(cell_m, 0, 0, (1, 1))  # says what is wrong with the cell size
         self.cell_m, self.base_m = cell_m, base_m
-        self._file = tempfile.TemporaryFile(prefix="furrowmap-", dir=folder)  # noqa: SIM115  # closed with the spool
+        self._records = RecordSpool(POINT, folder)
         self._points, self._others = _Held.none(), _Held.none()
         self._writer = ThreadPoolExecutor(1)
         self._written: Future[None] | None = None
-        self._reading = threading.Lock()
         self._held = 0
-        self._blocks: list[_Block] = []
         self._begin_s: float | None = None
         self._ends = np.array([2**62, 2**62, -(2**62), -(2**62)])
 
@@ -113,7 +95,7 @@ class PointSpool:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._writer.shutdown()
-        self._file.close()
+        self._records.close()
 
     def add(
         self,
@@ -158,30 +140,23 @@ class PointSpool:
         """
         self._hand_over()
         self._wait()
-        return self._covering() if self._blocks else None
+        return self._covering() if self._records.counts else None
 
     @property
-    def tiles(self) -> list[tuple[int, int]]:
+    def tiles(self) -> list[Square]:
         """Column and row, counted from the CRS's 0, of the tiles in which there are points: north first, then west.
 
         Raises:
             InputError: as :attr:`grid`.
         """
-        if self.grid is None:
-            return []
-        return sorted({key for block in self._blocks for key in block.tiles}, key=lambda key: (-key[1], key[0]))
+        squares = map(square_of, self._records.counts) if self.grid is not None else ()
+        return sorted(squares, key=lambda square: (-square[1], square[0]))
 
-    def tile(self, key: tuple[int, int]) -> TilePoints:
-        """The points of a tile. Threads may ask for several at once, after :attr:`tiles` has been asked for."""
-        parts = [(block, *block.tiles[key]) for block in self._blocks if key in block.tiles]
-        return TilePoints(
-            Grid(self.cell_m, key[0] * TILE, (key[1] + 1) * TILE, (TILE, TILE)),
-            self._read(parts, np.dtype(np.uint16), 0),
-            self._read(parts, np.dtype(np.float32), 2),
-            self._read(parts, np.dtype(np.float32), 6),
-            self.base_m,
-            self._begin_s or 0.0,
-        )
+    def tile(self, key: Square) -> TilePoints:
+        """The points of a tile. Threads may read several at once, after :attr:`tiles` has been read."""
+        cell, height_m, t_s = split(self._records.read([square_keys(*key)]))
+        grid = Grid(self.cell_m, key[0] * TILE, (key[1] + 1) * TILE, (TILE, TILE))
+        return TilePoints(grid, cell, height_m, t_s, self.base_m, self._begin_s or 0.0)
 
     def __iter__(self) -> Iterator[TilePoints]:
         return (self.tile(key) for key in self.tiles)
@@ -208,29 +183,10 @@ class PointSpool:
         """Sort points by tile and append them to the file."""
         low, high = bounds(points.tiles[:held])
         columns, rows = (high - low + 1).tolist()
-        *sorted_points, starts = sort_by_tile(*(array[:held] for array in points), low, columns, rows)
-        there = np.flatnonzero(np.diff(starts)).tolist()
-        tiles = {
-            (int(low[0]) + k % columns, int(low[1]) + k // columns): (int(starts[k]), int(starts[k + 1])) for k in there
-        }
-        offset = self._file.seek(0, os.SEEK_END)
-        for array in sorted_points:
-            self._file.write(array.data)
-        self._file.flush()
-        self._blocks.append(_Block(offset, tiles, held))
-
-    def _read(self, parts: list[tuple[_Block, int, int]], dtype: np.dtype[np.generic], skipped: int) -> NDArray[Any]:
-        """One array of a tile; `skipped` bytes a point stand before it in each block."""
-        out = np.empty(sum(end - begin for _, begin, end in parts), dtype)
-        done = 0
-        for block, begin, end in parts:
-            into = out[done : done + end - begin].view(np.uint8).data
-            with self._reading:
-                self._file.seek(block.offset + skipped * block.points + begin * dtype.itemsize)
-                if self._file.readinto(into) != into.nbytes:
-                    raise OSError("the scratch file of the surfaces is shorter than was written")
-            done += end - begin
-        return out
+        records, starts = sort_by_tile(*(array[:held] for array in points), low, columns, rows)
+        there = np.flatnonzero(np.diff(starts))
+        column, row = np.divmod(there, rows)
+        self._records.append([records], square_keys(column + low[0], row + low[1]), np.append(starts[there], held))
 
 
 @numba.njit(
@@ -277,28 +233,43 @@ def bounds(tiles):  # type: ignore[no-untyped-def]
     return low, high
 
 
+_RECORDS: Final = numba.from_dtype(POINT)[::1]
+
+
 @numba.njit(
-    "Tuple((uint16[::1], float32[::1], float32[::1], int64[::1]))"
-    "(int32[:, ::1], uint16[::1], float32[::1], float32[::1], int32[::1], int64, int64)",
+    numba.types.Tuple((_RECORDS, numba.int64[::1]))(
+        numba.int32[:, ::1], numba.uint16[::1], numba.float32[::1], numba.float32[::1], numba.int32[::1], numba.int64,
+        numba.int64,
+    ),
     cache=True,
     nogil=True,
-)
+)  # fmt: skip
 def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ignore[no-untyped-def]
-    """Cells within their tiles, heights and times in the order of tiles, and where each tile's begin (tiles + 1,)."""
+    """Records sorted by column and row of their tile, and the first record of each tile (tiles + 1,)."""
     n = len(heights)
     starts = np.zeros(columns * rows + 1, np.int64)
     tile = np.empty(n, np.int32)
     for i in range(n):
-        tile[i] = (tiles[i, 1] - low[1]) * columns + tiles[i, 0] - low[0]
+        tile[i] = (tiles[i, 0] - low[0]) * rows + tiles[i, 1] - low[1]
         starts[tile[i] + 1] += 1
     for k in range(columns * rows):
         starts[k + 1] += starts[k]
     place = starts.copy()
+    out = np.empty(n, POINT)
+    for i in range(n):
+        record = out[place[tile[i]]]
+        place[tile[i]] += 1
+        record.cell, record.height_m, record.t_s = cells[i], heights[i], times[i]
+    return out, starts
+
+
+@numba.njit(
+    numba.types.Tuple((numba.uint16[::1], numba.float32[::1], numba.float32[::1]))(_RECORDS), cache=True, nogil=True
+)
+def split(records):  # type: ignore[no-untyped-def]
+    """Cells, heights and times of records, each contiguous."""
+    n = len(records)
     cell, height, time = np.empty(n, np.uint16), np.empty(n, np.float32), np.empty(n, np.float32)
     for i in range(n):
-        at = place[tile[i]]
-        place[tile[i]] += 1
-        cell[at] = cells[i]
-        height[at] = heights[i]
-        time[at] = times[i]
-    return cell, height, time, starts
+        cell[i], height[i], time[i] = records[i].cell, records[i].height_m, records[i].t_s
+    return cell, height, time

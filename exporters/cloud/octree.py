@@ -12,10 +12,13 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.values.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.cloud.levels import Plan, draw_nodes, plan_levels
 from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gathered
-from furrowmap.exporters.cloud.spool import Spool
+
+SLICE: Final = 1_000_000
+"""Records copied in one go when a half of memory is sorted into the file."""
 
 
 class Key(NamedTuple):
@@ -93,7 +96,7 @@ class Octree:
         self._turn = 0
         self._reading: tuple[list[Future[Any]], list[Future[Any]]] = ([], [])
         self._low, self._high = np.full(3, np.iinfo(np.int64).max), np.full(3, np.iinfo(np.int64).min)
-        self._spool: Spool | None = None
+        self._spool: RecordSpool | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._spilling: Future[None] | None = None
         self._counts = np.zeros(8**self._depth, np.int64)
@@ -152,7 +155,10 @@ class Octree:
         self._spilled()
         cube = self._enclose()
         if self._spool is None or self._thread is None:
-            self._spool, self._thread = Spool(self._limits.folder), ThreadPoolExecutor(1, "spill")
+            self._spool, self._thread = (
+                RecordSpool(self._buffer.dtype, self._limits.folder),
+                ThreadPoolExecutor(1, "spill"),
+            )
             self._spill(self._spool, cube, self._buffer[:half])
             self._first = half
         full = self._buffer[self._first : self._end]
@@ -170,10 +176,16 @@ class Octree:
             self._spilling.result()
             self._spilling = None
 
-    def _spill(self, spool: Spool, cube: Cube, records: Records) -> None:
+    def _spill(self, spool: RecordSpool, cube: Cube, records: Records) -> None:
         """Put records into the file."""
         codes, counts = codes_of(records, cube, self._depth)
-        spool.add(records, codes, counts)
+        order = sorted_order(codes, counts)
+        there = np.flatnonzero(counts)
+        spool.append(
+            (gathered(records, order[start : start + SLICE]) for start in range(0, len(order), SLICE)),
+            there,
+            np.concatenate([[0], np.cumsum(counts[there])]),
+        )
         self._counts += counts
 
     def _enclose(self) -> Cube:
@@ -186,13 +198,13 @@ class Octree:
             self._counts = np.zeros_like(self._counts)
             self._counts.reshape(8, -1)[octant] = eighth
             if self._spool is not None:
-                self._spool.put_into_octant(octant, self._depth)
+                self._spool.shift_keys(3, octant << 3 * (self._depth - 1))
         return self._cube
 
     def _plan(self, counts: NDArray[np.int64]) -> Plan:
         return plan_levels(counts, self._depth, self._limits.node_points)
 
-    def _gather(self, sink: NodeSink, spool: Spool, cube: Cube) -> None:
+    def _gather(self, sink: NodeSink, spool: RecordSpool, cube: Cube) -> None:
         """Take back what the file holds, stretch of cells by stretch of cells."""
         plan = self._plan(self._counts)
         up_to = np.concatenate([[0], np.cumsum(self._counts)])
