@@ -13,9 +13,9 @@ from typing import Any
 import click
 
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.cli.kernels import compilation_told
 from furrowmap.core.values.errors import FurrowmapError, Notice, printable
 from furrowmap.core.values.progress import Progress
+from furrowmap.process import reporting_compilation
 
 log = logging.getLogger("furrowmap.cli")
 
@@ -63,7 +63,7 @@ class Console:
         Args:
             passing: whether the bars go away in the end.
         """
-        with compilation_told(self.say):
+        with reporting_compilation(self.say):
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()
             else:
@@ -118,7 +118,7 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
 
 def put_json(value: object) -> None:
     """Write `value` as JSON to standard output, in UTF-8 whatever the terminal's encoding is."""
-    from furrowmap.exporters.files.json_text import json_text
+    from furrowmap.core.values.json_text import json_text
 
     click.echo(json_text(value).encode(), nl=False)
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.kernels import keep_blas_single, keep_freed_memory, keep_kernels
+from furrowmap.core.values.threads import using_threads
+from furrowmap.process import prepare_process
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -27,17 +28,29 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
     @click.option("-q", "--quiet", is_flag=True, help="No bar, and on standard error only warnings and errors.")
     @click.option("-v", "--verbose", count=True, help="Tell every step; -vv also what libraries tell.")
     @click.option("--log-file", type=FILE, metavar="FILE", help="Add every step, with its time, to this file.")
+    @click.option(
+        "--threads",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Threads to use [default: FURROWMAP_THREADS, or one a processor, 8 at most].",
+    )
     @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
     @wraps(verb)
     def called(
-        *, as_json: bool, quiet: bool, verbose: int, log_file: Path | None, debug: bool, **arguments: Any
+        *,
+        as_json: bool,
+        quiet: bool,
+        verbose: int,
+        log_file: Path | None,
+        threads: int | None,
+        debug: bool,
+        **arguments: Any,
     ) -> None:
         del debug  # is looked at where errors end
         _start_log(verbose, log_file)
-        keep_kernels()
-        keep_blas_single()
-        keep_freed_memory()
-        verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
+        prepare_process()
+        with using_threads(threads):
+            verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
 

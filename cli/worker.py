@@ -34,10 +34,10 @@ import msgspec
 
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.cli.kernels import compilation_told, keep_blas_single, keep_freed_memory, keep_kernels
 from furrowmap.cli.main import attempt
 from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
 from furrowmap.core.values.progress import Progress
+from furrowmap.process import prepare_process, reporting_compilation
 
 PROTOCOL: Final = 1
 PERIOD_S: Final = 0.1
@@ -62,9 +62,7 @@ def worker() -> None:
 
     Both ways a JSON object a line, as the reference of the worker's protocol tells. The end of standard input cancels.
     """
-    keep_kernels()
-    keep_blas_single()
-    keep_freed_memory()
+    prepare_process()
     # Unbuffered: a thread that waits for input would hold a buffer's lock when the process wants to end.
     with open(0, "rb", buffering=0, closefd=False) as orders:
         sys.exit(work(orders, _own_output()))
@@ -125,7 +123,7 @@ class WorkerConsole(Console):
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there are no bars)
         """Work that may take long: its stages and shares."""
-        with compilation_told(self.say):
+        with reporting_compilation(self.say):
             yield _throttled(self.tell)
 
 
@@ -152,7 +150,7 @@ class _Teller:
         self._lock = threading.Lock()
 
     def __call__(self, kind: str, **content: object) -> None:
-        from furrowmap.exporters.files.json_text import plain
+        from furrowmap.core.values.json_text import plain
 
         line = json.dumps(plain({"type": kind, **content}), ensure_ascii=False, allow_nan=False)
         with self._lock:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.cli.kernels import keep_kernels
+from furrowmap.process import keep_kernels
 
 keep_kernels()  # where the command keeps them: compiled once for both
 CHECKOUT = Path(__file__).resolve().parents[1]

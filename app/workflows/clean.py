@@ -20,12 +20,12 @@ from furrowmap.core.surfaces.cloth import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import Records
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.json_text import plain
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.report import file_records
 from furrowmap.workflows.run import las_wkt

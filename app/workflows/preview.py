@@ -17,12 +17,12 @@ from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.json_text import json_text
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.exporters.files.json_text import json_text
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights

@@ -25,8 +25,10 @@ from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.surfaces.local_ground import GroundWatch
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.run_result import RunResult
@@ -35,7 +37,6 @@ from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
-from furrowmap.exporters.files.json_text import plain
 from furrowmap.exporters.files.staging import recover, staged_folder
 from furrowmap.exporters.rasters.field_rasters import (
     BEFORE,
@@ -103,7 +104,7 @@ def write_products(
     origin = _way_to(session_file, folder)
     _refuse_original(folder, session_file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
-    with staged_folder(folder) as staging:
+    with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
         made = _made(opened, staging, inputs, progress)
         found, summary = made.found, made.cloud
         told = run_origin(found, made.inputs)

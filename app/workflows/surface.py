@@ -17,8 +17,8 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.json_text import json_text, plain
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.cloud_rasters import RASTER_PRODUCTS, CloudRasters
 from furrowmap.exporters.reports.report import file_records

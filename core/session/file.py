@@ -82,6 +82,7 @@ _EXAMPLES: Final = {
     "trajectory.week": "2422",
     "run.standing": "true",
     "run.fixes": '["fixed", "float"]',
+    "run.threads": "2",
 }
 """A value for every key."""
 
@@ -248,6 +249,8 @@ def _faults(session: Session) -> Iterator[str]:
     yield from _far_places(session)
     if implement is not None and not implement.width_m > 0:
         yield "implement.width_m must be above 0"
+    if session.run.threads is not None and session.run.threads < 1:
+        yield "run.threads must be at least 1"
     if implement is not None:
         yield from _implement_faults(implement)
     if implement is not None and implement.states_use not in (REPLACE, CHECK):

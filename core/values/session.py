@@ -143,10 +143,12 @@ class Run(_Part, frozen=True):
         standing: whether scans taken at a stand are kept in the cloud.
         fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...); without it fixed
             and float where there is any fixed position, else all.
+        threads: how many the work may use; `--threads` on the command line wins.
     """
 
     standing: bool = True
     fixes: tuple[str, ...] | None = None
+    threads: int | None = None
 
 
 class Session(_Part, frozen=True):

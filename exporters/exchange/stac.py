@@ -18,8 +18,8 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.stated_frame import stated_frame
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.exchange.result import Result, result_origin
-from furrowmap.exporters.files.json_text import json_text
 
 if TYPE_CHECKING:
     import pystac

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.values.clock import decimal_year, iso_utc
-from furrowmap.exporters.files.json_text import json_text
+from furrowmap.core.values.json_text import json_text
 
 BESIDE: Final = "provenance.json"
 

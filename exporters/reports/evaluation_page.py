@@ -16,7 +16,7 @@ from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.exporters.files.json_text import json_text
+from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
 from furrowmap.exporters.reports.evaluation_figures import figures, write_epochs

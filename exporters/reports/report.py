@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.json_text import json_text, plain
 
 SCHEMA: Final = 1
 _BLOCK_BYTES: Final = 4 << 20

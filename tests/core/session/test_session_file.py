@@ -100,6 +100,7 @@ def test_keys__one_like_no_other_is_refused_with_all_that_are_known() -> None:
         (("[crs]", '[trajectory]\nfiles = ["a"]\ntime = "tai"\n[crs]'), "session-value", "trajectory.time"),
         (("[crs]", "[trajectory]\nfiles = []\n[crs]"), "session-value", "trajectory.files"),
         (("[crs]", '[trajectory]\nfiles = ["a"]\nweek = -1\n[crs]'), "session-value", "trajectory.week"),
+        (("[crs]", "[run]\nthreads = 0\n[crs]"), "session-value", "run.threads"),
         (('"a.pcap"', '"a.pcap", "b.pcap", "./a.pcap"'), "session-value", "recording.lidar names 'a.pcap' twice"),
         (('"a.nmea"', '"a.nmea", "a.nmea"'), "session-value", "recording.gnss names 'a.nmea' twice"),
         (("[crs]", '[trajectory]\nfiles = ["t", "t"]\n[crs]'), "session-value", "trajectory.files names 't' twice"),

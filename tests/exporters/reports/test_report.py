@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.scan import Clock
-from furrowmap.exporters.files.json_text import json_text, plain
 from furrowmap.exporters.reports.report import FileRecord, Report, file_records, write_report
 
 KEYS = [

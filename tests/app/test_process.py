@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.cli.kernels import COMPILING, VARIABLE, keep_blas_single, keep_kernels
+from furrowmap.process import COMPILING, VARIABLE, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
 sys.path.insert(0, sys.argv[1])
-from furrowmap.cli.kernels import compilation_told, keep_kernels
+from furrowmap.process import reporting_compilation, keep_kernels
 keep_kernels()
-with compilation_told(print):
+with reporting_compilation(print):
     import kernels_to_compile
     kernels_to_compile.double(1.0)
     kernels_to_compile.double(1)
@@ -81,9 +81,9 @@ def test_blas__has_one_thread_unless_the_user_says_otherwise(
 
 def test_command__says_so_before_numpy_is_there(tmp_path: Path) -> None:
     code = (
-        "import os, sys; from furrowmap.cli import kernels, options\n"
-        "said = kernels.keep_blas_single\n"
-        "options.keep_blas_single = lambda: (print('numpy' in sys.modules), said())\n"
+        "import os, sys; from furrowmap import process\n"
+        "single = process.keep_blas_single\n"
+        "process.keep_blas_single = lambda: (print('numpy' in sys.modules), single())\n"
         f"from furrowmap.cli.main import command_line; command_line(['run', {str(tmp_path / 'none.toml')!r}])"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -95,7 +95,7 @@ def test_freed_memory__is_used_again() -> None:
     code = """
 import resource, sys
 import numpy as np
-from furrowmap.cli.kernels import keep_freed_memory
+from furrowmap.process import keep_freed_memory
 if sys.argv[1] == "kept":
     keep_freed_memory()
 faults = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

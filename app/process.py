@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept between runs, and how a user hears of their being made."""
+"""Set-up of the process: the cache of compiled kernels, BLAS threads, freed memory."""
 
 from __future__ import annotations
 
@@ -20,11 +20,18 @@ _M_ARENA_MAX: Final = -8
 COMPILING: Final = "Compiling kernels for this machine, once (one to two minutes)."
 
 
-def keep_kernels() -> None:
-    """Give numba a folder of this user and version for its compiled kernels; to be called before numba is imported.
+def prepare_process() -> None:
+    """Set up this process for furrowmap's work; call it before numpy and numba are imported, or it has less effect."""
+    keep_kernels()
+    keep_blas_single()
+    keep_freed_memory()
 
-    A folder already set is respected. Where the user may write nowhere, a temporary folder serves this one run, because
-    numba refuses to load kernels that it cannot keep.
+
+def keep_kernels() -> None:
+    """Set numba's cache of compiled kernels to a folder of this user and version; call it before numba is imported.
+
+    A folder already set is respected. Where the user may write nowhere, a temporary folder serves this process, because
+    numba does not load kernels that it cannot cache.
     """
     if VARIABLE in os.environ:
         return
@@ -39,20 +46,20 @@ def keep_kernels() -> None:
 
 
 def keep_blas_single() -> None:
-    """Let the linear algebra of numpy and scipy work in one thread each; to be called before they are imported.
+    """Limit BLAS to one thread; call it before numpy is imported.
 
-    Our own threads share the cores already, and those of BLAS only wait: matching 64 million points took 30 s of
-    processor time with them and 18 s without. A number that the user has set is respected.
+    furrowmap's own threads use the cores already: matching 64 million points took 30 s of processor time with threads
+    of BLAS and 18 s without. A number that the user has set is respected.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep the memory of freed arrays of up to 32 MB for the next ones, where it is glibc.
+    """Let glibc reuse the memory of freed arrays of up to 32 MB.
 
-    Else every scan's arrays are new pages, which the system fills with zeros first: a fifth of the time that it spends
-    on a run. Two heaps do for all threads: with one for each, 77 million points took 180 MB more. What the user has set
-    in glibc's own variables is respected.
+    Otherwise the arrays of every scan are new pages, which the kernel fills with zeros first: a fifth of a run's system
+    time. Two heaps serve all threads: with one heap a thread, 77 million points took 180 MB more. The user's own
+    settings in glibc's variables are respected.
     """
     if not sys.platform.startswith("linux") or any(name.startswith("MALLOC_") for name in os.environ):
         return
@@ -64,23 +71,20 @@ def keep_freed_memory() -> None:
 
 
 @contextmanager
-def compilation_told(say: Callable[[str], None]) -> Iterator[None]:
-    """Within it, `say` is told once if a kernel has to be compiled that was not found among those kept.
-
-    Entering imports numba.
-    """
+def reporting_compilation(say: Callable[[str], None]) -> Iterator[None]:
+    """Within it, `say` is called once if a kernel is compiled that is not in the cache. Entering imports numba."""
     from numba.core import event
 
     class FirstCompilation(event.Listener):  # type: ignore[misc]  # numba has no types
-        told = False
+        reported = False
 
         def on_start(self, _event: Any) -> None:
-            if not self.told:
-                self.told = True
+            if not self.reported:
+                self.reported = True
                 say(COMPILING)
 
         def on_end(self, _event: Any) -> None:
-            """Only a start is told."""
+            """Only a start is reported."""
 
     listener = FirstCompilation()
     event.register("numba:compile", listener)
@@ -91,7 +95,7 @@ def compilation_told(say: Callable[[str], None]) -> Iterator[None]:
 
 
 def _caches() -> Path:
-    """The folder for what this user's programs can make again."""
+    """This user's cache folder."""
     if stated := os.environ.get("XDG_CACHE_HOME"):
         return Path(stated)
     if sys.platform == "win32":

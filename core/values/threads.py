@@ -1,0 +1,87 @@
+"""How many threads the work takes: one setting for all stages, and the work in threads itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import Final, TypeVar
+
+from furrowmap.core.values.errors import UsageError
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
+
+VARIABLE: Final = "FURROWMAP_THREADS"
+MOST_BY_DEFAULT: Final = 8
+"""Above this a run gains little and takes more memory, for each thread has surfaces of its own."""
+
+_asked: list[int] = []
+"""Counts in force, the innermost last."""
+
+
+def threads() -> int:
+    """How many threads a stage may use at once.
+
+    The count of the innermost :func:`using_threads`; else that of the environment variable FURROWMAP_THREADS; else
+    the processors that this process may use, 8 at most.
+
+    Raises:
+        UsageError: if the environment variable is no whole number of at least 1.
+    """
+    if _asked:
+        return _asked[-1]
+    stated = os.environ.get(VARIABLE)
+    if not stated:
+        return min(available_processors(), MOST_BY_DEFAULT)
+    if not stated.isdecimal() or int(stated) < 1:
+        raise UsageError(
+            f"The environment variable {VARIABLE} is {stated!r}.",
+            "It is no whole number of at least 1.",
+            f"Set it to a number of threads, such as {VARIABLE}=4, or unset it.",
+            code="usage",
+        )
+    return int(stated)
+
+
+@contextmanager
+def using_threads(count: int | None, *, by_default: bool = False) -> Iterator[None]:
+    """Within it, :func:`threads` is `count`.
+
+    The setting is the process's: threads started within see it as well.
+
+    Args:
+        count: at least 1; None changes nothing.
+        by_default: a count that is in force already wins, so that an option of the command line wins over a session.
+    """
+    if count is None or (by_default and _asked):
+        yield
+        return
+    _asked.append(count)
+    try:
+        yield
+    finally:
+        _asked.pop()
+
+
+def available_processors() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_threads(work: Callable[[Sequence[Item]], Found], items: Sequence[Item]) -> list[Found]:
+    """`work` on even shares of the items, in their order, each in a thread of its own.
+
+    Threads gain where `work` is a kernel or a library that releases the interpreter's lock.
+    """
+    count = threads()
+    cuts = [len(items) * k // count for k in range(count + 1)]
+    shares = [items[a:b] for a, b in pairwise(cuts) if b > a]
+    if len(shares) < 2:
+        return [work(share) for share in shares]
+    with ThreadPoolExecutor(len(shares)) as pool:
+        return list(pool.map(work, shares))

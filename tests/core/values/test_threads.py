@@ -1,0 +1,57 @@
+"""One setting for the number of threads."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furrowmap.core.values.errors import UsageError
+from furrowmap.core.values.threads import VARIABLE, available_processors, in_threads, threads, using_threads
+
+
+def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    assert threads() == min(available_processors(), 8)
+    monkeypatch.setenv(VARIABLE, "3")
+    assert threads() == 3
+    with using_threads(5):
+        assert threads() == 5
+        with using_threads(6, by_default=True), using_threads(None):
+            assert threads() == 5
+        with using_threads(7):
+            assert threads() == 7
+    with using_threads(6, by_default=True):
+        assert threads() == 6
+    assert threads() == 3
+
+
+@pytest.mark.parametrize("stated", ["0", "-1", "many", "2.5"])
+def test_threads__an_environment_that_states_no_count_is_refused(monkeypatch: pytest.MonkeyPatch, stated: str) -> None:
+    monkeypatch.setenv(VARIABLE, stated)
+    with pytest.raises(UsageError, match=VARIABLE):
+        threads()
+
+
+@given(items=st.lists(st.integers()), count=st.integers(1, 9))
+def test_in_threads__gives_every_item_once_and_in_order(items: list[int], count: int) -> None:
+    with using_threads(count):
+        found = in_threads(list, items)
+    assert [item for share in found for item in share] == items
+    assert len(found) == min(count, len(items))
+
+
+def test_in_threads__uses_as_many_threads_as_asked_for() -> None:
+    together = threading.Barrier(3)
+
+    def work(share: Sequence[int]) -> int:
+        together.wait(timeout=20)
+        return threading.get_ident()
+
+    with using_threads(3):
+        assert len(set(in_threads(work, range(3)))) == 3
