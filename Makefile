@@ -7,7 +7,7 @@ PARTS := core exporters cli
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck format bench bench-sessions docs plugin clean
+.PHONY: help demo test setup lint typecheck format bench bench-sessions pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -44,6 +44,11 @@ bench: $(INSTALLED)  ## speed, memory and error, beside others
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py
+
+pages: $(INSTALLED)  ## write the generated pages of docs again
+	$(BIN)/python scripts/code_reference.py
+	$(BIN)/python scripts/command_reference.py
+	$(BIN)/python scripts/house_graph.py
 
 plugin: $(INSTALLED)  ## the QGIS plugin as a zip, in dist
 	$(BIN)/python scripts/plugin_zip.py

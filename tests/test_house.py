@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Iterator
 from functools import cache
+from graphlib import CycleError
 from importlib.metadata import packages_distributions
 from pathlib import Path
+from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
@@ -161,6 +165,90 @@ def test_versions__every_dependency_is_pinned_without_an_address() -> None:
 def test_changelog__names_the_version() -> None:
     changelog = (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert f"## [{PROJECT['project']['version']}]" in changelog
+
+
+@pytest.fixture(scope="module")
+def house() -> dict[str, Any]:
+    """The names of the script that draws the import graph of `core`."""
+    return runpy.run_path(str(CHECKOUT / "scripts" / "house_graph.py"))
+
+
+def test_house__is_drawn_as_the_imports_are(house: dict[str, Any]) -> None:
+    nodes = house["places"]()
+    arrows = house["graph"](nodes)
+    written = (CHECKOUT / "docs" / "explanation" / "house.md").read_text(encoding="utf-8")
+    drawn = (CHECKOUT / "docs" / "images" / "house.svg").read_text(encoding="utf-8")
+    assert written == house["page"](nodes, arrows, written), "run scripts/house_graph.py"
+    assert drawn == house["picture"](arrows), "run scripts/house_graph.py"
+
+
+def test_house__has_few_rooms_and_no_circle(house: dict[str, Any]) -> None:
+    arrows = house["graph"](house["places"]())
+    assert set(arrows) == {*ROOMS, "pipeline"}
+    assert len(arrows) <= 20
+    assert house["floors"](arrows)["values"] == 0  # raises an error where nodes import each other in a circle
+
+
+def test_house_graph__finds_circles_and_implied_arrows(house: dict[str, Any]) -> None:
+    arrows = {"a": {"b", "c"}, "b": {"c"}, "c": set()}
+    assert house["floors"](arrows) == {"a": 2, "b": 1, "c": 0}
+    assert house["direct"](arrows) == {"a": {"b"}, "b": {"c"}, "c": set()}
+    with pytest.raises(CycleError):
+        house["floors"]({"a": {"b"}, "b": {"a"}})
+
+
+def test_core__holds_only_folders_and_the_pipeline() -> None:
+    loose = {p.relative_to(CHECKOUT).as_posix() for p in repository_files() if p.parent == CHECKOUT / "core"}
+    assert loose == {"core/__init__.py", "core/pipeline.py"}
+
+
+# Functions that are over the limits of size today. Both must be empty in the end.
+TOO_LONG = {
+    "add_results",
+    "agree",
+    "check",
+    "evaluate",
+    "evaluate_logs",
+    "initAlgorithm",
+    "place_scans",
+    "read_header",
+    "read_result",
+    "trajectory_from_gnss",
+    "worked_ground",
+    "write_clean_cloud",
+    "write_cloud_surfaces",
+}
+TOO_WIDE = {"agree", "_agree", "agree_upright", "trajectory_from_attitude", "CopcWriter.__init__"}
+KERNELS = {"njit", "kernel", "inlined"}
+OPTIONS = {"option", "argument"}
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef, set[str]]]:
+    """Every function of the product and the plugin, but kernels: its name, itself, the names of its decorators."""
+    for path in (p for part in (*PARTS, "plugin") for p in sorted((CHECKOUT / part).rglob("*.py"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        of_class = {part: node.name for node in ast.walk(tree) if isinstance(node, ast.ClassDef) for part in node.body}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                calls = [d.func if isinstance(d, ast.Call) else d for d in node.decorator_list]
+                decorators = {ast.unparse(call).rpartition(".")[2] for call in calls}
+                if not decorators & KERNELS:
+                    method = node.name.startswith("__") and node in of_class
+                    yield f"{of_class[node]}.{node.name}" if method else node.name, node, decorators
+
+
+def test_functions__are_short() -> None:
+    long = {name for name, node, _ in functions() if (node.end_lineno or 0) - node.lineno >= 60}
+    assert long - TOO_LONG == set(), "no function over 60 lines but kernels"
+
+
+def test_functions__take_few_parameters() -> None:
+    wide = set()
+    for name, node, decorators in functions():
+        given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+        if not decorators & OPTIONS and sum(arg.arg not in {"self", "cls"} for arg in given) > 8:
+            wide.add(name)
+    assert wide - TOO_WIDE == set(), "no function with more than 8 parameters but kernels and click's callbacks"
 
 
 @pytest.fixture(scope="module")
