@@ -173,7 +173,7 @@ def house() -> dict[str, Any]:
     return runpy.run_path(str(CHECKOUT / "scripts" / "house_graph.py"))
 
 
-def test_house__is_drawn_as_the_imports_are(house: dict[str, Any]) -> None:
+def test_house__is_drawn_as_it_is(house: dict[str, Any]) -> None:
     nodes = house["places"]()
     arrows = house["graph"](nodes)
     written = (CHECKOUT / "docs" / "explanation" / "house.md").read_text(encoding="utf-8")
