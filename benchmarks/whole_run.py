@@ -22,12 +22,12 @@ from pathlib import Path
 import numpy as np
 import velodyne_decoder
 
-from furrowmap.core.matching.locating import locate
 from furrowmap.core.pointclouds.placed import place_scans
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.simulate import simulate
+from furrowmap.core.trajectory.located import locate
 
 ROUNDS = 3
 PASSES = {"1x": 4, "5x": 19}

@@ -9,16 +9,18 @@ from typing import Final, Protocol
 import msgspec
 import numpy as np
 
+from furrowmap.core.adjustment.matched import Matched
+from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
+from furrowmap.core.calibration.yaw_ambiguity import TURNED_DEG
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
-from furrowmap.core.matching.facing import TURNED_DEG
-from furrowmap.core.matching.locating import SCANS_AHEAD, Located, locate, located_without_lidar, matched_to_ground
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Tally, place_scans
 from furrowmap.core.pointclouds.placement_notices import gap_notices, refuse_empty, session_notices, tally_notices
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import OpenSession, watched
+from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
@@ -70,20 +72,22 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementWatch(session, earlier)
+    matched = None
     if located.antenna is not None:
-        located = matched_to_ground(located, lidar, session, implement.look, progress)
-        if located.mounting is not None and _yaw_differs(located.mounting, session.lidar.mounting):
+        located, matched = matched_to_ground(located, lidar, session, implement.look, progress)
+        if matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting):
             # With the stated mounting the implement was looked for on another side of the vehicle.
-            implement = ImplementWatch(_with_mounting(session, located.mounting), earlier)
+            implement = ImplementWatch(_with_mounting(session, matched.mounting), earlier)
             _each(lidar.scans(), implement)
         watch.lap("matching")
     else:
         _each(watched(lidar.scans(), lidar, progress, "reading scans"), implement)
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    placer = placer_of(located, session)
+    placer = placer_of(located, matched.mounting if matched is not None else session.lidar.mounting)
     sink.begin(frame, placer.origin_m)
-    scans = lidar.scans() if located.ranges is None else map(located.ranges.corrected, lidar.scans())
+    ranges = matched.ranges if matched is not None else None
+    scans = lidar.scans() if ranges is None else map(ranges.corrected, lidar.scans())
     scans = watched(ahead(implement.following(scans), SCANS_AHEAD), lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
         tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
@@ -91,10 +95,15 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     refuse_empty(tally, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *lidar.notices, *session_notices(session, located)]
+    notices = [
+        *positions.notices,
+        *located.notices,
+        *lidar.notices,
+        *session_notices(session, located, matched=matched is not None),
+    ]
     notices += [*gap_notices(tally, located), *tally_notices(tally)]
     notices += [*(elsewhere[1] if elsewhere is not None else ()), *work.notices]
-    return _result(opened, located, tally, work, lidar.clocks, notices, watch)
+    return _result(opened, located, tally, work, lidar.clocks, notices, watch, matched)
 
 
 def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
@@ -137,12 +146,12 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
         lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
-        placer = placer_of(located, session)
+        placer = placer_of(located, session.lidar.mounting)
         sink.begin(opened.frame, placer.origin_m)
         scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
         tally = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
         refuse_empty(tally, located.trajectory, session)
-        clocks, assumed = lidar.clocks, session_notices(session, located)
+        clocks, assumed = lidar.clocks, session_notices(session, located, matched=False)
     else:
         located = located_without_lidar(positions, session, opened.frame)
         tally, assumed = Tally.without_scans(located.trajectory), []
@@ -165,11 +174,11 @@ def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
         yield scan
 
 
-def placer_of(located: Located, session: Session) -> Placer:
-    """What places a session's points, against a round local origin in the middle of the drive."""
+def placer_of(located: Located, mounting: Mounting) -> Placer:
+    """What places the points of a scanner mounted so, against a round local origin in the middle of the drive."""
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
-    return Placer(located.trajectory, located.mounting or session.lidar.mounting, (e, n, h))
+    return Placer(located.trajectory, mounting, (e, n, h))
 
 
 def _each(scans: Iterable[Scan], implement: ImplementWatch) -> None:
@@ -196,10 +205,11 @@ def _result(
     clocks: tuple[ClockReading, ...],
     notices: list[Notice],
     watch: _StopWatch,
+    matched: Matched | None = None,
 ) -> RunResult:
     unique = tuple(dict.fromkeys(notices))
     inputs = opened.inputs.all
-    return RunResult(opened.session, inputs, opened.frame, located, tally, work, clocks, unique, watch.laps_s)
+    return RunResult(opened.session, inputs, opened.frame, located, tally, work, clocks, unique, watch.laps_s, matched)
 
 
 class _StopWatch:

@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.matching.locating import locate, match_session
-from furrowmap.core.matching.matched import CLOCK_CERTAIN, Matched
+from furrowmap.core.adjustment.matched import CLOCK_CERTAIN, Matched
+from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.toml_edit import with_value
+from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.matching.locating import Located
 from furrowmap.core.pointclouds.placed import Tally
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.examination import likely_offset
+from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock
@@ -74,14 +74,14 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     )
 
 
-def session_notices(session: Session, located: Located) -> list[Notice]:
+def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
     """What a run could not know, and what of the session it has no use for."""
     notices = []
     if located.source == "file" and session.recording.gnss:
         notices.append(
             Notice("gnss-unused", "The trajectory comes from [trajectory]: the GNSS log is not used for it.")
         )
-    if located.source == "gnss" and located.matching is None:
+    if located.source == "gnss" and not matched:
         notices.append(
             Notice(
                 "level-assumed",

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.matching.locating import Located
 from furrowmap.core.pointclouds.placed import Tally
 from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_work import FieldWork
@@ -28,6 +29,7 @@ class RunResult:
         clocks: readings of the clocks in the scanner's recording, the clock in use first.
         notices: warnings, in the order of the work.
         timings_s: seconds of each stage.
+        matched: the result of scan matching; None where the scans were not matched.
     """
 
     session: Session
@@ -39,3 +41,4 @@ class RunResult:
     clocks: tuple[ClockReading, ...]
     notices: tuple[Notice, ...]
     timings_s: dict[str, float]
+    matched: Matched | None = None

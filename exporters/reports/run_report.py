@@ -51,7 +51,7 @@ def report_of(
         session=msgspec.to_builtins(found.session),
         inputs=inputs,
         figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
-        coordinates=found.located.brought.account(found.frame),
+        coordinates=found.located.transformed.account(found.frame),
         accuracy=_accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
         observability=_observability(found),
         clocks=_clocks(found),
@@ -201,9 +201,9 @@ def _accuracy(found: RunResult) -> dict[str, Any]:
         digits = 3 if name.endswith("_deg") else 4
         quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
         out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
-    located = found.located
-    assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if located.source == "gnss" and located.matching is None else []
-    return out | {"assumed": assumed, "matching": located.matching}
+    level_assumed = found.located.source == "gnss" and found.matched is None
+    assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if level_assumed else []
+    return out | {"assumed": assumed, "matching": found.matched.figures if found.matched is not None else None}
 
 
 def _observability(found: RunResult) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def test_place__agrees_with_the_placing_of_clouds() -> None:
     chain = knots.chains[0]
     turn = turns(state.rotation)
     found = place(t, points, chain.first, chain.begin_s, STEP_S, state.xyz_m, state.rotation, turn)
-    expected, known = Placer(trajectory, Mounting(), 0.0, (0.0, 0.0, 0.0)).place(scan_of(t, points))
+    expected, known = Placer(trajectory, Mounting(), (0.0, 0.0, 0.0)).place(scan_of(t, points))
     assert known.all()
     # Turns from knot to knot are taken to first order: what is left out is half their square.
     bound = 0.5 * np.linalg.norm(turn, axis=1).max() ** 2 * np.linalg.norm(points, axis=1).max()

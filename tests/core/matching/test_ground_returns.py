@@ -21,7 +21,7 @@ from furrowmap.core.matching.returns import (
     ground_returns,
 )
 from furrowmap.core.values.trajectory import HELD_BY, Motion
-from tests.core.matching.conftest import Recording
+from tests.core.conftest import Recording
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.matching.locating import locate
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from furrowmap.exporters.reports.run_report import way
 

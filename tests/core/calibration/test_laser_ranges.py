@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 
-from furrowmap.core.matching.adjustment import Tool
-from furrowmap.core.matching.laser_ranges import LEAST_RETURNS, LaserRanges, LaserSums, shortened
-from furrowmap.core.matching.matched import match
+from furrowmap.core.adjustment.matched import match
+from furrowmap.core.adjustment.solve import Tool
+from furrowmap.core.calibration.laser_ranges import LEAST_RETURNS, LaserRanges, LaserSums, shortened
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.values.scan import Scan
-from tests.core.matching.conftest import Recording
+from tests.core.conftest import Recording
 
 LASERS = 16
 

@@ -20,10 +20,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import NormalEquations, Solution
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
-from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
-from furrowmap.core.matching.bridging import (
+from furrowmap.core.adjustment.bridging import (
     AHEAD_S,
     ALIKE_S,
     HOLD_S,
@@ -40,13 +37,16 @@ from furrowmap.core.matching.bridging import (
     part_of,
     with_carried,
 )
+from furrowmap.core.adjustment.relaxation import Relaxation
+from furrowmap.core.calibration.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
+from furrowmap.core.calibration.mounting_calibration import Stance, stance
+from furrowmap.core.calibration.yaw_ambiguity import facing_deg
+from furrowmap.core.estimation.banded import NormalEquations, Solution
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State, knots_over, place, start_from, turns
+from furrowmap.core.matching.agreement import CoarseGrid, Patches, Relief, Sums, agree
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, coarse_pull, fine_step, free_patches
 from furrowmap.core.matching.equations import Aslant, Held, add_slices, hold_blind, position_trust
-from furrowmap.core.matching.facing import facing_deg
-from furrowmap.core.matching.laser_ranges import LaserRanges, LaserSums, laser_sums, shortened
-from furrowmap.core.matching.relaxation import Relaxation
 from furrowmap.core.matching.returns import REACH_M, GroundReturns
-from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import (
     Passage,
     Surface,

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.certainty import held_by, sigmas
+from furrowmap.core.adjustment.solve import Problem, Tool, problem_of, solve
+from furrowmap.core.calibration.clock_offset import clock_offset
+from furrowmap.core.calibration.laser_ranges import LaserRanges
+from furrowmap.core.calibration.mounting_calibration import Stance
+from furrowmap.core.calibration.range_bow import bow_of, bow_sigma
 from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.matching.adjustment import Problem, Tool, problem_of, solve
-from furrowmap.core.matching.bow import bow_of, bow_sigma
-from furrowmap.core.matching.certainty import held_by, sigmas
-from furrowmap.core.matching.clock_offset import clock_offset
-from furrowmap.core.matching.laser_ranges import LaserRanges
 from furrowmap.core.matching.returns import PIXEL_M, GroundReturns
-from furrowmap.core.matching.stance import Stance
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE, Positions
 from furrowmap.core.values.clock import iso_utc

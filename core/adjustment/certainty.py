@@ -10,10 +10,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.calibration.range_bow import Bow
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, State
 from furrowmap.core.matching.agreement import CORRELATED
-from furrowmap.core.matching.bow import Bow
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots
 from furrowmap.core.matching.equations import LEVEL_SIGMA, Held
 

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.calibration.mounting_calibration import Stance, stance
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.matching.equations import SIZE, Aslant, hold_blind
-from furrowmap.core.matching.stance import Stance, stance
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
 from furrowmap.core.trajectory.positions import Positions
 

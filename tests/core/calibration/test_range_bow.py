@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from furrowmap.core.calibration.range_bow import ELEVATION_SIGMA, bow_of, bow_sigma
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.matching.bow import ELEVATION_SIGMA, bow_of, bow_sigma
 from furrowmap.core.matching.coarse import SIZE
 from furrowmap.core.matching.returns import GroundReturns
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.adjustment import Tool
-from furrowmap.core.matching.matched import Matched, match
+from furrowmap.core.adjustment.matched import Matched, match
+from furrowmap.core.adjustment.solve import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
-from tests.core.matching.conftest import Recording
+from tests.core.conftest import Recording
 
 
 @dataclass(frozen=True)

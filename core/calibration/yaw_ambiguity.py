@@ -46,7 +46,7 @@ ROUGH_M: Final = 0.03
 CERTAIN: Final = 4.5
 """The best angle is used where it is better than the stated one by so many standard deviations of the windows' mean."""
 TURNED_DEG: Final = 20.0
-"""Less than that comes right by itself and is the business of :mod:`furrowmap.core.matching.stance`."""
+"""Smaller angles converge by themselves; :mod:`furrowmap.core.calibration.mounting_calibration` finds them."""
 QUARTER_DEG: Final = 5.0
 """An angle so near to a quarter or half turn is one: scanners are mounted so, and the best angle is known to 3°."""
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.calibration.yaw_ambiguity import facing_deg
 from furrowmap.core.estimation.knots import Knots, State, knots_over
-from furrowmap.core.matching.facing import facing_deg
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import Knots, State, knots_over
-from furrowmap.core.matching.bridging import (
+from furrowmap.core.adjustment.bridging import (
     APART_M,
     APART_RAD,
     Gap,
@@ -22,6 +21,7 @@ from furrowmap.core.matching.bridging import (
     part_of,
     with_carried,
 )
+from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.gnss import Fix
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.certainty import AROUND_S, held_by, hold_of, sigmas
+from furrowmap.core.calibration.range_bow import Bow
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, State, knots_over
 from furrowmap.core.matching.agreement import CORRELATED
-from furrowmap.core.matching.bow import Bow
-from furrowmap.core.matching.certainty import AROUND_S, held_by, hold_of, sigmas
 from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
 from furrowmap.core.matching.equations import Held
 
