@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,11 +71,13 @@ class Scan:
 
     def __getitem__(self, part: slice) -> Self:
         """Some of the returns, as views, under the same number."""
-        return replace(self, **{name: getattr(self, name)[part] for name in ARRAYS})
+        parts: dict[str, Any] = {name: getattr(self, name)[part] for name in ARRAYS}
+        return replace(self, **parts)
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """The returns of several parts, one after the other, under the number of the first."""
         if len(parts) == 1:
             return parts[0]
-        return replace(parts[0], **{name: np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS})
+        arrays: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS}
+        return replace(parts[0], **arrays)
