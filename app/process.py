@@ -17,7 +17,7 @@ _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
 """Parameters of mallopt(3)."""
-COMPILING: Final = "Compiling kernels for this machine, once (one to two minutes)."
+COMPILING: Final = "Compiling kernels for this machine. This takes one to two minutes, once."
 
 
 def prepare_process() -> None:

@@ -1,1 +1,1 @@
-"""The command line: one file per verb, and one place where errors become three lines."""
+"""The command line: one module per command. `main` turns errors into messages and exit statuses."""

@@ -1,4 +1,4 @@
-"""`furrowmap base`: a farm's sessions together, in one GeoPackage or in PostGIS."""
+"""`furrowmap base`: the farm map, the sessions of a farm in one GeoPackage or in PostGIS."""
 
 from __future__ import annotations
 
@@ -25,31 +25,34 @@ _DB_SCHEMA: Final = "furrowmap"
 
 @click.group(
     cls=Deeds,
-    short_help="Gather sessions into a farm's base map.",
+    short_help="Collect the sessions of a farm in a farm map.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
     epilog="\b\nExample:\n  furrowmap base add result farm.gpkg\n  furrowmap base list farm.gpkg",
 )
 def base() -> None:
-    """A farm's base map: the sessions of many runs in one GeoPackage, or in PostGIS where several people share them."""
+    """The farm map: the sessions of a farm in one GeoPackage, or in PostGIS to share them."""
 
 
 _schema = click.option(
-    "--schema", default=_DB_SCHEMA, show_default=True, metavar="NAME", help="Schema of the tables, in PostGIS."
+    "--schema", default=_DB_SCHEMA, show_default=True, metavar="NAME", help="PostGIS schema of the tables."
 )
 
 
 @base.command(
-    short_help="Put the results of runs into a base.",
+    short_help="Add the results of runs to a farm map.",
     epilog="\b\nExample:\n  furrowmap base add results/* farm.gpkg\n"
     "  furrowmap base add result postgresql://me@server/farm",
 )
 @click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=FILE)
-@click.argument("target", metavar="BASE")
-@click.option("--crs", metavar="CRS", help="CRS of a new base, such as EPSG:6677 [default: the first session's].")
-@click.option("--same-crs", is_flag=True, help="Refuse sessions of another CRS instead of transforming them.")
+@click.argument("target", metavar="MAP")
+@click.option("--crs", metavar="CRS", help="CRS of a new farm map, such as EPSG:6677 [default: the first session's].")
+@click.option("--same-crs", is_flag=True, help="Refuse sessions in another CRS instead of transforming them.")
 @click.option(
-    "--time-zone", "zone", metavar="ZONE", help="Tells the days, such as Asia/Tokyo [default: by the longitude]."
+    "--time-zone",
+    "zone",
+    metavar="ZONE",
+    help="Time zone of the dates, such as Asia/Tokyo [default: from the longitude].",
 )
 @_schema
 @common_options
@@ -63,10 +66,10 @@ def add(
     zone: str | None,
     schema: str,
 ) -> None:
-    """Put the results that `furrowmap run` wrote into each DIR into BASE, a GeoPackage or a PostGIS database.
+    """Add the results of `furrowmap run` in each DIR to MAP, a GeoPackage or a PostGIS database.
 
-    BASE is made where it is not there. A session that it has already is replaced by its new result. Either all of
-    DIR... get into it or none; an interruption leaves it as it was.
+    MAP is created if it does not exist. A session that it already holds is replaced. Either all DIRs are added or none;
+    an interruption leaves MAP unchanged.
     """
     from furrowmap.exporters.farm.farm_map import add_results
 
@@ -80,14 +83,14 @@ def add(
 
 @base.command(
     "list",
-    short_help="Tell the sessions in a base.",
+    short_help="List the sessions in a farm map.",
     epilog="\b\nExample:\n  furrowmap base list farm.gpkg",
 )
-@click.argument("target", metavar="BASE")
+@click.argument("target", metavar="MAP")
 @_schema
 @common_options
 def list_sessions(console: Console, target: str, *, schema: str) -> None:
-    """Tell which sessions are in BASE: identity, day, ground worked, name."""
+    """List the sessions in MAP: identifier, date, worked area, name."""
     from furrowmap.exporters.farm.edit import KnownSession
     from furrowmap.exporters.farm.farm_map import known_sessions
 
@@ -103,17 +106,17 @@ def list_sessions(console: Console, target: str, *, schema: str) -> None:
 
 
 @base.command(
-    short_help="Take sessions out of a base.",
+    short_help="Remove sessions from a farm map.",
     epilog="\b\nExample:\n  furrowmap base remove farm.gpkg c67f3212",
 )
-@click.argument("target", metavar="BASE")
+@click.argument("target", metavar="MAP")
 @click.argument("sessions", metavar="SESSION...", nargs=-1, required=True)
 @_schema
 @common_options
 def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: str) -> None:
-    """Take each SESSION, told by its identity (or how that begins) or its name, out of BASE.
+    """Remove each SESSION, given by its identifier (or the beginning of it) or its name, from MAP.
 
-    The folders of their results stay as they are.
+    The result folders are not touched.
     """
     from furrowmap.exporters.farm.farm_map import remove_sessions
 
@@ -123,17 +126,17 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
 
 
 @base.command(
-    short_help="Put the surfaces of sessions into one raster.",
+    short_help="Merge the surfaces of sessions into one raster.",
     epilog="\b\nExample:\n  furrowmap base mosaic farm.gpkg -o farm.vrt\n"
     "  furrowmap base mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
 )
-@click.argument("sources", metavar="BASE...", nargs=-1, required=True)
-@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Raster to make: .vrt or .tif.")
-@click.option("--product", default="dsm", show_default=True, metavar="NAME", help="Which surface: NAME.tif of each.")
+@click.argument("sources", metavar="MAP...", nargs=-1, required=True)
+@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Output raster: .vrt or .tif.")
+@click.option("--product", default="dsm", show_default=True, metavar="NAME", help="Surface to merge (NAME.tif).")
 @click.option("--dst-crs", "crs", metavar="CRS", help="CRS of the raster [default: that of the surfaces].")
-@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Side of a cell.")
-@click.option("--mean", is_flag=True, help="The mean of all sessions instead of the latest session's cells.")
-@click.option("--overwrite", is_flag=True, help="Replace FILE.")
+@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Cell size.")
+@click.option("--mean", is_flag=True, help="Average overlapping sessions instead of using the latest.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
 @_schema
 @common_options
 def mosaic(
@@ -148,10 +151,10 @@ def mosaic(
     overwrite: bool,
     schema: str,
 ) -> None:
-    """Put the surfaces of the sessions in each BASE, or of the result in a folder, into one raster.
+    """Merge the surfaces of the sessions in each MAP, or of the result in a folder, into one raster.
 
-    The latest session wins where they overlap. A .vrt is a small file that refers to the surfaces' heights where they
-    lie; a .tif is a cloud-optimised GeoTIFF with all their bands.
+    Where sessions overlap, the latest is used. A .vrt is a small file that refers to the heights in the surfaces'
+    files; a .tif is a Cloud Optimized GeoTIFF with all bands.
     """
     from furrowmap.exporters.farm.mosaic import mosaic as put_together
     from furrowmap.exporters.farm.surfaces import find_surfaces, refuse_output
@@ -170,7 +173,7 @@ def _words(change: Change) -> str:
     deeds = ("added", "replaced", "unchanged", "removed")
     done = [f"{len(getattr(change, deed))} {deed}" for deed in deeds if getattr(change, deed)]
     number = "1 session" if change.sessions == 1 else f"{change.sessions} sessions"
-    return f"{printable(change.base)}: {', '.join(done) or 'nothing to do'}; now {number} in {change.crs}."
+    return f"{printable(change.base)}: {', '.join(done) or 'nothing changed'}; now {number} in {change.crs}."
 
 
 def _crs(text: str | None, option: str = "--crs") -> CRS | None:
@@ -185,9 +188,9 @@ def _crs(text: str | None, option: str = "--crs") -> CRS | None:
         crs = None
     if crs is None or not (crs.is_projected or crs.is_geographic):
         raise UsageError(
-            f"{option}: {text!r} is no horizontal CRS that PROJ knows.",
+            f"{option}: {text!r} is not a horizontal CRS known to PROJ.",
             "Nothing was done.",
-            "Give it as EPSG:6677, for example.",
+            "Give an EPSG code such as EPSG:6677.",
             code="usage",
         )
     return crs
@@ -202,8 +205,8 @@ def _zone(name: str | None) -> ZoneInfo | None:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
         raise UsageError(
-            f"--time-zone: there is no time zone {name!r}.",
+            f"--time-zone: unknown time zone {name!r}.",
             "Nothing was done.",
-            "Give it as Asia/Tokyo, for example, or leave it out.",
+            "Give a name of the IANA database such as Asia/Tokyo, or omit the option.",
             code="usage",
         ) from None

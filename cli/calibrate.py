@@ -1,4 +1,4 @@
-"""`furrowmap calibrate`: what the recording says about the sensors' mounting and clocks."""
+"""`furrowmap calibrate`: mounting calibration and clock offset from the recording itself."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    short_help="Say how the sensors are mounted, from the recording itself.",
+    short_help="Estimate the sensor mounting from the recording itself.",
     epilog="\b\nExample:\n  furrowmap calibrate session.toml --write",
 )
 @click.argument("session", type=FILE)
-@click.option("--write", is_flag=True, help="Write what was found into SESSION, whose other lines stay as they are.")
+@click.option("--write", is_flag=True, help="Write the estimates into SESSION; its other lines are kept.")
 @common_options
 def calibrate(console: Console, session: Path, *, write: bool) -> None:
-    """Estimate the scanner's mounting and the clocks' offset from the recording that SESSION describes.
+    """Estimate the mounting angles of the scanner and the clock offset from the recording described by SESSION.
 
-    The ground under the vehicle is level on the mean of a session, the vehicle drives where it looks, and ground seen
-    on the way there and back lies in one place.
+    Assumes that the ground under the vehicle is level on average over the session and that the vehicle drives straight
+    ahead; ground scanned on passes in opposite directions must coincide.
     """
     from furrowmap.workflows.calibrate import calibrate as estimate
     from furrowmap.workflows.calibrate import calibrated_text
@@ -55,16 +55,16 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
 def _words(found: Calibration, *, written: bool) -> str:
     rows: list[tuple[str, Any]] = [
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
-        ("scanner rpy_deg, found", _angles(found.found.rpy_deg) if found.mounting_differs else "the same"),
+        ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
-        ("vehicle's origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
+        ("vehicle origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
         ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
         (
-            "lidar_minus_gnss_s, found",
-            f"{found.offset_s[0]:.3f} ± {found.offset_s[1]:.3f}" if found.clock_differs else "the same",
+            "lidar_minus_gnss_s, estimated",
+            f"{found.offset_s[0]:.3f} ± {found.offset_s[1]:.3f}" if found.clock_differs else "unchanged",
         ),
     ]
-    end = "Written into the session." if written else "Nothing was written."
+    end = "Written to the session file." if written else "The session file was not changed."
     return f"{table(rows)}\n{end}"
 
 

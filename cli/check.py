@@ -1,4 +1,4 @@
-"""`furrowmap check`: a cloud or a surface against surveyed points."""
+"""`furrowmap check`: the accuracy of a point cloud or surface at surveyed checkpoints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLASS = click.FloatRange(0.0, min_open=True)
 
 
 @click.command(
-    short_help="Compare a cloud or a surface with surveyed points.",
+    short_help="Compare a point cloud or surface with surveyed checkpoints.",
     epilog="\b\nExample:\n  furrowmap check cloud.copc.laz points.csv --points-sigma 0.01 --require-vertical 0.05",
 )
 @click.argument("product", metavar="CLOUD_OR_DSM", type=FILE)
@@ -28,23 +28,23 @@ CLASS = click.FloatRange(0.0, min_open=True)
 @click.option(
     "--crs",
     metavar="CRS",
-    help="The CRS of the points, and of a cloud, where their files state none [default: the product's].",
+    help="CRS of points, or of a point cloud, whose file states none [default: that of the product].",
 )
-@click.option("--points-sigma", type=CLASS, metavar="METRES", help="The survey's own standard deviation on each axis.")
+@click.option("--points-sigma", type=CLASS, metavar="METRES", help="Standard deviation of the survey on each axis.")
 @click.option(
     "--targets",
     type=click.Choice(["none", "intensity", "colour"]),
     default="none",
     show_default=True,
-    help="Look for discs around the points, by this, for the horizontal error.",
+    help="Detect disc targets at the points by intensity or colour, for the horizontal error.",
 )
-@click.option("--diameter", type=CLASS, default=0.3, show_default=True, metavar="METRES", help="Of the discs.")
-@click.option("--require-vertical", type=CLASS, metavar="METRES", help="Exit with 4 if the vertical RMSE is greater.")
+@click.option("--diameter", type=CLASS, default=0.3, show_default=True, metavar="METRES", help="Diameter of the discs.")
+@click.option("--require-vertical", type=CLASS, metavar="METRES", help="Maximum vertical RMSE (else exit status 4).")
 @click.option(
-    "--require-horizontal", type=CLASS, metavar="METRES", help="Exit with 4 if the horizontal RMSE is greater."
+    "--require-horizontal", type=CLASS, metavar="METRES", help="Maximum horizontal RMSE (else exit status 4)."
 )
-@click.option("--table", "table_file", type=FILE, metavar="FILE", help="Write the points, one a row, as a CSV.")
-@click.option("--overwrite", is_flag=True, help="Replace that file.")
+@click.option("--table", "table_file", type=FILE, metavar="FILE", help="Write a CSV table of the errors at each point.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing table.")
 @common_options
 def check(
     console: Console,
@@ -62,10 +62,10 @@ def check(
 ) -> None:
     """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (CSV or GeoPackage).
 
-    The height of a cloud is that of the plane through the returns around a point, of a surface bilinear between four
-    cells. RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the points' own accuracy included, and
-    precision within and between swaths. An RMSE that is asked for and not met, or cannot be told, sets the exit status
-    4; precision beyond that class is a warning.
+    The height of a point cloud is that of a plane fitted to the returns around a checkpoint; that of a surface is
+    interpolated bilinearly. Reports the RMSE according to the ASPRS Positional Accuracy Standards, Edition 2 (2023),
+    including the error of the survey, and the precision within and between swaths. The exit status is 4 if a required
+    RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
     from furrowmap.core.checking.check import check_product
     from furrowmap.exporters.files.atomic import refuse_existing
@@ -118,20 +118,20 @@ def check(
 
 
 def _unmet(name: str, rmse_m: float | None, required_m: float) -> RefusedError:
-    known = f"is {rmse_m:.3f} m" if rmse_m is not None else "is not known, for no disc was found"
+    known = f"is {rmse_m:.3f} m" if rmse_m is not None else "is unknown: no disc was found"
     return RefusedError(
-        f"The {name} RMSE {known}; {required_m:g} m was asked for.",
-        f"The product does not meet the class of {100 * required_m:g} cm.",
-        "Look at the points' table for the largest errors, and at the run's report for what its accuracy rests on.",
+        f"The {name} RMSE {known}; required is at most {required_m:g} m.",
+        f"The product does not meet the {100 * required_m:g} cm accuracy class.",
+        "Look for the largest errors in the table of points (--table), and see `accuracy` in the run's report.json.",
         code="check-not-met",
     )
 
 
 def _verdict(verdict: dict[str, Any] | None) -> str:
-    """Whether a figure of internal precision stays within the class that was asked for."""
+    """Whether a precision figure is within the required class."""
     if verdict is None:
         return ""
-    return f" ({'within' if verdict['met'] else 'beyond'} the {verdict['limit_m']:.3g} m of the class)"
+    return f" ({'within' if verdict['met'] else 'outside'} the class limit of {verdict['limit_m']:.3g} m)"
 
 
 def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) -> str:
@@ -139,25 +139,25 @@ def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) 
     lines = [("product", f"{found.kind}, {printable(found.crs.name)}")]
     parts = (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing))
     lines += [(name, _component(part)) for name, part in parts if part is not None]
-    told = accuracy.plain()
+    values = accuracy.plain()
     for name, key in (
         ("RMSE vertical", "rmse_vertical_m"),
         ("RMSE horizontal", "rmse_horizontal_m"),
         ("RMSE 3D", "rmse_3d_m"),
         ("within swath", "within_swath_m"),
-        ("within swath, greatest", "within_swath_max_m"),
+        ("within swath, maximum", "within_swath_max_m"),
         ("between swaths", "between_swath_m"),
-        ("between swaths, greatest", "between_swath_max_m"),
+        ("between swaths, maximum", "between_swath_max_m"),
     ):
-        if told[key] is not None:
-            lines.append((name, f"{told[key]:.4f} m{_verdict(precision.get(key))}"))
+        if values[key] is not None:
+            lines.append((name, f"{values[key]:.4f} m{_verdict(precision.get(key))}"))
     worst = sorted((row for row in rows if row["error_h_m"] is not None), key=lambda row: -abs(row["error_h_m"]))[:5]
-    lines += [("largest", ", ".join(f"{printable(row['name'])} {row['error_h_m']:+.3f} m" for row in worst))]
+    lines += [("largest errors", ", ".join(f"{printable(row['name'])} {row['error_h_m']:+.3f} m" for row in worst))]
     return table(lines)
 
 
 def _component(part: Component) -> str:
     return (
         f"{part.n} points: mean {part.mean_m:+.4f} m, standard deviation {part.sigma_m:.4f} m, "
-        f"RMSE {part.rmse_m:.4f} m, 95 % within {part.p95_m:.4f} m, greatest {part.greatest_m:.4f} m"
+        f"RMSE {part.rmse_m:.4f} m, 95 % within {part.p95_m:.4f} m, maximum {part.greatest_m:.4f} m"
     )

@@ -1,4 +1,4 @@
-"""`furrowmap cloud`: one clean cloud of any clouds."""
+"""`furrowmap cloud`: clean, classify, thin and merge point clouds."""
 
 from __future__ import annotations
 
@@ -15,43 +15,44 @@ from furrowmap.core.values.errors import printable
 
 
 @click.command(
-    short_help="Clean, classify and thin clouds into one COPC.",
+    short_help="Clean, classify, thin and merge point clouds into one COPC.",
     epilog=(
         "\b\nExample:\n  furrowmap cloud field_a.laz field_b.laz -o field.copc.laz --outliers statistical --ground smrf"
     ),
 )
 @click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="OUT.copc.laz", required=True, help="The cloud.")
+@click.option("-o", "--output", type=FILE, metavar="OUT.copc.laz", required=True, help="Output file.")
 @click.option(
     "--outliers",
     type=click.Choice(["none", "radius", "statistical"]),
     default="none",
     show_default=True,
-    help="How points that are alone are told; they become noise, class 7.",
+    help="Outlier detection method; outliers become noise (class 7).",
 )
-@click.option("--drop-noise", is_flag=True, help="Leave noise out, classes 7 and 18 of the clouds as well.")
+@click.option("--drop-noise", is_flag=True, help="Leave out outliers and the noise classes 7 and 18 of the input.")
 @click.option(
     "--ground",
     type=click.Choice(["none", "smrf", "csf"]),
     default="none",
     show_default=True,
-    help="How ground is told, class 2; all but noise and furrowmap's machine is then class 1. none: classes stay.",
+    help="Ground classification method: ground becomes class 2, the rest class 1, except noise and the machine in "
+    "furrowmap's own clouds. none keeps the classes.",
 )
 @click.option(
-    "--without-class", metavar="N,N", help="Leave points of these classes out; 64,65 is the machine in furrowmap's own."
+    "--without-class", metavar="N,N", help="Leave out these classes; 64,65 are the machine in furrowmap's own clouds."
 )
-@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Take every N-th point only.")
+@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
 @click.option(
     "--voxel",
     type=click.FloatRange(0.001, 10),
     metavar="METRES",
-    help="Take one point of each cube of this side, the one nearest to its middle.",
+    help="Voxel size; keep the point nearest to the centre of each voxel.",
 )
-@click.option("--bbox", metavar="W,S,E,N", help="Only points in this box, in the CRS of the cloud.")
-@click.option("--bbox-crs", metavar="CRS", help="The CRS of the box, if it is another one.")
-@click.option("--crs", metavar="CRS", help="The CRS of clouds that state none.")
-@click.option("--dst-crs", metavar="CRS", help="The CRS of the cloud, in metres [default: that of the clouds].")
-@click.option("--overwrite", is_flag=True, help="Replace the file.")
+@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
+@click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
+@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@click.option("--overwrite", is_flag=True, help="Replace an existing output file.")
 @common_options
 def cloud(
     console: Console,
@@ -70,10 +71,10 @@ def cloud(
     drop_noise: bool,
     overwrite: bool,
 ) -> None:
-    """Make one COPC of CLOUDs: LAS, LAZ or COPC, from furrowmap or from anybody else.
+    """Merge CLOUDs (LAS, LAZ or COPC from any software) into one COPC.
 
-    Place, time, intensity, returns, class, source and colour of the points are passed on. Done in this order: box and
-    classes, every N-th point, outliers, ground, cubes. What a file says that is not so is told on standard error.
+    Coordinates, time, intensity, returns, class, source and colour of the points are kept. Order of the steps: box and
+    classes, every N-th point, outliers, ground, voxels. False statements in a file header are reported as warnings.
     """
     box, without = box_of(bbox), classes_of(without_class, "--without-class")
     from furrowmap.core.pointclouds.cleaning import Cleaning

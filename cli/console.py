@@ -1,4 +1,4 @@
-"""What a verb says: answers to standard output, words to standard error, progress where somebody looks."""
+"""Output of a command: the result to standard output; progress, warnings and errors to standard error."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ log = logging.getLogger("furrowmap.cli")
 
 @dataclass(frozen=True)
 class Console:
-    """How a verb talks to whoever called it.
+    """Where a command writes its result, progress and warnings.
 
     Attributes:
-        as_json: the answer goes out as JSON instead of words.
-        quiet: no bar, and only warnings and errors go to standard error.
-        verbose: every step goes through the log to standard error, so there is no bar.
+        as_json: write the result as JSON instead of text.
+        quiet: write only warnings and errors to standard error, without a progress bar.
+        verbose: steps are logged to standard error, so there is no progress bar.
     """
 
     as_json: bool = False
@@ -35,33 +35,33 @@ class Console:
     verbose: bool = False
 
     def answer(self, value: object, words: str) -> None:
-        """Give the verb's answer: `value` as JSON, or `words`."""
+        """Write the result: `value` as JSON, or `words`."""
         if self.as_json:
             put_json(value)
         else:
             click.echo(words)
 
     def say(self, text: str) -> None:
-        """Tell something on the way."""
+        """Write a message during the work."""
         log.info(text)
         if not (self.quiet or self.verbose):
             click.echo(text, err=True)
 
     def warn(self, notice: Notice) -> None:
-        """Tell something that the user should know."""
+        """Write a warning."""
         click.secho(f"warning: {printable(notice.text)}", err=True, fg="yellow", color=colour())
 
     def warn_of(self, account: Mapping[str, Any]) -> None:
-        """Tell the warnings that an account of finished work holds."""
+        """Write the warnings in the report of finished work."""
         for warning in account["warnings"]:
             self.warn(Notice(warning["code"], warning["text"]))
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:
-        """Work that may take long: bars with stage, share and time left if standard error is a terminal.
+        """Show the progress of long work: bars with stage, share and remaining time if standard error is a terminal.
 
         Args:
-            passing: whether the bars go away in the end.
+            passing: whether to remove the bars at the end.
         """
         with reporting_compilation(self.say):
             if self.quiet or self.verbose or not sys.stderr.isatty():
@@ -74,7 +74,7 @@ class Console:
 def _stages_to_log() -> Progress:
     seen: set[str] = set()
 
-    def show(stage: str, share: float) -> None:  # noqa: ARG001 (a listener's signature)
+    def show(stage: str, share: float) -> None:  # noqa: ARG001 (the signature of Progress)
         INTERRUPTION.check()
         if stage not in seen:
             seen.add(stage)
@@ -104,7 +104,7 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
             if stage not in tasks:
                 log.info(stage)
                 end_stages()
-                tasks[stage] = bar.add_task(stage, total=None)  # a bar that only moves, until a share is known
+                tasks[stage] = bar.add_task(stage, total=None)  # a moving bar until a share is known
             if share > 0.0:
                 bar.update(tasks[stage], total=1.0, completed=min(share, 1.0))
 
@@ -117,14 +117,14 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
 
 
 def put_json(value: object) -> None:
-    """Write `value` as JSON to standard output, in UTF-8 whatever the terminal's encoding is."""
+    """Write `value` as JSON to standard output, in UTF-8 whatever the encoding of the terminal."""
     from furrowmap.core.values.json_text import json_text
 
     click.echo(json_text(value).encode(), nl=False)
 
 
 def put_error(error: FurrowmapError) -> None:
-    """Write the three lines of `error` to standard error."""
+    """Write `error` to standard error."""
     what, *rest = error.lines
     click.secho(what, err=True, fg="red", color=colour())
     for line in rest:
@@ -132,10 +132,10 @@ def put_error(error: FurrowmapError) -> None:
 
 
 def error_value(error: FurrowmapError) -> dict[str, str]:
-    """`error` as the JSON answers show it."""
+    """`error` for JSON."""
     return {"code": error.code, "what": error.what, "meaning": error.meaning, "remedy": error.remedy}
 
 
 def colour() -> bool | None:
-    """None to colour where a terminal is, False where the user wants none (https://no-color.org)."""
+    """None: colour on terminals; False: the user wants none (https://no-color.org)."""
     return False if os.environ.get("NO_COLOR") else None

@@ -1,4 +1,4 @@
-"""`furrowmap crs`: what will happen to a session's coordinates."""
+"""`furrowmap crs`: the coordinate transformations of a session."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from furrowmap.core.values.errors import printable
 
 
 @click.command(
-    short_help="Say what will happen to a session's coordinates.",
+    short_help="Show the coordinate transformations of a session.",
     epilog="\b\nExample:\n  furrowmap crs session.toml",
 )
 @click.argument("session", type=FILE)
 @common_options
 def crs(console: Console, session: Path) -> None:
-    """Say what a run of SESSION will do to its coordinates, with figures at the site; nothing is written.
+    """Show how `furrowmap run` will transform the coordinates of SESSION, with values at the site. Writes no files.
 
-    Frame and epoch, how far and where to positions are moved, the geoid's height, easting and northing, grid
-    convergence and scale, and areas in the map's plane and on the ellipsoid.
+    Frame and epoch, displacement of the positions, geoid height, easting and northing, grid convergence and scale, and
+    areas on the map and on the ellipsoid.
     """
     from furrowmap.core.session.site_coordinates import site_coordinates
 
@@ -31,4 +31,4 @@ def crs(console: Console, session: Path) -> None:
         site = site_coordinates(session)
     for notice in site.brought.notices:
         console.warn(notice)
-    console.answer(site.plain(), table((subject, printable(said)) for subject, said in site.sentences))
+    console.answer(site.plain(), table((subject, printable(sentence)) for subject, sentence in site.sentences))

@@ -1,4 +1,4 @@
-"""A verb with commands of its own, such as `furrowmap base add`."""
+"""A group of commands, such as `furrowmap base add`."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from furrowmap.core.values.errors import UsageError
 
 
 class Deeds(click.Group):
-    """The commands of a verb."""
+    """A command group whose error for an unknown command suggests the nearest one."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of that name.
 
         Raises:
-            UsageError: if there is none.
+            UsageError: if there is no such command.
         """
         found = super().get_command(ctx, cmd_name)
         if found is not None or ctx.resilient_parsing:
             return found
         near = get_close_matches(cmd_name, self.commands, 1, 0.5)
         raise UsageError(
-            f"furrowmap {self.name}: there is no command {cmd_name!r}.",
+            f"furrowmap {self.name}: unknown command {cmd_name!r}.",
             "Nothing was done.",
             f"Did you mean `furrowmap {self.name} {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
             code="no-such-verb",

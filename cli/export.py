@@ -1,4 +1,4 @@
-"""`furrowmap export`: what a run found out, in the format that another program takes."""
+"""`furrowmap export`: the results of a run in other formats."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from furrowmap.cli.options import FILE, common_options, named_crs
 from furrowmap.core.values.errors import printable
 
 FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
-"""As `furrowmap.workflows.export` has them, which `--help` has no time to import."""
+"""As in `furrowmap.workflows.export`, which `--help` must not wait for."""
 
 
 @click.command(
-    short_help="Pass results on: GeoParquet, GeoJSON, KML, ISO 11783, STAC…",
+    short_help="Export results: GeoParquet, GeoJSON, KML, ISO 11783, STAC…",
     epilog="\b\nExample:\n  furrowmap export result --to geoparquet\n"
     "  furrowmap export result --to geojson --layer passes --layer misses -o for_the_web",
 )
 @click.argument("results", metavar="DIR...", nargs=-1, required=True, type=FILE)
-@click.option("--to", "to", type=click.Choice(FORMATS), default="gpkg", show_default=True, help="The format.")
+@click.option("--to", "to", type=click.Choice(FORMATS), default="gpkg", show_default=True, help="Output format.")
 @click.option(
-    "-o", "--output", type=FILE, metavar="TARGET", help="File or folder to write [default: beside DIR, DIR_FORMAT]."
+    "-o", "--output", type=FILE, metavar="TARGET", help="Output file or folder [default: DIR_FORMAT beside DIR]."
 )
-@click.option("--layer", "layers", multiple=True, metavar="NAME", help="Only this layer of field.gpkg; repeatable.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the vectors, such as EPSG:4326 [default: the session's].")
-@click.option("--overwrite", is_flag=True, help="Replace TARGET.")
+@click.option("--layer", "layers", multiple=True, metavar="NAME", help="Only this layer of field.gpkg. Repeatable.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the vector layers, such as EPSG:4326 [default: the session's].")
+@click.option("--overwrite", is_flag=True, help="Replace an existing TARGET.")
 @common_options
 def export(
     console: Console,
@@ -38,11 +38,11 @@ def export(
     *,
     overwrite: bool,
 ) -> None:
-    """Write what `furrowmap run` left in DIR in the format of another program.
+    """Convert the results of `furrowmap run` in DIR to another format.
 
-    A format that holds one layer a file gives a folder. isoxml is ISO 11783-10 task data for farm software and
-    terminals, as a folder or, if TARGET ends so, a .zip; stac takes many DIRs and makes a catalogue over them. GeoJSON
-    and KML are always in WGS 84.
+    Formats with one layer per file write a folder. isoxml writes ISO 11783-10 task data for farm software and
+    terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
+    them. GeoJSON and KML are always in WGS 84.
     """
     from furrowmap.workflows.export import export as write
 

@@ -1,4 +1,4 @@
-"""`furrowmap fields`: the ground worked in each field of ISO 11783-10 task data."""
+"""`furrowmap fields`: the worked ground of each field in ISO 11783-10 task data."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ _COLUMNS = (
     ("worked_area_m2", "worked ha", "ha"),
     ("overlap_area_m2", "overlap ha", "ha"),
     ("missed_area_m2", "missed ha", "ha"),
-    ("logged_swept_area_m2", "way × width ha", "ha"),
+    ("logged_swept_area_m2", "length × width ha", "ha"),
     ("counted_area_m2", "counter ha", "ha"),
     ("boundary_area_m2", "field ha", "ha"),
 )
 
 
 @click.command(
-    short_help="The ground worked in each field of task data (ISOXML).",
+    short_help="Compute the worked ground of each field in task data (ISOXML).",
     epilog="\b\nExample:\n  furrowmap fields TASKDATA -o fields.gpkg\n  furrowmap fields harvest.zip --width 9 --json",
 )
 @click.argument("taskdata", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="GeoPackage for passes, overlaps, misses, all fields.")
-@click.option("--width", type=float, metavar="M", help="Working width [default: the widest that the logs show].")
-@click.option("--task", metavar="ID", help="Only the task of that id or name.")
-@click.option("--crs", metavar="CRS", help="CRS of the map, such as EPSG:6677 [default: one that fits the place].")
-@click.option("--overwrite", is_flag=True, help="Replace FILE.")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="Write passes, overlaps and misses to this GeoPackage.")
+@click.option("--width", type=float, metavar="M", help="Working width in metres [default: the largest in the logs].")
+@click.option("--task", metavar="ID", help="Process only the task with this identifier or name.")
+@click.option("--crs", metavar="CRS", help="Projected CRS, such as EPSG:6677 [default: chosen from the location].")
+@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
 @common_options
 def fields(
     console: Console,
@@ -46,10 +46,10 @@ def fields(
     *,
     overwrite: bool,
 ) -> None:
-    """Compute what a machine worked from its own log: TASKDATA is an ISO 11783-10 folder, or a .zip of it.
+    """Compute the worked ground from a machine's own log. TASKDATA is an ISO 11783-10 folder or a ZIP archive of it.
 
-    No scanner is needed: position, working state and width stand in the time logs. "way × width" is what the machine's
-    counter should show: it counts ground twice that was worked twice.
+    No scanner is needed: the time logs hold position, working state and width. "length × width" is what the machine's
+    area counter should show; it counts ground worked twice twice.
     """
     from furrowmap.core.work.task_work import task_works
     from furrowmap.exporters.files.atomic import refuse_existing

@@ -1,4 +1,4 @@
-"""`furrowmap gnss`: what a GNSS log is worth."""
+"""`furrowmap gnss`: evaluation of GNSS logs."""
 
 from __future__ import annotations
 
@@ -21,46 +21,52 @@ if TYPE_CHECKING:
 
 @click.group(
     cls=Deeds,
-    short_help="Judge a GNSS log by another.",
+    short_help="Evaluate GNSS logs.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
     epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx -o accuracy",
 )
 def gnss() -> None:
-    """How accurate and how steady the positions in a GNSS log are."""
+    """Evaluate the accuracy and continuity of GNSS positions."""
 
 
 @gnss.command(
-    short_help="Compare a log with a reference.",
+    short_help="Compare a GNSS log with a reference.",
     epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx --antenna-offset 0.30,0,0 -o accuracy\n"
     "  furrowmap gnss evaluate static.pos 35.339325776,139.522173128,65.712",
 )
 @click.argument("test", type=FILE)
 @click.argument("reference")
-@click.option("-o", "--output", type=FILE, metavar="DIR", help="Write evaluation.json, .html and epochs.csv there.")
+@click.option(
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="DIR",
+    help="Folder for evaluation.json, evaluation.html and epochs.csv.",
+)
 @click.option(
     "--antenna-offset",
     "offset",
     metavar="FORWARD,LEFT,UP",
     default="0,0,0",
     show_default=True,
-    help="Metres from the reference's antenna to that of TEST, on one vehicle.",
+    help="Offset in metres from the reference antenna to the TEST antenna on the same vehicle.",
 )
 @click.option(
     "--reference-fix",
     type=click.Choice(["any", "fixed"]),
     default="any",
     show_default=True,
-    help="Leave out epochs at which the reference is not fixed.",
+    help="fixed: leave out epochs without a fixed solution in the reference.",
 )
 @click.option(
     "--max-gap",
     type=click.FloatRange(min=0.0, min_open=True),
     metavar="SECONDS",
-    help="Interpolate the reference across no longer steps [default: 1.5 of its intervals].",
+    help="Maximum interpolation gap of the reference [default: 1.5 times its interval].",
 )
-@click.option("--date", metavar="YYYY-MM-DD", help="UTC date of the first position, for logs without dates.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier evaluation in DIR.")
+@click.option("--date", metavar="YYYY-MM-DD", help="UTC date of the first position, for logs without a date.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing evaluation in DIR.")
 @common_options
 def evaluate(
     console: Console,
@@ -74,11 +80,11 @@ def evaluate(
     date: str | None,
     overwrite: bool,
 ) -> None:
-    """Compare the positions in TEST with those in REFERENCE at the same instants.
+    """Compare the positions in TEST with those in REFERENCE at the same epochs.
 
-    REFERENCE is another log of the same drive, a trajectory, or LAT,LON,HEIGHT of an antenna at rest. The figures are
-    those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, of all epochs and by kind of
-    fix.
+    REFERENCE is another log of the same drive, a trajectory, or LAT,LON,HEIGHT of a static antenna. The statistics are
+    those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, over all epochs and by fix
+    type.
     """
     from furrowmap.core.evaluation.receivers import evaluate_logs
     from furrowmap.exporters.reports.evaluation_figures import figures
@@ -112,7 +118,7 @@ def _offset(text: str) -> tuple[float, float, float]:
     raise UsageError(
         f"--antenna-offset {text!r} is not FORWARD,LEFT,UP.",
         "Nothing was done.",
-        "Three numbers in metres with commas between, such as 0.30,-0.12,0.",
+        "Give three comma-separated numbers in metres, such as 0.30,-0.12,0.",
         code="usage",
     )
 
@@ -126,22 +132,22 @@ def _words(found: Evaluation) -> str:
             printable(found.reference) + (f" ({found.reference_service})" if found.reference_service else ""),
         ),
         ("compared", f"{len(matched):,} of {log.epochs:,} positions"),
-        ("kinds of fix", ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())),
+        ("fix types", ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())),
         ("first fix", ", ".join(f"{kind} after {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())),
-        ("gaps", f"{log.gaps}, the longest {log.longest_gap_s:.1f} s"),
+        ("gaps", f"{log.gaps}, longest {log.longest_gap_s:.1f} s"),
         ("outliers", f"{int(found.outlier.sum())} ({found.outlier.mean():.1%})"),
     ]
     if log.age is not None:
-        rows.append(("age of corrections", f"median {log.age.median_s:.1f} s, at most {log.age.greatest_s:.1f} s"))
+        rows.append(("age of corrections", f"median {log.age.median_s:.1f} s, maximum {log.age.greatest_s:.1f} s"))
     if found.within_sigmas is not None:
         shares = ", ".join(f"{share:.1%}" for share in found.within_sigmas.values())
-        rows.append(("within 1, 2, 3 stated sigmas", shares))
+        rows.append(("within 1, 2, 3 reported sigmas", shares))
     if found.time_ahead_s is not None:
         rows.append(("test ahead in time", f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}"))
     parts = [table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())]
     parts.append(
-        "Test minus reference in metres: X east, Y north, Z up; averages of X, Y, Z with sign; standard deviation of\n"
-        "the population, so that RMSE² = average² + standard deviation²; along and across (left) the way of travel."
+        "Test minus reference in metres: X east, Y north, Z up; signed averages of X, Y and Z; population standard\n"
+        "deviation, so that RMSE² = average² + standard deviation²; along and across (left of) the direction of travel."
     )
     return "\n\n".join(parts)
 
@@ -158,7 +164,7 @@ def _table(kind: str, rows: Table) -> str:
             line("average", [row.average_m for row in shown.values()]),
             line("standard deviation", [row.standard_deviation_m for row in shown.values()]),
             line("RMSE", [row.rmse_m for row in shown.values()]),
-            line("95 % below", [row.percentiles_m[3] for row in shown.values()]),
-            line("greatest", [row.greatest_m for row in shown.values()]),
+            line("95th percentile", [row.percentiles_m[3] for row in shown.values()]),
+            line("maximum", [row.greatest_m for row in shown.values()]),
         ]
     )

@@ -1,4 +1,4 @@
-"""`furrowmap init`: a first session file from recordings."""
+"""`furrowmap init`: a session file proposed from recordings."""
 
 from __future__ import annotations
 
@@ -12,19 +12,24 @@ from furrowmap.core.values.errors import RefusedError, printable
 
 
 @click.command(
-    short_help="Write a session file from recordings.",
+    short_help="Write a session file for a recording.",
     epilog="\b\nExample:\n  furrowmap init recording.pcap.gz gnss.nmea",
 )
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=FILE)
 @click.option(
-    "-o", "--output", type=FILE, metavar="FILE", help="Session file to write [default: session.toml beside them]."
+    "-o",
+    "--output",
+    type=FILE,
+    metavar="FILE",
+    help="Session file to write [default: session.toml beside RECORDING].",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the session file if it is there.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing session file.")
 @common_options
 def init(console: Console, recordings: tuple[Path, ...], output: Path | None, *, overwrite: bool) -> None:
-    """Look at each RECORDING (LiDAR, GNSS, trajectory) and write a commented session file with what it could find out.
+    """Examine each RECORDING (LiDAR, GNSS, trajectory) and write a commented session file.
 
-    What it could not find out, such as how the sensor is mounted, stands in the file as a comment, and is told.
+    What the recordings do not show, such as the mounting of the sensors, is listed, and left in the file as comments to
+    fill in.
     """
     from furrowmap.core.session.examination import Examined
     from furrowmap.core.session.proposal import common_folder, propose_session
@@ -33,9 +38,9 @@ def init(console: Console, recordings: tuple[Path, ...], output: Path | None, *,
     session_file = output or common_folder(recordings) / "session.toml"
     if session_file.exists() and not overwrite:
         raise RefusedError(
-            f"{session_file} is there already.",
-            "It may hold what somebody has measured, so it is left as it is.",
-            "Give another name with -o, or --overwrite if it may be replaced.",
+            f"{session_file} already exists.",
+            "It may hold measured values, so it was not replaced.",
+            "Give another file with -o, or replace it with --overwrite.",
             code="exists",
         )
     examined = []
@@ -48,7 +53,7 @@ def init(console: Console, recordings: tuple[Path, ...], output: Path | None, *,
         unfinished.write_text(proposal.text, encoding="utf-8")
     words = [f"Wrote {printable(str(session_file))}"]
     words += [f"  {printable(notice.text)}" for notice in proposal.found]
-    words += ["Not known from the recordings; fill in what you can:"]
+    words += ["Not found in the recordings; fill in what you know:"]
     words += [f"  {printable(notice.text)}" for notice in proposal.missing]
     console.answer(
         {"session": session_file, "found": proposal.found, "missing": proposal.missing},

@@ -1,4 +1,4 @@
-"""`furrowmap inspect`: what recordings are and hold."""
+"""`furrowmap inspect`: format and content of recordings."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ if TYPE_CHECKING:
 
 
 @click.command(
-    short_help="Say what files are and hold.",
+    short_help="Describe files: format, content, clocks, damage.",
     epilog="\b\nExample:\n  furrowmap inspect recording.pcap.gz gnss.nmea",
 )
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE)
 @common_options
 def inspect(console: Console, files: tuple[Path, ...]) -> None:
-    """Say what each FILE is and holds: model, span, clocks, fixes, damage; and how several lie to each other in time.
+    """Describe each FILE: format, sensor model, time span, clocks, GNSS fixes, damage; and how several overlap in time.
 
-    A file that cannot be read is told on standard error; the others still come, and the exit status is 3.
+    A file that cannot be read is reported on standard error; the others are still described, and the exit status is
+    3.
     """
     from furrowmap.core.session.examination import Examined, time_matches
 

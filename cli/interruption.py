@@ -1,4 +1,4 @@
-"""Ctrl-C, and a polite request to end."""
+"""Handling of SIGINT (Ctrl-C) and SIGTERM."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from typing import Final, NoReturn
 
 
 class Interruption:
-    """Turns the signals into an exception that lets everybody clean up behind them.
+    """Signal handler that raises KeyboardInterrupt, so that callers can clean up.
 
     Attributes:
-        asked: whether one came, whatever became of the exception: compiled code and libraries turn it into others, or
-            lose it where it meets them in a callback.
+        asked: whether a signal came. Compiled code and libraries convert the exception, or lose it in a callback.
     """
 
     def __init__(self) -> None:
@@ -22,7 +21,7 @@ class Interruption:
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        """Raise again what was lost.
+        """Raise the exception again if it was lost.
 
         Raises:
             KeyboardInterrupt: if a signal came.
@@ -32,4 +31,4 @@ class Interruption:
 
 
 INTERRUPTION: Final = Interruption()
-"""This process's own."""
+"""The handler of this process."""

@@ -1,4 +1,4 @@
-"""`furrowmap`: finds the verb, and turns every error into three lines and an exit status."""
+"""The entry point `furrowmap`: dispatches to the commands and turns errors into messages and exit statuses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
-VERBS: Final = (
+COMMANDS: Final = (
     "init",
     "inspect",
     "run",
@@ -36,39 +36,39 @@ VERBS: Final = (
     "qgis",
     "worker",
 )
-"""Each is the function of that name in the module of that name beside this one."""
+"""Each is the function of that name in the module of that name in this package."""
 
 log = logging.getLogger("furrowmap.cli")
 
 
-class Verbs(click.Group):
-    """The verbs, each imported when it is asked for."""
+class Commands(click.Group):
+    """The commands, each imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
         """Their names."""
-        return list(VERBS)
+        return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The verb of that name; None where it is asked by a shell that completes words.
+        """The command of that name; None for an unknown one during shell completion.
 
         Raises:
-            UsageError: if there is none.
+            UsageError: if there is no such command.
         """
-        if cmd_name in VERBS:
-            verb: click.Command = getattr(import_module(f"furrowmap.cli.{cmd_name}"), cmd_name)
-            return verb
+        if cmd_name in COMMANDS:
+            command: click.Command = getattr(import_module(f"furrowmap.cli.{cmd_name}"), cmd_name)
+            return command
         if ctx.resilient_parsing:
             return None
-        near = get_close_matches(cmd_name, VERBS, 1, 0.5)
+        near = get_close_matches(cmd_name, COMMANDS, 1, 0.5)
         raise UsageError(
-            f"furrowmap: there is no verb {cmd_name!r}.",
+            f"furrowmap: unknown command {cmd_name!r}.",
             "Nothing was done.",
-            f"Did you mean `furrowmap {near[0]}`?" if near else f"Verbs: {', '.join(VERBS)}.",
+            f"Did you mean `furrowmap {near[0]}`?" if near else f"Commands: {', '.join(COMMANDS)}.",
             code="no-such-verb",
         )
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Do what the verb does; click would put an empty line before the words on an interruption."""
+        """Run the command; on an interruption, click itself would print an empty line first."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -76,25 +76,25 @@ class Verbs(click.Group):
 
 
 @click.group(
-    cls=Verbs,
+    cls=Commands,
     invoke_without_command=True,
-    subcommand_metavar="VERB ...",
+    subcommand_metavar="COMMAND ...",
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="\b\nExample:\n  furrowmap init recording.pcap gnss.nmea\n  furrowmap run session.toml",
 )
-@click.option("--version", "versions", is_flag=True, help="Show the versions of furrowmap, PROJ and GDAL.")
-@click.option("--json", "as_json", is_flag=True, help="With --version: as JSON.")
+@click.option("--version", "versions", is_flag=True, help="Show the versions of furrowmap, Python, PROJ and GDAL.")
+@click.option("--json", "as_json", is_flag=True, help="Print the versions as JSON (with --version).")
 @click.pass_context
 def furrowmap(ctx: click.Context, *, versions: bool, as_json: bool) -> None:
-    """Georeferenced point clouds and worked ground from a tractor's LiDAR and GNSS, without an IMU."""
+    """Georeferenced point clouds and worked-ground maps from a tractor's LiDAR and GNSS recording, without an IMU."""
     if versions:
         _put_versions(as_json=as_json)
         ctx.exit()
     if ctx.invoked_subcommand is None:
         raise UsageError(
-            "furrowmap: a verb is missing.",
+            "furrowmap: no command given.",
             "Nothing was done.",
-            f"Verbs: {', '.join(VERBS)}; `furrowmap --help` says what each does.",
+            f"Commands: {', '.join(COMMANDS)}. `furrowmap --help` describes them.",
             code="usage",
         )
 
@@ -130,14 +130,14 @@ def main() -> NoReturn:
 
 
 def command_line(arguments: Sequence[str], interruption: Interruption | None = None) -> int:
-    """Do what the arguments say.
+    """Run the command line and print its errors.
 
     Args:
         arguments: without the program's name.
-        interruption: what handles the signals, if anything does.
+        interruption: the installed signal handler, if any.
 
     Returns:
-        The exit status: 0 done, 1 failed, 2 wrongly called, 3 the input is at fault, 4 refused, 130 interrupted.
+        The exit status: 0 success, 1 failure, 2 usage error, 3 invalid input, 4 refused, 130 interrupted.
     """
     for stream in (sys.stdout, sys.stderr):
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
@@ -149,7 +149,7 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
                 put_json({"error": error_value(error)})
         sys.stdout.flush()
     except BrokenPipeError:
-        # Whoever read the answer has had enough. Python flushes once more at its end, which must not fail again.
+        # The reader closed the pipe. Python flushes again at exit, which must not fail a second time.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     return status
@@ -158,24 +158,24 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
 def attempt(
     arguments: Sequence[str], interruption: Interruption | None = None, console: Console | None = None
 ) -> tuple[int, FurrowmapError | None]:
-    """Do what the arguments say.
+    """Run the command line.
 
     Args:
         arguments: without the program's name.
-        interruption: what handles the signals, if anything does.
-        console: to talk to, instead of the one that the arguments describe.
+        interruption: the installed signal handler, if any.
+        console: replaces the console that the arguments describe.
 
     Returns:
-        The exit status, and what went wrong if that ended the work.
+        The exit status, and the error that ended the command, if any.
 
     Raises:
-        BrokenPipeError: if nobody reads the answer.
+        BrokenPipeError: if the reader of standard output has closed it.
     """
     try:
         status = furrowmap.main(list(arguments), prog_name="furrowmap", standalone_mode=False, obj=console)
     except (SystemExit, GeneratorExit, BrokenPipeError):
         raise
-    except BaseException as raised:  # the one place where errors end, the panics of libraries included
+    except BaseException as raised:  # every error ends here, including panics of native libraries
         asked = interruption is not None and interruption.asked
         error = Cancelled() if asked else _in_three_lines(raised, arguments)
         if "--debug" in arguments:
@@ -186,7 +186,7 @@ def attempt(
 
 
 def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:
-    """Whatever was raised as an error that a user can act on."""
+    """Any exception as an error with a remedy."""
     if isinstance(raised, FurrowmapError):
         return raised
     if isinstance(raised, KeyboardInterrupt | click.Abort):
@@ -195,34 +195,34 @@ def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> Furrowma
         return _usage(raised, arguments)
     if isinstance(raised, MemoryError):
         return FurrowmapError(
-            "The computer's memory did not suffice.",
-            "The work stopped; nothing half-written is left.",
-            "Close other programs, or work on a part of the recording.",
+            "Out of memory.",
+            "The command stopped; no partial files were left.",
+            "Close other programs, or process a part of the recording.",
             code="out-of-memory",
         )
     if isinstance(raised, OSError) and raised.strerror:
         return FurrowmapError(
             f"{raised.filename}: {raised.strerror}." if raised.filename else f"{raised.strerror}.",
-            "The system refused a file, so the work stopped; nothing half-written is left.",
-            "Check that the folder is there, may be written by you, and has room.",
+            "A file could not be read or written; no partial files were left.",
+            "Check that the folder exists, that you have permission to write there, and that the disk is not full.",
             code="system",
         )
     return FurrowmapError(
         f"{type(raised).__name__}: {raised}.",
-        "This is a fault in furrowmap, not in what you did; nothing half-written is left.",
-        "Run the command again with --debug, and report what it shows together with `furrowmap --version`.",
+        "This is a bug in furrowmap; no partial files were left.",
+        "Run the command again with --debug, and report the output together with that of `furrowmap --version`.",
         code="fault",
     )
 
 
 def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
-    verb = [word for word in arguments[:1] if word in VERBS]  # click does not always tell where it was
-    path = raised.ctx.command_path if raised.ctx else " ".join(["furrowmap", *verb])
+    command = [word for word in arguments[:1] if word in COMMANDS]  # click does not always set the context
+    path = raised.ctx.command_path if raised.ctx else " ".join(["furrowmap", *command])
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(
         f"{path}: {message.rstrip('.')}.",
-        "The command was not understood, so nothing was done.",
-        f"Did you mean {' or '.join(near)}?" if near else f"`{path} --help` shows how it is called, with an example.",
+        "Nothing was done.",
+        f"Did you mean {' or '.join(near)}?" if near else f"`{path} --help` lists its arguments and options.",
         code="usage",
     )

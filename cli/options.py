@@ -1,4 +1,4 @@
-"""The options that all verbs have."""
+"""The options that every command has."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 FILE = click.Path(path_type=Path)
-"""A path as it is typed: whether it is there and what it holds is told by who reads it, in three lines."""
+"""A path as typed. Readers and writers check it, so that their errors have three parts."""
 
 
-def common_options(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb these options, and as its first argument the console of the call, or that which they describe."""
+def common_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the common options to a command, and pass it a Console as its first argument."""
 
-    @click.option("--json", "as_json", is_flag=True, help="Answer as JSON on standard output.")
-    @click.option("-q", "--quiet", is_flag=True, help="No bar, and on standard error only warnings and errors.")
-    @click.option("-v", "--verbose", count=True, help="Tell every step; -vv also what libraries tell.")
-    @click.option("--log-file", type=FILE, metavar="FILE", help="Add every step, with its time, to this file.")
+    @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON to standard output.")
+    @click.option("-q", "--quiet", is_flag=True, help="Show only warnings and errors, and no progress bar.")
+    @click.option("-v", "--verbose", count=True, help="Log every step to standard error; -vv includes libraries.")
+    @click.option("--log-file", type=FILE, metavar="FILE", help="Append a log with timestamps to this file.")
     @click.option(
         "--threads",
         type=click.IntRange(1),
         metavar="N",
-        help="Threads to use [default: FURROWMAP_THREADS, or one a processor, 8 at most].",
+        help="Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].",
     )
-    @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
-    @wraps(verb)
+    @click.option("--debug", is_flag=True, help="Print a traceback on error.")
+    @wraps(command)
     def called(
         *,
         as_json: bool,
@@ -46,28 +46,28 @@ def common_options(verb: Callable[..., None]) -> Callable[..., None]:
         debug: bool,
         **arguments: Any,
     ) -> None:
-        del debug  # is looked at where errors end
+        del debug  # read in main, where errors are handled
         _start_log(verbose, log_file)
         prepare_process()
         with using_threads(threads):
-            verb(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
+            command(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
 
 
 def named_crs(text: str | None) -> CRS | None:
-    """The CRS that an option names; None where it is not given.
+    """The CRS given by an option; None without one.
 
     Raises:
-        InputError: if it names none.
+        InputError: if the text is not a CRS.
     """
-    from furrowmap.core.geodesy.crs_change import crs_of  # brings pyproj, which --help does without
+    from furrowmap.core.geodesy.crs_change import crs_of  # imports pyproj, which --help must not wait for
 
     return crs_of(text) if text is not None else None
 
 
 def _start_log(verbose: int, log_file: Path | None) -> None:
-    """Send furrowmap's steps, and with -vv those of libraries, where the user asked for them; by default nowhere.
+    """Set up logging of furrowmap, and with -vv of libraries, to standard error and the log file.
 
     Raises:
         OSError: if the file cannot be opened.

@@ -1,4 +1,4 @@
-"""`furrowmap qgis`: the plugin for QGIS that comes along."""
+"""`furrowmap qgis`: the bundled QGIS plugin."""
 
 from __future__ import annotations
 
@@ -13,36 +13,39 @@ from furrowmap.core.values.errors import UsageError, printable
 
 
 @click.group(
-    short_help="Put the plugin into QGIS.",
+    short_help="Install the QGIS plugin.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
     epilog="\b\nExample:\n  furrowmap qgis install",
 )
 def qgis() -> None:
-    """The plugin for QGIS that comes along with furrowmap."""
+    """The QGIS plugin that is bundled with furrowmap."""
 
 
 @qgis.command(
     short_help="Install the plugin into a QGIS profile.",
     epilog="\b\nExample:\n  furrowmap qgis install\n  furrowmap qgis install --profile fieldwork",
 )
-@click.option("--profile", metavar="NAME", help="The profile of QGIS [default: the one that QGIS starts with].")
+@click.option("--profile", metavar="NAME", help="QGIS user profile [default: the one QGIS starts with].")
 @click.option(
-    "--plugins-folder", type=FILE, metavar="DIR", help="A folder for plugins instead, such as in QGIS_PLUGINPATH."
+    "--plugins-folder",
+    type=FILE,
+    metavar="DIR",
+    help="Plugins folder to use instead of a profile, such as one in QGIS_PLUGINPATH.",
 )
 @common_options
 def install(console: Console, profile: str | None, plugins_folder: Path | None) -> None:
-    """Put the plugin that comes along into a QGIS profile, switched on, with this furrowmap to do its work.
+    """Install and enable the bundled plugin in a QGIS user profile. The plugin will use this installation of furrowmap.
 
-    An earlier version of the plugin is replaced. QGIS sees it when it starts the next time.
+    An earlier version of the plugin is replaced. Restart QGIS to load it.
     """
     from furrowmap.cli.qgis_profiles import enable_plugin, find_profiles, install_plugin
 
     if profile is not None and plugins_folder is not None:
         raise UsageError(
-            "furrowmap qgis install: --profile and --plugins-folder exclude each other.",
+            "furrowmap qgis install: --profile cannot be combined with --plugins-folder.",
             "Nothing was done.",
-            "Give one of them.",
+            "Give only one of them.",
             code="usage",
         )
     if plugins_folder is not None:
@@ -54,5 +57,5 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
             enable_plugin(found.settings)
     enabled = plugins_folder is None
     words = [f"Installed: {printable(str(folder))}" for folder in installed]
-    words.append("Start QGIS again." if enabled else "Switch it on in QGIS: Plugins, Manage and Install Plugins.")
+    words.append("Restart QGIS to load it." if enabled else "Enable it in QGIS: Plugins > Manage and Install Plugins.")
     console.answer({"installed": installed, "enabled": enabled, "python": sys.executable}, "\n".join(words))

@@ -1,4 +1,4 @@
-"""QGIS's user profiles on this machine, and how a plugin gets into one."""
+"""QGIS user profiles on this machine, and the installation of the plugin in one."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from furrowmap.exporters.files.atomic import atomic_output
 
 PLUGIN: Final = "furrowmap"
 INSTALLED_BY: Final = "installed_by.json"
-"""In the plugin's folder: the Python interpreter that furrowmap runs in, which the plugin lets do the work."""
+"""File in the plugin's folder that names the Python interpreter in which the plugin runs furrowmap."""
 _RELEASES: Final = ("QGIS3", "QGIS4")
 _SWITCH: Final = ("PythonPlugins", PLUGIN, "true")
 
 
 @dataclass(frozen=True)
 class Profile:
-    """A profile of a user of QGIS.
+    """A QGIS user profile.
 
     Attributes:
         folder: of the profile.
-        settings: the file of its settings, which may not be there yet.
+        settings: its settings file, which may not exist yet.
     """
 
     folder: Path
@@ -37,19 +37,19 @@ class Profile:
 
     @property
     def plugins(self) -> Path:
-        """Where its plugins lie."""
+        """The folder of its plugins."""
         return self.folder / "python" / "plugins"
 
 
 def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
-    """The profiles of that name, or each release's default one; of QGIS 3 and of QGIS 4, where both were used.
+    """The profiles of this name, or the default ones, of QGIS 3 and QGIS 4.
 
     Args:
-        name: None for the default.
-        data: where this user's programs keep their data, by default as the system has it.
+        name: None for the default profile.
+        data: the data folder of the user; by default that of the system.
 
     Raises:
-        InputError: if there is none.
+        InputError: if there is no such profile.
     """
     found, others = [], []
     for release in _RELEASES:
@@ -59,32 +59,32 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
         others += [path.name for path in here]
         found += [Profile(path, path / "QGIS" / f"{release}.ini") for path in here if path.name == wanted]
     if not found:
-        there = f"There are: {', '.join(dict.fromkeys(others))}." if others else "QGIS has made none for this user yet."
+        there = f"Profiles: {', '.join(dict.fromkeys(others))}." if others else "This user has no QGIS profile yet."
         raise InputError(
-            f"There is no QGIS profile {name or 'default'!r}. {there}",
+            f"QGIS profile {name or 'default'!r} not found. {there}",
             "The plugin was not installed.",
-            "Start QGIS once, name another one with --profile, or the folder for plugins with --plugins-folder.",
+            "Start QGIS once, name another profile with --profile, or give a plugins folder with --plugins-folder.",
             code="no-qgis-profile",
         )
     return found
 
 
 def install_plugin(plugins: Path) -> Path:
-    """Put the plugin that came with this furrowmap into a folder for plugins; an earlier version of it is replaced.
+    """Install the bundled plugin in a plugins folder, replacing an earlier version.
 
     Returns:
-        The plugin's folder.
+        The folder of the plugin.
 
     Raises:
-        RefusedError: if something else has its name.
+        RefusedError: if the folder of that name is not the plugin.
         OSError: if the folder cannot be written to.
     """
     target = plugins / PLUGIN
     if target.is_symlink() or (target.exists() and not _is_plugin(target)):
         raise RefusedError(
-            f"{target} is there, but was not installed as the furrowmap plugin.",
-            "It would be replaced, so nothing was done.",
-            "Move it away, or name another folder with --plugins-folder.",
+            f"{target} exists, but is not the furrowmap plugin.",
+            "It was not replaced, and the plugin was not installed.",
+            "Move it away, or give another folder with --plugins-folder.",
             code="exists",
         )
     unfinished, old = (plugins / f".{PLUGIN}.{suffix}" for suffix in ("new", "old"))
@@ -94,8 +94,8 @@ def install_plugin(plugins: Path) -> Path:
             shutil.rmtree(folder, ignore_errors=True)
         with as_file(files("furrowmap.plugin")) as source:
             shutil.copytree(source, unfinished, ignore=shutil.ignore_patterns("__pycache__", "*.pyc"))
-        told = {"python": sys.executable, "version": version("furrowmap")}
-        (unfinished / INSTALLED_BY).write_text(json.dumps(told), encoding="utf-8")
+        record = {"python": sys.executable, "version": version("furrowmap")}
+        (unfinished / INSTALLED_BY).write_text(json.dumps(record), encoding="utf-8")
         if target.exists():
             target.rename(old)
         unfinished.rename(target)
@@ -108,7 +108,7 @@ def install_plugin(plugins: Path) -> Path:
 
 
 def enable_plugin(settings: Path) -> None:
-    """Switch the plugin on in a profile's settings, whose other lines stay as they are."""
+    """Enable the plugin in the settings of a profile; other lines are kept."""
     text = settings.read_text(encoding="utf-8", errors="surrogateescape") if settings.is_file() else ""
     settings.parent.mkdir(parents=True, exist_ok=True)
     with atomic_output(settings) as unfinished:
@@ -116,7 +116,7 @@ def enable_plugin(settings: Path) -> None:
 
 
 def with_setting(text: str, section: str, key: str, value: str) -> str:
-    """Qt's settings (INI) with one value set."""
+    """Qt settings (INI) with one value set."""
     lines = text.splitlines()
     head, line = f"[{section}]", f"{key}={value}"
     if head not in lines:
@@ -146,7 +146,7 @@ def _default_profile(root: Path) -> str:
 
 
 def _user_data() -> Path:
-    """Where this user's programs keep their data."""
+    """The data folder of this user."""
     if sys.platform == "win32":
         return Path(os.environ.get("APPDATA") or Path.home() / "AppData" / "Roaming")
     if sys.platform == "darwin":

@@ -1,4 +1,4 @@
-"""`furrowmap run`: from a session to its products."""
+"""`furrowmap run`: from a session file to point cloud, maps and report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from furrowmap.core.values.errors import printable
 
 
 @click.command(
-    short_help="Make the cloud, the ground worked and the report of a session.",
+    short_help="Process a session: point cloud, surfaces, worked ground, report.",
     epilog="\b\nExample:\n  furrowmap run session.toml -o result",
 )
 @click.argument("session", type=FILE)
@@ -23,21 +23,21 @@ from furrowmap.core.values.errors import printable
     "--output",
     type=FILE,
     metavar="DIR",
-    help="Folder for the products [default: SESSION_result beside SESSION; SESSION_preview with --preview].",
+    help="Output folder [default: SESSION_result beside SESSION, or SESSION_preview with --preview].",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the products of another session in that folder.")
+@click.option("--overwrite", is_flag=True, help="Replace the products of another session in DIR.")
 @click.option(
     "--preview",
     is_flag=True,
-    help="Only a look, in seconds: the track and a coarse surface of few scans, neither matched nor searched for the "
-    "implement. Replaces an earlier preview, never a run's products.",
+    help="Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or "
+    "implement detection. Replaces an earlier preview, never the products of a run.",
 )
 @common_options
 def run(console: Console, session: Path, output: Path | None, *, overwrite: bool, preview: bool) -> None:
-    """Compute the georeferenced cloud of the recording that SESSION describes, and the ground its implement worked.
+    """Compute the georeferenced point cloud, the surfaces and the worked ground of the recording described by SESSION.
 
-    The folder then holds cloud.copc.laz, field.gpkg with trajectory and ground worked, report.html to read, report.json
-    and session.toml as it was understood.
+    Writes cloud.copc.laz, field.gpkg with the trajectory and the worked ground, rasters, report.html, report.json and
+    session.toml as it was interpreted.
     """
     if preview:
         _preview(console, session, output or session.resolve().parent / f"{session.stem}_preview")

@@ -1,4 +1,4 @@
-"""`furrowmap surface`: surfaces of any cloud."""
+"""`furrowmap surface`: surfaces of any point cloud."""
 
 from __future__ import annotations
 
@@ -15,63 +15,63 @@ from furrowmap.core.values.errors import printable
 
 
 @click.command(
-    short_help="Make surfaces of LAS, LAZ or COPC clouds.",
+    short_help="Compute DSM, DTM and derived surfaces of point clouds.",
     epilog="\b\nExample:\n  furrowmap surface field_a.laz field_b.laz -o surfaces --cell 0.1",
 )
 @click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Folder for the surfaces.")
+@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
 @click.option(
     "--cell",
     type=click.FloatRange(0, min_open=True),
     metavar="METRES",
-    help="Side of a cell [default: the least round one with four points in it].",
+    help="Cell size [default: the smallest round size with four points per cell].",
 )
 @click.option(
     "--statistic",
     metavar="NAME",
     default="median",
     show_default=True,
-    help="What stands for the points of a cell: median, trimmed, mean, min, max, or a percentile such as p90.",
+    help="Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.",
 )
-@click.option("--bbox", metavar="W,S,E,N", help="Only points in this box, in the CRS of the surfaces.")
-@click.option("--bbox-crs", metavar="CRS", help="The CRS of the box, if it is another one.")
+@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
+@click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
 @click.option(
     "--class",
     "classes",
     metavar="N,N",
-    help="Only points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
+    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
 )
 @click.option(
     "--ground-method",
     type=click.Choice(["auto", "class", "smrf", "csf", "none"]),
     default="auto",
     show_default=True,
-    help="How ground is told; auto: by the clouds' own classes where they have them, else smrf.",
+    help="Ground classification method; auto uses the ground class of the input if there is one, else smrf.",
 )
 @click.option(
     "--outliers",
     type=click.Choice(["none", "radius", "statistical"]),
     default="none",
     show_default=True,
-    help="How points that are alone are told, and left out.",
+    help="Outlier detection method; outliers are left out.",
 )
-@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Take every N-th point only.")
+@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
 @click.option(
     "--fill",
     type=click.FloatRange(0),
     default=0.0,
     metavar="METRES",
-    help="Fill gaps up to so far from seen heights, nothing outside.",
+    help="Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.",
 )
 @click.option(
     "--tillage",
     type=float,
     metavar="DEGREES",
-    help="Direction of tillage, clockwise from grid north: random roughness is then told without its marks.",
+    help="Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.",
 )
-@click.option("--crs", metavar="CRS", help="The CRS of clouds that state none.")
-@click.option("--dst-crs", metavar="CRS", help="The CRS of the surfaces, in metres [default: that of the clouds].")
-@click.option("--overwrite", is_flag=True, help="Replace earlier surfaces in that folder.")
+@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@click.option("--overwrite", is_flag=True, help="Replace existing surfaces in DIR.")
 @common_options
 def surface(
     console: Console,
@@ -92,11 +92,10 @@ def surface(
     *,
     overwrite: bool,
 ) -> None:
-    """Make surfaces of CLOUDs, which lie together on one grid: LAS, LAZ or COPC, from furrowmap or from anybody else.
+    """Compute surfaces of CLOUDs (LAS, LAZ or COPC from any software) together on one grid.
 
-    The folder then holds dsm.tif (all points), dtm.tif (the ground), height_above_ground.tif, hillshade.tif, slope.tif,
-    roughness.tif, low_spots.tif with low_spots.gpkg, and surfaces.json. What a file says that is not so is told on
-    standard error.
+    Writes dsm.tif (all points), dtm.tif (ground), height_above_ground.tif, hillshade.tif, slope.tif, roughness.tif,
+    low_spots.tif, low_spots.gpkg and surfaces.json. False statements in a file header are reported as warnings.
     """
     box, kept = box_of(bbox), classes_of(classes, "--class")
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
@@ -126,5 +125,5 @@ def surface(
 
 def _words(account: dict[str, Any], folder: Path) -> str:
     files = [(printable(name), file_size(folder / name)) for name in account["products"]]
-    told = {**account["figures"], "crs": account["crs"], "ground": account["parameters"]["ground"]}
-    return f"{table(figures(told))}\n{printable(str(folder))}:\n{table(files)}"
+    shown = {**account["figures"], "crs": account["crs"], "ground": account["parameters"]["ground"]}
+    return f"{table(figures(shown))}\n{printable(str(folder))}:\n{table(files)}"

@@ -1,4 +1,4 @@
-"""Named figures in words: `duration_s: 59.8` is told as "duration  59.8 s"."""
+"""Tables of results for the terminal: `duration_s: 59.8` becomes "duration  59.8 s"."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _UNITS: Final = {
 
 
 def figures(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Names and values as rows of a table; a table within becomes one line, or one for each item if any is nested."""
+    """Names and values as rows. A nested table becomes one line, or one line per item if it nests further."""
     return [_figure(name, value) for name, value in values.items()]
 
 
 def table(rows: Iterable[tuple[str, str]]) -> str:
-    """Two columns, indented; a value's further lines stand below its first."""
+    """Two indented columns; further lines of a value are aligned with its first."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows), default=0)
     lines = []
@@ -41,17 +41,17 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
 
 def _figure(name: str, value: Any) -> tuple[str, str]:
     if name.endswith("unix_s") and isinstance(value, float):
-        from furrowmap.core.values.clock import iso_utc  # brings numpy, which --help does without
+        from furrowmap.core.values.clock import iso_utc  # imports numpy, which --help must not wait for
 
         return printable(name.removesuffix("_unix_s").replace("_", " ")), iso_utc(value)
     stem, _, suffix = name.rpartition("_")
     unit = _UNITS.get(suffix, "") if stem and _is_number(value) else ""
     label = (stem if unit else name).replace("_", " ")
     gap = "" if unit in ("", "°") else " "
-    return printable(label), f"{_told(value)}{gap}{unit}"
+    return printable(label), f"{_text(value)}{gap}{unit}"
 
 
-def _told(value: Any) -> str:
+def _text(value: Any) -> str:
     if value is None:
         return "unknown"
     if isinstance(value, bool):
@@ -64,12 +64,12 @@ def _told(value: Any) -> str:
         return "none"
     if isinstance(value, Mapping):
         if all(isinstance(item, Mapping) for item in value.values()):
-            return "\n".join(f"{printable(str(name))}: {_told(item)}" for name, item in value.items())
+            return "\n".join(f"{printable(str(name))}: {_text(item)}" for name, item in value.items())
         nested = any(isinstance(item, Mapping | list | tuple) for item in value.values())
         return ("\n" if nested else ", ").join(" ".join(_figure(str(name), item)) for name, item in value.items())
     if isinstance(value, list | tuple):
         nested = any(isinstance(item, list | tuple) for item in value)
-        return ("; " if nested else ", ").join(_told(item) for item in value)
+        return ("; " if nested else ", ").join(_text(item) for item in value)
     return printable(str(value))
 
 
@@ -79,6 +79,6 @@ def _is_number(value: Any) -> bool:
 
 
 def file_size(path: Path) -> str:
-    """Of a file, in words."""
+    """The size of a file, with its unit."""
     size = path.stat().st_size
     return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"

@@ -1,17 +1,17 @@
-"""`furrowmap worker`: any verb, for another program, by lines of JSON.
+"""`furrowmap worker`: runs any command for another program, over lines of JSON.
 
-Protocol 1, a JSON object a line, UTF-8. The worker says on standard output:
+Protocol 1: one JSON object per line, UTF-8. The worker writes to standard output:
 
 - ``hello`` first: ``protocol``, ``version``, ``pid``;
-- ``progress``: ``stage`` and ``share`` of it (0 while unknown), at most ten times a second but for a stage's first and
-  last;
-- ``warning``: ``code``, ``text``; and ``log``: ``text``, something worth telling on the way;
-- ``result``: ``value``, the verb's answer as its ``--json`` gives it;
-- ``error``: ``code``, ``what``, ``meaning``, ``remedy``, the three lines of an error;
-- ``done`` last: ``status``, the verb's exit status.
+- ``progress``: ``stage`` and its ``share`` (0 while unknown), at most ten times a second except at the start of a
+  stage;
+- ``warning``: ``code``, ``text``; ``log``: ``text``, an informative message;
+- ``result``: ``value``, the result of the command as with ``--json``;
+- ``error``: ``code``, ``what``, ``meaning``, ``remedy``;
+- ``done`` last: ``status``, the exit status of the command.
 
-It reads on standard input: first ``{"type": "start", "arguments": ["run", "session.toml", ...]}``, then perhaps
-``{"type": "cancel"}``. The end of standard input means that nobody is there any more, and cancels, too.
+It reads from standard input: first ``{"type": "start", "arguments": ["run", "session.toml", ...]}``, then optionally
+``{"type": "cancel"}``. The end of standard input also cancels.
 """
 
 from __future__ import annotations
@@ -44,42 +44,43 @@ PERIOD_S: Final = 0.1
 _LONGEST_LINE: Final = 1 << 20
 
 
-class Tell(Protocol):
-    """Sends a message of a kind."""
+class Send(Protocol):
+    """Sends a message of a type."""
 
     def __call__(self, kind: str, **content: object) -> None:
-        """Send it."""
+        """Send the message."""
         ...
 
 
 @click.command(
-    short_help="Work for another program, by lines of JSON.",
-    epilog="\b\nExample:\n  furrowmap worker < pipe\nThrough the pipe comes first:\n"
+    short_help="Run a command for another program, over lines of JSON.",
+    epilog="\b\nExample:\n  furrowmap worker < pipe\nFirst line of the input:\n"
     '  {"type": "start", "arguments": ["run", "session.toml"]}',
 )
 def worker() -> None:
-    """Do one verb for another program: what, it says on standard input; how it goes, it hears on standard output.
+    """Run one command for another program, which sends it on standard input and reads progress and result on output.
 
-    Both ways a JSON object a line, as the reference of the worker's protocol tells. The end of standard input cancels.
+    Both streams carry one JSON object per line; the worker reference describes the protocol. The end of standard input
+    cancels the command.
     """
     prepare_process()
-    # Unbuffered: a thread that waits for input would hold a buffer's lock when the process wants to end.
+    # Unbuffered: a thread that waits for input would hold the lock of a buffer when the process exits.
     with open(0, "rb", buffering=0, closefd=False) as orders:
         sys.exit(work(orders, _own_output()))
 
 
 def work(orders: BinaryIO, answers: BinaryIO) -> int:
-    """Say hello, read the order, do it.
+    """Send hello, read the start message, run the command.
 
     Args:
-        orders: lines of JSON; its end cancels the work.
-        answers: takes lines of JSON.
+        orders: lines of JSON; its end cancels the command.
+        answers: receives lines of JSON.
 
     Returns:
-        The exit status of the verb.
+        The exit status of the command.
     """
-    tell = _Teller(answers)
-    tell("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())
+    send = _Sender(answers)
+    send("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())
     error: FurrowmapError | None
     try:
         arguments = _arguments(orders.readline(_LONGEST_LINE))
@@ -87,48 +88,48 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
         status, error = raised.exit_status, raised
     else:
         threading.Thread(target=_heed, args=(orders,), daemon=True).start()
-        status, error = attempt(arguments, INTERRUPTION, WorkerConsole(tell=tell))
+        status, error = attempt(arguments, INTERRUPTION, WorkerConsole(send=send))
     if error is not None:
-        tell("error", **error_value(error))
-    tell("done", status=status)
+        send("error", **error_value(error))
+    send("done", status=status)
     return status
 
 
-def _no_one(kind: str, **_: object) -> None:
-    """Nobody listens."""
+def _discard(kind: str, **_: object) -> None:
+    """Drop a message."""
 
 
 @dataclass(frozen=True)
 class WorkerConsole(Console):
-    """A console at whose other end is a program.
+    """A console that sends messages to a program.
 
     Attributes:
-        tell: sends a message of that kind.
+        send: sends a message of a type.
     """
 
-    tell: Tell = _no_one
+    send: Send = _discard
 
     def answer(self, value: object, words: str) -> None:  # noqa: ARG002 (programs take the value)
-        """Give the verb's answer."""
-        self.tell("result", value=value)
+        """Send the result."""
+        self.send("result", value=value)
 
     def say(self, text: str) -> None:
-        """Tell something on the way."""
-        self.tell("log", text=text)
+        """Send a log message."""
+        self.send("log", text=text)
 
     def warn(self, notice: Notice) -> None:
-        """Tell something that the user should know."""
-        self.tell("warning", code=notice.code, text=notice.text)
+        """Send a warning."""
+        self.send("warning", code=notice.code, text=notice.text)
 
     @contextmanager
-    def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there are no bars)
-        """Work that may take long: its stages and shares."""
+    def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there is no progress bar)
+        """Send the progress of long work."""
         with reporting_compilation(self.say):
-            yield _throttled(self.tell)
+            yield _throttled(self.send)
 
 
-def _throttled(tell: Tell) -> Progress:
-    """Tells of every stage's begin, and then not more than ten times a second."""
+def _throttled(send: Send) -> Progress:
+    """Sends the start of every stage, and then at most ten messages per second."""
     last_stage, last_s = "", 0.0
 
     def show(stage: str, share: float) -> None:
@@ -137,13 +138,13 @@ def _throttled(tell: Tell) -> Progress:
         now_s = time.monotonic()
         if stage != last_stage or now_s - last_s >= PERIOD_S:
             last_stage, last_s = stage, now_s
-            tell("progress", stage=stage, share=round(share, 4))
+            send("progress", stage=stage, share=round(share, 4))
 
     return show
 
 
-class _Teller:
-    """Writes messages, each whole, whichever thread they come from."""
+class _Sender:
+    """Writes each message as a whole, from any thread."""
 
     def __init__(self, answers: BinaryIO) -> None:
         self._answers = answers
@@ -159,24 +160,24 @@ class _Teller:
 
 
 def _own_output() -> BinaryIO:
-    """Standard output for the protocol alone; what else writes there (native libraries do) goes to standard error."""
+    """Standard output for the protocol alone; other output to it, as of native libraries, goes to standard error."""
     protocol = os.dup(1)
     os.dup2(2, 1)
     return os.fdopen(protocol, "wb")
 
 
 def _arguments(line: bytes) -> list[str]:
-    """What is to be done.
+    """The arguments in the start message.
 
     Raises:
-        UsageError: if the line is no order.
+        UsageError: if the line is not a start message.
     """
     try:
         order = msgspec.json.decode(line, type=_Order)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise _misunderstood(f"The first line is no order ({error}).") from None
+        raise _misunderstood(f"The first line is not a start message ({error}).") from None
     if not order.arguments or order.arguments[0] == "worker":
-        raise _misunderstood("The order names no verb.")
+        raise _misunderstood("The start message names no command.")
     return order.arguments
 
 
@@ -187,14 +188,14 @@ class _Order(msgspec.Struct, tag_field="type", tag="start", forbid_unknown_field
 def _misunderstood(what: str) -> UsageError:
     return UsageError(
         what,
-        "The worker did nothing.",
+        "Nothing was done.",
         'Send {"type": "start", "arguments": ["run", "session.toml"]} as the first line.',
         code="worker-order",
     )
 
 
 def _heed(orders: BinaryIO) -> None:
-    """Cancel the work when that is asked for, or nobody is there any more."""
+    """Cancel the command on a cancel message or at the end of the input."""
     while line := orders.readline(_LONGEST_LINE):
         with suppress(ValueError):
             if json.loads(line) == {"type": "cancel"}:

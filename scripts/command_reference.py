@@ -1,4 +1,4 @@
-"""Writes docs/reference/commands.md from the commands' own help: ``python scripts/command_reference.py``."""
+"""Writes docs/reference/commands.md from the help texts of the commands: ``python scripts/command_reference.py``."""
 
 from __future__ import annotations
 
@@ -6,43 +6,45 @@ from pathlib import Path
 
 import click
 
-from furrowmap.cli.main import VERBS, furrowmap
+from furrowmap.cli.main import COMMANDS, furrowmap
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "commands.md"
 HEAD = """\
 # Commands
 
-<!-- Written by scripts/command_reference.py from the commands' own help. -->
+<!-- Written by scripts/command_reference.py from the help texts of the commands. -->
 
-Answers go to standard output, words to standard error. Every command answers as JSON with `--json`.
+Results go to standard output; progress, warnings and errors go to standard error. `--json` prints the result as JSON.
 
 | exit status | meaning |
 | --- | --- |
-| 0 | done |
-| 1 | failed |
-| 2 | called wrongly |
-| 3 | the input is at fault |
-| 4 | refused: the result would not be what it claims to be |
-| 130 | interrupted; nothing half-written is left |
+| 0 | success |
+| 1 | failure |
+| 2 | usage error |
+| 3 | invalid or unreadable input |
+| 4 | refused, or a required accuracy not met |
+| 130 | interrupted; no partial files are left |
 
-An error is three lines: what is wrong and where, what that means, what to do about it.
+An error message has three lines: what is wrong and where, what that means, and what to do.
 """
 
 
 def page() -> str:
-    """The page as it should be."""
+    """The generated page."""
     sections = [HEAD, section("furrowmap", furrowmap)]
-    for verb in VERBS:
-        command = furrowmap.get_command(click.Context(furrowmap), verb)
+    for name in COMMANDS:
+        command = furrowmap.get_command(click.Context(furrowmap), name)
         assert command is not None
-        sections.append(section(f"furrowmap {verb}", command))
+        sections.append(section(f"furrowmap {name}", command))
         if isinstance(command, click.Group):
-            sections += [section(f"furrowmap {verb} {name}", below) for name, below in command.commands.items()]
+            sections += [
+                section(f"furrowmap {name} {below_name}", below) for below_name, below in command.commands.items()
+            ]
     return "\n".join(sections)
 
 
 def section(name: str, command: click.Command) -> str:
-    """One command's help under its name."""
+    """The help of one command under its name."""
     width = {"terminal_width": 100, "max_content_width": 100}
     context = click.Context(command, info_name=name, help_option_names=["-h", "--help"], **width)
     return f"## {name}\n\n```text\n{command.get_help(context)}\n```\n"

@@ -51,7 +51,7 @@ def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.
     assert Path(os.environ[VARIABLE]).is_dir()
 
 
-def test_compilation__is_told_once_and_only_when_it_happens(tmp_path: Path) -> None:
+def test_compilation__is_reported_once_and_only_when_it_happens(tmp_path: Path) -> None:
     (tmp_path / "kernels_to_compile.py").write_text(KERNEL)
     environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
 

@@ -30,7 +30,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [first, second]
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
     status = command_line([str(word) for word in arguments])
     captured = capsys.readouterr()
     return status, captured.out, captured.err
@@ -40,32 +40,32 @@ def test_base__is_filled_listed_emptied(
     folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     base = tmp_path / "farm.gpkg"
-    assert told(capsys, "base", "add", *folders, base)[:2] == (
+    assert call(capsys, "base", "add", *folders, base)[:2] == (
         0,
         f"{base}: 2 added; now 2 sessions in EPSG:6677.\n",
     )
-    status, out, _ = told(capsys, "base", "add", folders[0], base, "--json")
+    status, out, _ = call(capsys, "base", "add", folders[0], base, "--json")
     assert status == 0
     assert [len(json.loads(out)[deed]) for deed in ("added", "replaced", "unchanged")] == [0, 0, 1]
-    status, out, _ = told(capsys, "base", "list", base)
+    status, out, _ = call(capsys, "base", "list", base)
     assert [line.split()[1] for line in out.splitlines()] == ["2026-06-12", "2026-06-19"]
     assert "\x1b" not in out
-    sessions = json.loads(told(capsys, "base", "list", base, "--json")[1])["sessions"]
+    sessions = json.loads(call(capsys, "base", "list", base, "--json")[1])["sessions"]
     assert sessions[0]["start"].startswith("2026-06-11T15:00:00")
-    status, out, _ = told(capsys, "base", "remove", base, sessions[1]["session"], "North field")
+    status, out, _ = call(capsys, "base", "remove", base, sessions[1]["session"], "North field")
     assert (status, out) == (0, f"{base}: 2 removed; now 0 sessions in EPSG:6677.\n")
-    assert told(capsys, "base", "list", base)[1] == "No sessions.\n"
+    assert call(capsys, "base", "list", base)[1] == "No sessions.\n"
 
 
 def test_mosaic__has_the_latest_on_top(folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    told(capsys, "base", "add", *reversed(folders), tmp_path / "farm.gpkg")
-    status, out, err = told(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")
+    call(capsys, "base", "add", *reversed(folders), tmp_path / "farm.gpkg")
+    status, out, err = call(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")
     assert (status, err) == (0, "")
     assert out.endswith("2 surfaces, 6 × 4 cells of 0.5 m, EPSG:6677.\n")
     with rasterio.open(tmp_path / "farm.vrt") as raster:
         assert raster.read(1).tolist() == [[250.0, 250.0, 251.0, 251.0, 251.0, 251.0]] * 4
-    assert told(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")[0] == 4
-    assert told(capsys, "base", "mosaic", *folders, "-o", tmp_path / "farm.tif", "--mean", "-q")[0] == 0
+    assert call(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")[0] == 4
+    assert call(capsys, "base", "mosaic", *folders, "-o", tmp_path / "farm.tif", "--mean", "-q")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_mistake__is_three_lines_and_a_status(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    found, out, err = told(capsys, *arguments)
+    found, out, err = call(capsys, *arguments)
     assert (found, out, len(err.splitlines())) == (status, "", 3)
     assert words in err
     assert "s3cret" not in err

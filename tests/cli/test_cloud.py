@@ -16,7 +16,7 @@ from furrowmap.core.surfaces.ground import classify_ground
 WEST, SOUTH = 500_000.0, 5_300_000.0
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
     status = command_line([str(word) for word in arguments])
     captured = capsys.readouterr()
     return status, captured.out, captured.err
@@ -74,7 +74,7 @@ CLASS = 6
 
 
 def test_cloud__passes_everything_on(clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = told(capsys, "cloud", *clouds, "-o", tmp_path / "all.copc.laz", "--json")
+    status, out, _ = call(capsys, "cloud", *clouds, "-o", tmp_path / "all.copc.laz", "--json")
     assert status == 0
     answer = json.loads(out)
     assert answer["figures"]["points"] == answer["figures"]["points_read"] == 24_000
@@ -91,7 +91,7 @@ def test_cloud__ground_and_noise(clouds: list[Path], tmp_path: Path, capsys: pyt
     """Told of all at once by the same filters, and by how the field was made; block by block nothing differs."""
     made = tmp_path / "clean.copc.laz"
     arguments = ["cloud", *clouds, "-o", made, "--outliers", "radius", "--ground", "smrf", "--json"]
-    status, out, _ = told(capsys, *arguments)
+    status, out, _ = call(capsys, *arguments)
     assert status == 0
     before, after = sources(clouds), table(made)
     places = [0, 1, 2, 8]
@@ -111,7 +111,7 @@ def test_cloud__ground_and_noise(clouds: list[Path], tmp_path: Path, capsys: pyt
         str(number): int(np.sum(after[:, CLASS] == number)) for number in (1, 2, 7)
     }
     again = tmp_path / "again.copc.laz"
-    assert told(capsys, *arguments[:3], "-o", again, *arguments[5:])[0] == 0
+    assert call(capsys, *arguments[:3], "-o", again, *arguments[5:])[0] == 0
     assert np.array_equal(laspy.read(again).points.array, laspy.read(made).points.array)
 
 
@@ -124,9 +124,9 @@ def test_cloud__small_blocks_make_no_difference(
     outliers: str,
 ) -> None:
     options = ["--outliers", outliers, "--ground", "smrf", "--voxel", "0.3"]
-    assert told(capsys, "cloud", *clouds, "-o", tmp_path / "large.copc.laz", *options)[0] == 0
+    assert call(capsys, "cloud", *clouds, "-o", tmp_path / "large.copc.laz", *options)[0] == 0
     monkeypatch.setattr(cloud_cleaning, "BLOCK_POINTS", 1)
-    assert told(capsys, "cloud", *clouds, "-o", tmp_path / "small.copc.laz", *options)[0] == 0
+    assert call(capsys, "cloud", *clouds, "-o", tmp_path / "small.copc.laz", *options)[0] == 0
     assert np.array_equal(table(tmp_path / "large.copc.laz"), table(tmp_path / "small.copc.laz"))
 
 
@@ -135,7 +135,7 @@ def test_cloud__drops_noise_and_classes_and_what_lies_outside(
 ) -> None:
     box = f"{WEST + 80},{SOUTH + 5},{WEST + 110},{SOUTH + 15}"
     made = tmp_path / "part.copc.laz"
-    status, _, _ = told(
+    status, _, _ = call(
         capsys,
         *("cloud", *clouds, "-o", made, "--outliers", "statistical", "--drop-noise"),
         *("--without-class", "64,65", "--bbox", box),
@@ -154,7 +154,7 @@ def test_cloud__one_point_a_cube_is_the_nearest_to_its_middle(
     clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     made = tmp_path / "thin.copc.laz"
-    assert told(capsys, "cloud", *clouds, "-o", made, "--voxel", "0.7")[0] == 0
+    assert call(capsys, "cloud", *clouds, "-o", made, "--voxel", "0.7")[0] == 0
     before, after = sources(clouds)[:, :3], table(made)[:, :3]
     cube = np.floor(after / 0.7)
     assert len(np.unique(cube, axis=0)) == len(after) == len(np.unique(np.floor(before / 0.7), axis=0))
@@ -166,14 +166,14 @@ def test_cloud__one_point_a_cube_is_the_nearest_to_its_middle(
 
 
 def test_cloud__every_nth_across_files(clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert told(capsys, "cloud", *clouds, "-o", tmp_path / "few.copc.laz", "--every", "7")[0] == 0
+    assert call(capsys, "cloud", *clouds, "-o", tmp_path / "few.copc.laz", "--every", "7")[0] == 0
     places = np.concatenate([laspy.read(path).xyz for path in clouds])[::7].round(4)
     assert {tuple(row) for row in table(tmp_path / "few.copc.laz")[:, :3]} == {tuple(row) for row in places}
 
 
 def test_cloud__machine_of_our_own_clouds_is_never_ground(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     own = field(tmp_path / "own.laz", 0.0, 3, software="furrowmap 1")
-    assert told(capsys, "cloud", own, "-o", tmp_path / "o.copc.laz", "--ground", "smrf")[0] == 0
+    assert call(capsys, "cloud", own, "-o", tmp_path / "o.copc.laz", "--ground", "smrf")[0] == 0
     before, after = sources([own]), table(tmp_path / "o.copc.laz")
     assert np.array_equal(after[:, CLASS] == 64, before[:, CLASS] == 64)
 
@@ -183,11 +183,11 @@ def test_cloud__of_feet_moves_and_says_what_is_lost(
 ) -> None:
     source = shared_data / "las" / "good" / "las12_pf3_autzen_trim.laz"
     made = tmp_path / "autzen.copc.laz"
-    status, _, err = told(capsys, "cloud", source, "-o", made)
+    status, _, err = call(capsys, "cloud", source, "-o", made)
     assert (status, len(err.splitlines())) == (3, 3)
     assert not made.exists()
     marked = ["--outliers", "statistical", "--ground", "smrf"]  # some squares hold nothing but what is alone
-    status, out, _ = told(
+    status, out, _ = call(
         capsys, "cloud", source, "-o", made, "--dst-crs", "EPSG:32610", "--every", "20", "--json", *marked
     )
     assert status == 0
@@ -203,7 +203,7 @@ def test_cloud__of_feet_moves_and_says_what_is_lost(
     np.testing.assert_array_equal(np.sort(here.gps_time), np.sort(there.gps_time[::20]))
 
 
-def test_cloud__times_of_a_week_beside_named_days_are_lost_and_told(
+def test_cloud__times_of_a_week_beside_named_days_are_lost_and_reported(
     clouds: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     las = laspy.read(clouds[0])
@@ -211,7 +211,7 @@ def test_cloud__times_of_a_week_beside_named_days_are_lost_and_told(
     las.gps_time = np.arange(len(las.points)) * 0.01
     las.write(tmp_path / "week.laz")
     made = tmp_path / "both.copc.laz"
-    status, out, _ = told(capsys, "cloud", tmp_path / "week.laz", clouds[1], "-o", made, "--json")
+    status, out, _ = call(capsys, "cloud", tmp_path / "week.laz", clouds[1], "-o", made, "--json")
     assert status == 0
     assert [warning["code"] for warning in json.loads(out)["warnings"]] == ["times-of-week-lost"]
     here = laspy.read(made)
@@ -241,7 +241,7 @@ def test_cloud__wrong_arguments_are_told_and_nothing_is_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("there.laz").write_bytes(b"there")
-    answer, out, err = told(capsys, "cloud", *clouds, *arguments)
+    answer, out, err = call(capsys, "cloud", *clouds, *arguments)
     assert (answer, out) == (status, "")
     assert len(err.splitlines()) == 3
     assert word in err
@@ -251,6 +251,6 @@ def test_cloud__wrong_arguments_are_told_and_nothing_is_written(
 
 def test_cloud__never_replaces_what_it_reads(clouds: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
     before = clouds[0].read_bytes()
-    status, _, err = told(capsys, "cloud", clouds[0], "-o", clouds[0], "--overwrite")
+    status, _, err = call(capsys, "cloud", clouds[0], "-o", clouds[0], "--overwrite")
     assert (status, len(err.splitlines())) == (4, 3)
     assert clouds[0].read_bytes() == before

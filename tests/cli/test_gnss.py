@@ -22,10 +22,10 @@ def test_evaluate__answers_in_words_and_json(
     assert "standard deviation" in words
     assert (tmp_path / "out/evaluation.html").stat().st_size < 1_000_000
     assert command_line(["gnss", "evaluate", path, PLACE, "--json"]) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["tables"]["fixed"]["X"]["average_m"] == pytest.approx(0.005, abs=6e-4)
-    assert told["test"]["service"] == "clas"
-    assert told["output"] is None
+    output = json.loads(capfd.readouterr().out)
+    assert output["tables"]["fixed"]["X"]["average_m"] == pytest.approx(0.005, abs=6e-4)
+    assert output["test"]["service"] == "clas"
+    assert output["output"] is None
 
 
 @pytest.mark.parametrize(
@@ -54,9 +54,9 @@ def test_what_cannot_be_done__is_three_lines(
     assert command_line([argument.format(**known) for argument in arguments]) == status
     error = capfd.readouterr().err
     assert words in error
-    # Where no test before compiled them, that is told as well.
-    told = [line for line in error.splitlines() if line.strip() and not line.startswith("Compiling kernels")]
-    assert len(told) == 3
+    # Where no test before compiled them, that is output as well.
+    output = [line for line in error.splitlines() if line.strip() and not line.startswith("Compiling kernels")]
+    assert len(output) == 3
 
 
 @pytest.mark.parametrize("date", [["--date", "2025-09-09"], []])
@@ -66,6 +66,6 @@ def test_undated_logs__take_the_day_from_the_option_or_from_the_other(
     folder = shared_data / "gnss/walk_f9p"
     command = ["gnss", "evaluate", str(folder / "walk.ubx"), str(folder / "walk.nmea"), "--json", *date]
     assert command_line(command) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["epochs"]["compared"] > 3900
-    assert told["tables"]["all"]["2D"]["rmse_m"] < 0.05
+    output = json.loads(capfd.readouterr().out)
+    assert output["epochs"]["compared"] > 3900
+    assert output["tables"]["all"]["2D"]["rmse_m"] < 0.05

@@ -13,22 +13,22 @@ from pathlib import Path
 import pytest
 from pyproj import proj_version_str
 
-from furrowmap.cli.main import VERBS, command_line
+from furrowmap.cli.main import COMMANDS, command_line
 from furrowmap.core.session.examination import Examined
 
 FURROWMAP = Path(sys.executable).with_name("furrowmap")
 
 
-def test_help__names_every_verb(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help__names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [verb for verb in VERBS if any(line.split()[:1] == [verb] for line in lines)] == list(VERBS)
+    assert [command for command in COMMANDS if any(line.split()[:1] == [command] for line in lines)] == list(COMMANDS)
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_help__of_each_verb_shows_an_example(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command_line([verb, "--help"]) == 0
-    assert f"Example:\n    furrowmap {verb} " in capsys.readouterr().out
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help__of_each_command_shows_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line([command, "--help"]) == 0
+    assert f"Example:\n    furrowmap {command} " in capsys.readouterr().out
 
 
 def test_help__imports_nothing_heavy() -> None:
@@ -43,50 +43,50 @@ def test_help__imports_nothing_heavy() -> None:
 @pytest.mark.parametrize(
     ("arguments", "what", "remedy"),
     [
-        ([], "a verb is missing", "inspect"),
+        ([], "no command given", "inspect"),
         (["inspct", "x"], "'inspct'", "furrowmap inspect"),
-        (["frobnicate"], "'frobnicate'", ", ".join(VERBS)),
+        (["frobnicate"], "'frobnicate'", ", ".join(COMMANDS)),
         (["inspect", "--jsn", "x"], "--jsn", "--json"),
         (["inspect"], "FILE", "furrowmap inspect --help"),
         (["run", "a", "b"], "unexpected extra argument", "furrowmap run --help"),
         (["run", "a", "-o"], "-o", "furrowmap run --help"),
     ],
 )
-def test_wrong_call__is_told_in_three_lines(
+def test_wrong_call__is_reported_in_three_lines(
     arguments: list[str], what: str, remedy: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command_line(arguments) == 2
-    told = capsys.readouterr()
-    lines = told.err.splitlines()
+    output = capsys.readouterr()
+    lines = output.err.splitlines()
     assert len(lines) == 3
     assert what in lines[0]
     assert remedy in lines[2]
-    assert told.out == ""
+    assert output.out == ""
 
 
-def test_wrong_call__is_told_as_json_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_call__is_reported_as_json_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["run", "--json", "--overwrit", "x"]) == 2
-    told = capsys.readouterr()
-    error = json.loads(told.out)["error"]
+    output = capsys.readouterr()
+    error = json.loads(output.out)["error"]
     assert list(error) == ["code", "what", "meaning", "remedy"]
     assert error["code"] == "usage"
     assert "--overwrite" in error["remedy"]
-    assert len(told.err.splitlines()) == 3
+    assert len(output.err.splitlines()) == 3
 
 
 def test_names__cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["run", str(tmp_path / "\x1b[31m\nred\udcff.toml")]) == 3
-    told = capsys.readouterr().err
-    assert len(told.splitlines()) == 3
-    assert "\x1b" not in told
-    assert "red\\udcff.toml" in told
+    output = capsys.readouterr().err
+    assert len(output.splitlines()) == 3
+    assert "\x1b" not in output
+    assert "red\\udcff.toml" in output
 
 
 @pytest.mark.parametrize(
     ("raised", "status", "code", "words"),
     [
         (RuntimeError("the gauge broke"), 1, "fault", "RuntimeError: the gauge broke"),
-        (AssertionError(), 1, "fault", "fault in furrowmap"),
+        (AssertionError(), 1, "fault", "bug in furrowmap"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "cloud.laz"), 1, "system", "cloud.laz: No space left"),
         (MemoryError(), 1, "out-of-memory", "memory"),
         (KeyboardInterrupt(), 130, "cancelled", "Stopped"),
@@ -106,10 +106,10 @@ def test_anything_raised__becomes_three_lines(
 
     monkeypatch.setattr(Examined, "of", fail)
     assert command_line(["inspect", "x", "--json"]) == status
-    told = capsys.readouterr()
-    assert json.loads(told.out)["error"]["code"] == code
-    assert words in told.err
-    assert len(told.err.splitlines()) == 3
+    output = capsys.readouterr()
+    assert json.loads(output.out)["error"]["code"] == code
+    assert words in output.err
+    assert len(output.err.splitlines()) == 3
 
 
 def test_debug__shows_the_traceback_before_the_three_lines(
@@ -150,11 +150,11 @@ def test_command__ends_with_the_status_and_colours_nothing_in_a_pipe(tmp_path: P
     assert "\x1b" not in done.stderr
 
 
-def test_reader_that_leaves_early__is_no_error_to_tell(tmp_path: Path) -> None:
+def test_reader_that_leaves_early__is_no_error(tmp_path: Path) -> None:
     process = subprocess.Popen([FURROWMAP, "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stderr is not None
     process.stdout.close()
-    told = process.stderr.read()
+    output = process.stderr.read()
     process.stderr.close()
-    assert (process.wait(), told) == (1, "")
+    assert (process.wait(), output) == (1, "")

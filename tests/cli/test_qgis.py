@@ -66,11 +66,11 @@ def test_find_profiles__takes_the_one_that_qgis_starts_with_in_each_release(tmp_
     assert [p.folder.name for p in find_profiles("圃場", tmp_path)] == ["圃場", "圃場"]
 
 
-def test_find_profiles__tells_which_there_are(tmp_path: Path) -> None:
+def test_find_profiles__names_the_existing_ones(tmp_path: Path) -> None:
     profile(tmp_path, "fieldwork")
-    with pytest.raises(InputError, match="There are: fieldwork"):
+    with pytest.raises(InputError, match="Profiles: fieldwork"):
         find_profiles("field", tmp_path)
-    with pytest.raises(InputError, match="QGIS has made none"):
+    with pytest.raises(InputError, match="no QGIS profile yet"):
         find_profiles(None, tmp_path / "nobody")
 
 
@@ -93,7 +93,7 @@ def test_install_plugin__leaves_what_is_not_the_plugin(tmp_path: Path) -> None:
 
 def test_install__takes_a_folder_or_a_profile(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["qgis", "install", "--plugins-folder", str(tmp_path)]) == 0
-    assert "Switch it on" in capsys.readouterr().out
+    assert "Enable it" in capsys.readouterr().out
     assert command_line(["qgis", "install", "--plugins-folder", str(tmp_path), "--profile", "default"]) == 2
 
 

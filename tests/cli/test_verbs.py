@@ -43,14 +43,14 @@ def session(capture: Path) -> Path:
     return path / "session.toml"
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
+def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
     status = command_line([str(word) for word in arguments])
     captured = capsys.readouterr()
     return status, captured.out, captured.err
 
 
 def test_inspect__tells_facts_and_clocks(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = told(capsys, "inspect", capture)
+    status, out, _ = call(capsys, "inspect", capture)
     assert status == 0
     lines = {" ".join(line.split()) for line in out.splitlines()}
     assert {"model VLP-16", "points 73,486"} <= lines
@@ -61,7 +61,7 @@ def test_inspect__shows_the_others_where_one_is_refused(
     capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "notes.txt").write_text("nothing to map")
-    status, out, err = told(capsys, "inspect", tmp_path / "notes.txt", capture, "--json")
+    status, out, err = call(capsys, "inspect", tmp_path / "notes.txt", capture, "--json")
     assert status == 3
     assert len([line for line in err.splitlines() if not line.startswith("Compiling")]) == 3
     refused, read = json.loads(out)["files"]
@@ -72,22 +72,22 @@ def test_inspect__shows_the_others_where_one_is_refused(
 
 def test_inspect__sets_files_against_each_other_in_time(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = (session.with_name("recording.pcap"), session.with_name("drive.csv"))
-    status, out, _ = told(capsys, "inspect", *files, "--json")
+    status, out, _ = call(capsys, "inspect", *files, "--json")
     assert status == 0
     (match,) = json.loads(out)["time_matches"]
     assert match["shared_s"] == pytest.approx(0.387, abs=0.002)
-    assert told(capsys, "inspect", *files)[1].splitlines()[-1] == match["text"]
+    assert call(capsys, "inspect", *files)[1].splitlines()[-1] == match["text"]
 
 
 def test_init__writes_a_session_that_loads_beside_the_recordings(
     session: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = (session.with_name("recording.pcap"), session.with_name("drive.csv"))
-    status, _, err = told(capsys, "init", *files)
+    status, _, err = call(capsys, "init", *files)
     assert status == 4
     assert "--overwrite" in err
     assert load_session(session).name == "straight"
-    status, out, _ = told(capsys, "init", *files, "--overwrite")
+    status, out, _ = call(capsys, "init", *files, "--overwrite")
     assert status == 0
     assert out.startswith(f"Wrote {session}")
     assert "mounted" in out
@@ -95,7 +95,7 @@ def test_init__writes_a_session_that_loads_beside_the_recordings(
 
 
 def test_init__answers_as_json(capture: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = told(capsys, "init", capture, "-o", tmp_path / "mine.toml", "--json", "-q")
+    status, out, _ = call(capsys, "init", capture, "-o", tmp_path / "mine.toml", "--json", "-q")
     answer = json.loads(out)
     assert (status, answer["session"]) == (0, str(tmp_path / "mine.toml"))
     assert {"no-positions", "no-crs"} <= {notice["code"] for notice in answer["missing"]}
@@ -103,7 +103,7 @@ def test_init__answers_as_json(capture: Path, tmp_path: Path, capsys: pytest.Cap
 
 
 def test_run__writes_the_products_beside_the_session(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, err = told(capsys, "run", session)
+    status, out, err = call(capsys, "run", session)
     folder = session.parent / "session_result"
     assert status == 0
     assert sorted(path.name for path in folder.iterdir()) == [
@@ -126,7 +126,7 @@ def test_run__writes_the_products_beside_the_session(session: Path, capsys: pyte
 def test_run__answers_with_the_folder_and_the_report(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    status, out, _ = told(capsys, "run", session, "-o", tmp_path / "result", "--json", "--quiet")
+    status, out, _ = call(capsys, "run", session, "-o", tmp_path / "result", "--json", "--quiet")
     assert status == 0
     answer = json.loads(out)
     assert answer.pop("folder") == str(tmp_path / "result")
@@ -137,17 +137,17 @@ def test_run__keeps_the_products_of_another_session(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = tmp_path / "result"
-    assert told(capsys, "run", session, "-o", result)[0] == 0
+    assert call(capsys, "run", session, "-o", result)[0] == 0
     session.write_text(session.read_text().replace("straight", "another"))
-    assert told(capsys, "run", session, "-o", result)[0] == 4
+    assert call(capsys, "run", session, "-o", result)[0] == 4
     assert json.loads((result / "report.json").read_text())["session"]["name"] == "straight"
-    assert told(capsys, "run", session, "-o", result, "--overwrite")[0] == 0
+    assert call(capsys, "run", session, "-o", result, "--overwrite")[0] == 0
     assert json.loads((result / "report.json").read_text())["session"]["name"] == "another"
 
 
 def test_run__leaves_the_users_own_session_file_alone(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = session.read_text()
-    status, _, err = told(capsys, "run", session, "-o", session.parent, "--overwrite")
+    status, _, err = call(capsys, "run", session, "-o", session.parent, "--overwrite")
     assert (status, session.read_text()) == (4, before)
     assert "-o" in err
 
@@ -160,24 +160,24 @@ def test_simulate__writes_a_recording_that_runs(tmp_path: Path, capsys: pytest.C
         "[lidar]\nstart_s = 0.3\n"
     )
     drive = tmp_path / "drive"
-    status, out, _ = told(capsys, "simulate", scenario, "-o", drive, "--json")
+    status, out, _ = call(capsys, "simulate", scenario, "-o", drive, "--json")
     answer = json.loads(out)
     assert (status, answer["session"]) == (0, str(drive / "session.toml"))
-    status, out, _ = told(capsys, "run", drive / "session.toml", "--json")
+    status, out, _ = call(capsys, "run", drive / "session.toml", "--json")
     assert status == 0
     assert json.loads(out)["figures"]["points_read"] == answer["figures"]["lidar"]["points"]
 
 
 def test_simulate__keeps_what_is_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "recording.pcap").write_text("a real one")
-    status, _, err = told(capsys, "simulate", "demo", "-o", tmp_path)
+    status, _, err = call(capsys, "simulate", "demo", "-o", tmp_path)
     assert (status, (tmp_path / "recording.pcap").read_text()) == (4, "a real one")
     assert "--overwrite" in err
 
 
 def test_simulate__tells_a_fault_in_the_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "bad.toml").write_text("[drive]\npases = 2\n")
-    status, _, err = told(capsys, "simulate", tmp_path / "bad.toml", "-o", tmp_path / "out")
+    status, _, err = call(capsys, "simulate", tmp_path / "bad.toml", "-o", tmp_path / "out")
     assert status == 3
     assert "passes" in err
     assert not (tmp_path / "out").exists()

@@ -17,7 +17,7 @@ import numpy as np
 import pyogrio
 import pytest
 
-from furrowmap.cli.main import VERBS, command_line, furrowmap
+from furrowmap.cli.main import COMMANDS, command_line, furrowmap
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -35,7 +35,7 @@ STRINGS = source_strings()
 
 def verbs() -> Iterator[tuple[tuple[str, ...], click.Command]]:
     """Every verb of the command line, with its words."""
-    for name in VERBS:
+    for name in COMMANDS:
         verb = furrowmap.get_command(click.Context(furrowmap), name)
         if isinstance(verb, click.Group):
             yield from (((name, below), command) for below, command in verb.commands.items())
