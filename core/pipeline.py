@@ -27,9 +27,9 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.work.field_work import FieldWork, ImplementWatch, field_boundary, with_ground
+from furrowmap.core.work.external_states import external_states
+from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.core.work.states_elsewhere import states_from_elsewhere
 
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a multiple of this."""
@@ -67,17 +67,17 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     positions = opened.positions()
     located = locate(positions, session, frame)
     boundary = field_boundary(opened.inputs.boundary, frame)
-    elsewhere = states_from_elsewhere(opened.inputs.states, session, located.trajectory)
+    external = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
-    implement = ImplementWatch(session, earlier)
+    implement = ImplementTracker(session, earlier)
     matched = None
     if located.antenna is not None:
-        located, matched = matched_to_ground(located, lidar, session, implement.look, progress)
+        located, matched = matched_to_ground(located, lidar, session, implement.add_scan, progress)
         if matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting):
             # With the stated mounting the implement was looked for on another side of the vehicle.
-            implement = ImplementWatch(_with_mounting(session, matched.mounting), earlier)
+            implement = ImplementTracker(_with_mounting(session, matched.mounting), earlier)
             _each(lidar.scans(), implement)
         watch.lap("matching")
     else:
@@ -93,7 +93,7 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
         tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
     refuse_empty(tally, located.trajectory, session)
-    work = implement.work(located.trajectory, frame, boundary, elsewhere[0] if elsewhere is not None else None)
+    work = implement.work(located.trajectory, frame, boundary, external[0] if external is not None else None)
     watch.lap("work")
     notices = [
         *positions.notices,
@@ -102,7 +102,7 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
         *session_notices(session, located, matched=matched is not None),
     ]
     notices += [*gap_notices(tally, located), *tally_notices(tally)]
-    notices += [*(elsewhere[1] if elsewhere is not None else ()), *work.notices]
+    notices += [*(external[1] if external is not None else ()), *work.notices]
     return _result(opened, located, tally, work, lidar.clocks, notices, watch, matched)
 
 
@@ -113,14 +113,14 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame)
     boundary = field_boundary(opened.inputs.boundary, opened.frame)
-    elsewhere = states_from_elsewhere(opened.inputs.states, session, located.trajectory)
-    assert elsewhere is not None
+    external = external_states(opened.inputs.states, session, located.trajectory)
+    assert external is not None
     watch.lap("positions")
     progress("work", 0.0)
-    known = FieldWork(boundary=boundary, elsewhere=elsewhere[0])
+    known = FieldWork(boundary=boundary, external=external[0])
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *elsewhere[1], *work.notices]
+    notices = [*positions.notices, *located.notices, *external[1], *work.notices]
     return _result(opened, located, Tally.without_scans(located.trajectory), work, (), notices, watch)
 
 
@@ -181,9 +181,9 @@ def placer_of(located: Located, mounting: Mounting) -> Placer:
     return Placer(located.trajectory, mounting, (e, n, h))
 
 
-def _each(scans: Iterable[Scan], implement: ImplementWatch) -> None:
+def _each(scans: Iterable[Scan], implement: ImplementTracker) -> None:
     for scan in scans:
-        implement.look(scan)
+        implement.add_scan(scan)
 
 
 def _yaw_differs(used: Mounting, stated: Mounting) -> bool:

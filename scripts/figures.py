@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from shapely import affinity
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import NearScans
@@ -134,7 +134,7 @@ def implement(name: str, depth_picture: Path, height_picture: Path) -> None:
         near.add(scan)
     found = learn_implement(near.scans, Hint(session.implement.xy_m, session.implement.width_m)).implement
     assert found is not None
-    watch = HeightWatch(mounting, found, depth_m)
+    watch = ToolHeightTracker(mounting, found, depth_m)
     for scan in scans:
         watch.add(scan)
     history = tool_history(watch.heights(), found, depth_m)

@@ -13,7 +13,7 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, nothing_left, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
@@ -22,7 +22,7 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import Records
+from furrowmap.core.values.record_spool import RecordArray
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -94,7 +94,7 @@ def write_clean_cloud(
     with closing(points):
         first = next((records for records in points if len(records)), None)
         if first is None:
-            raise nothing_left(clouds, box)
+            raise no_points_error(clouds, box)
         east, north, up = (np.floor(first["xyz_m"][0] / 1000.0) * 1000.0).tolist()
         coloured = any("red" in file.dimensions for file in clouds.files)
         with CopcWriter(
@@ -156,7 +156,7 @@ class _Told:
     unnumbered: int = 0
     span_s: tuple[float, float] | None = None
 
-    def see(self, records: Records) -> None:
+    def see(self, records: RecordArray) -> None:
         self.points += len(records)
         timed = records["t_s"][np.isfinite(records["t_s"])]
         self.timeless += len(records) - len(timed)
@@ -185,12 +185,12 @@ class _Told:
             yield Notice("dimensions-left-out", f"The cloud written is without {', '.join(sorted(lost))}.")
 
 
-def _rest(first: Records, others: Iterator[Records]) -> Iterator[Records]:
+def _rest(first: RecordArray, others: Iterator[RecordArray]) -> Iterator[RecordArray]:
     yield first
     yield from (records for records in others if len(records))
 
 
-def _batch(records: Records, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:
+def _batch(records: RecordArray, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:
     return PointBatch(
         xyz_m=records["xyz_m"] - np.array(origin_m),
         t_s=np.nan_to_num(records["t_s"], nan=no_time),

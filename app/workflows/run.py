@@ -22,7 +22,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.surfaces.local_ground import GroundWatch
+from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
@@ -181,7 +181,7 @@ class _Cloud:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._writer: CopcWriter | None = None
-        self._watch = GroundWatch()
+        self._watch = GroundSampler()
 
     def __enter__(self) -> Self:
         return self

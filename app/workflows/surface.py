@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import rasterio
 
-from furrowmap.core.pointclouds.clouds import box_in, nothing_left, open_clouds
+from furrowmap.core.pointclouds.clouds import box_in, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
@@ -84,7 +84,7 @@ def write_cloud_surfaces(
             spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
             grid = points.grid
             if grid is None:
-                raise nothing_left(clouds, box)
+                raise no_points_error(clouds, box)
             method = _method(settings, spooled)
             tell([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
             records = [file_records([path], path.parent, progress)[0] for path in paths]

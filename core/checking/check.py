@@ -10,7 +10,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
-from furrowmap.core.checking.internal_precision import InternalPrecision, Told
+from furrowmap.core.checking.internal_precision import InternalPrecision, SwathKey
 from furrowmap.core.checking.notices import accuracy_notices, precision_notices
 from furrowmap.core.checking.point_check import Box, PointCheck
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
@@ -85,7 +85,7 @@ def check_product(
     )
     checks, survey = found.points, found.survey
     stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
-    accuracy = _accuracy(checks, stated, found.told)
+    accuracy = _accuracy(checks, stated, found.swath_key)
     if accuracy.vertical is None:
         raise InputError(
             f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
@@ -113,11 +113,11 @@ def _exchanged(survey: SurveyedPoints, box: Box) -> str:
     )
 
 
-def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, told: Told) -> Accuracy:
+def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, swath_key: SwathKey) -> Accuracy:
     error = np.array([check.error_m for check in checks])
     parts: list[Component | None] = []
     for axis in range(3):
         known = np.isfinite(error[:, axis])
         parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
-    precision = InternalPrecision.of((check.swaths for check in checks), told)
+    precision = InternalPrecision.of((check.swaths for check in checks), swath_key)
     return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)

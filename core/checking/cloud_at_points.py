@@ -12,7 +12,7 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, Told, swath_numbers, told_by
+from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey, find_swath_key, swath_numbers
 from furrowmap.core.checking.local_plane import local_plane
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.surveyed_points import SurveyedPoints, read_points
@@ -64,8 +64,8 @@ def cloud_at_points(
     (cloud,) = clouds.files
     own = is_ours(cloud)
     near = _near(clouds, survey, reach_m, progress, own=own)
-    told = _told_by(near, own=own)
-    around = _by_point(near, survey, reach_m, targets, told, own=own)
+    swath_key = _swath_key(near, own=own)
+    around = _by_point(near, survey, reach_m, targets, swath_key, own=own)
     return ProductAtPoints(
         crs=clouds.crs,
         points=tuple(
@@ -74,7 +74,7 @@ def cloud_at_points(
         ),
         survey=survey,
         box_m=(*cloud.header.low[:2], *cloud.header.high[:2]),
-        told=told,
+        swath_key=swath_key,
         notices=(*clouds.notices, *survey.notices),
     )
 
@@ -134,12 +134,12 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
     return np.concatenate([((column + i) << 32) + row + j for i in shift for j in shift])
 
 
-def _told_by(near: list[CloudBatch], *, own: bool) -> Told:
+def _swath_key(near: list[CloudBatch], *, own: bool) -> SwathKey:
     """What tells the swaths of the returns around all points apart."""
     if not near:
         return "nothing"
     source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
-    return told_by(source, t_s, own=own)
+    return find_swath_key(source, t_s, own=own)
 
 
 def _seconds(near: list[CloudBatch]) -> FloatArray | None:
@@ -165,7 +165,7 @@ class _Around:
 
 
 def _by_point(
-    near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, targets: Targets, told: Told, *, own: bool
+    near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, targets: Targets, swath_key: SwathKey, *, own: bool
 ) -> Iterator[_Around]:
     """For each point the returns around it."""
     if not near:
@@ -180,7 +180,7 @@ def _by_point(
         yield _Around(
             xyz[index] - place,
             light[index] if light is not None else None,
-            swath_numbers(source[index], t_s[index] if t_s is not None else None, told, own=own),
+            swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own),
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-Told = Literal["times", "sources", "nothing"]
+SwathKey = Literal["times", "sources", "nothing"]
 
 APART_S: Final = 20.0
 """A place that was not seen for so long is seen anew, by another swath."""
@@ -57,7 +57,7 @@ class InternalPrecision:
         between_swath_m: RMS of the differences in height of two swaths at one place.
         between_swath_max_m: greatest of these differences.
         swath_pairs: number of them.
-        told_by: what tells the swaths apart.
+        swath_key: what tells the swaths apart.
     """
 
     within_swath_m: float
@@ -65,12 +65,12 @@ class InternalPrecision:
     between_swath_m: float
     between_swath_max_m: float
     swath_pairs: int
-    told_by: Told
+    swath_key: SwathKey
 
     @classmethod
-    def of(cls, places: Iterable[SwathHeights], told_by: Told) -> InternalPrecision:
+    def of(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
         """What all places say together; swaths that nothing tells apart say nothing."""
-        seen = list(places) if told_by != "nothing" else []
+        seen = list(places) if swath_key != "nothing" else []
         spread = np.array([place.spread_m for place in seen])
         ranges = np.array([place.range_m for place in seen])
         differences = np.array([difference for place in seen for difference in place.differences_m])
@@ -80,7 +80,7 @@ class InternalPrecision:
             _rms(differences),
             float(np.abs(differences).max()) if len(differences) else float("nan"),
             len(differences),
-            told_by,
+            swath_key,
         )
 
     def verdicts(self, class_m: float) -> dict[str, dict[str, Any]]:
@@ -97,7 +97,7 @@ class InternalPrecision:
         return out
 
 
-def told_by(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> Told:
+def find_swath_key(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> SwathKey:
     """What tells the swaths of returns (n,) apart.
 
     Args:
@@ -110,10 +110,12 @@ def told_by(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) ->
     return "sources" if not own and source.any() else "nothing"
 
 
-def swath_numbers(source: NDArray[np.uint16], t_s: FloatArray | None, told: Told, *, own: bool) -> NDArray[np.int64]:
+def swath_numbers(
+    source: NDArray[np.uint16], t_s: FloatArray | None, swath_key: SwathKey, *, own: bool
+) -> NDArray[np.int64]:
     """Number of the swath of each return (n,) at one place; of a foreign cloud, one a source and visit."""
     number = np.zeros(len(source), np.int64)
-    if told == "times" and t_s is not None and len(t_s):
+    if swath_key == "times" and t_s is not None and len(t_s):
         order = np.argsort(t_s)
         visit = np.cumsum(np.diff(t_s[order], prepend=t_s[order[0]]) > APART_S)
         number[order] = visit

@@ -24,7 +24,7 @@ LABELS: Final = {
 
 def precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:
     """Of a cloud's agreement with itself."""
-    if precision.told_by == "nothing":
+    if precision.swath_key == "nothing":
         nothing = (
             "Nothing in the cloud tells its swaths apart, neither times of its points nor their sources, so how well "
             "it agrees with itself is not known."

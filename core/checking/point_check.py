@@ -8,7 +8,7 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, Told
+from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey
 from furrowmap.core.checking.surveyed_points import SurveyedPoints
 from furrowmap.core.values.errors import Notice
 
@@ -54,7 +54,7 @@ class ProductAtPoints:
         points: one for each surveyed point.
         survey: the points, in that CRS.
         box_m: of the product, as it states it.
-        told: what tells its swaths apart.
+        swath_key: what tells its swaths apart.
         notices: what is to be known of product and points.
     """
 
@@ -62,7 +62,7 @@ class ProductAtPoints:
     points: tuple[PointCheck, ...]
     survey: SurveyedPoints
     box_m: Box
-    told: Told
+    swath_key: SwathKey
     notices: tuple[Notice, ...]
 
 

@@ -118,7 +118,7 @@ class Accuracy:
             "between_swath_m": _rounded(self.precision.between_swath_m),
             "between_swath_max_m": _rounded(self.precision.between_swath_max_m),
             "swath_pairs": self.precision.swath_pairs,
-            "swaths_told_by": self.precision.told_by,
+            "swaths_told_by": self.precision.swath_key,
         }
 
 

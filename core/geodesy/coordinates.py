@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy.datum_guard import expect_datum_of_today
+from furrowmap.core.geodesy.datum_guard import check_datum
 from furrowmap.core.geodesy.height_system import JAPAN, height_system
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.values.clock import iso_utc
@@ -65,7 +65,7 @@ class HeightMove:
 
 
 @dataclass(frozen=True)
-class Brought:
+class TransformSummary:
     """How recorded positions came to the map.
 
     Attributes:
@@ -115,27 +115,27 @@ class Brought:
         }
 
 
-AS_IT_WAS: Final = Brought()
+UNCHANGED: Final = TransformSummary()
 """Nothing was moved."""
 
 
-def brought_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Brought]:
+def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, TransformSummary]:
     """A receiver's positions in the map's frame, epoch and heights.
 
     Raises:
         InputError: if parameters or geoid do not cover a position, or parameters are of another year.
         RefusedError: if the map's datum is none in which satellites give positions.
     """
-    lon, lat, height, done = _brought(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
+    lon, lat, height, done = _transform(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
     done = replace(done, notices=(*_of_today(frame, track), *done.notices))
     return replace(track, lon_deg=lon, lat_deg=lat, height_m=height), done
 
 
-def brought_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Brought]:
+def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, TransformSummary]:
     """Poses from elsewhere likewise; those in map coordinates are the map's already and stay as they are.
 
     Raises:
-        InputError: as :func:`brought_track`.
+        InputError: as :func:`transform_track`.
         RefusedError: likewise.
     """
     if track.projected:
@@ -145,21 +145,21 @@ def brought_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Brought
                 f"{track.source} states eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
                 "degrees, name the columns lon_deg and lat_deg."
             )
-            return track, Brought(notices=(Notice("coordinates-look-like-degrees", degrees),))
+            return track, TransformSummary(notices=(Notice("coordinates-look-like-degrees", degrees),))
         if frame.parameters is None and frame.heights.vertical is None:
-            return track, AS_IT_WAS
+            return track, UNCHANGED
         unmoved = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
-        return track, Brought(notices=(Notice("coordinates-of-the-map", unmoved),))
-    lon, lat, height, done = _brought(frame, track.t_s, *track.position.T)
+        return track, TransformSummary(notices=(Notice("coordinates-of-the-map", unmoved),))
+    lon, lat, height, done = _transform(frame, track.t_s, *track.position.T)
     return replace(track, position=np.column_stack([lon, lat, height])), done
 
 
-def _brought(
+def _transform(
     frame: MapFrame, t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, Brought]:
+) -> tuple[FloatArray, FloatArray, FloatArray, TransformSummary]:
     known = np.isfinite(lon_deg) & np.isfinite(lat_deg)
     if not known.any():
-        return lon_deg, lat_deg, height_m, AS_IT_WAS
+        return lon_deg, lat_deg, height_m, UNCHANGED
     middle = middle_deg(lon_deg[known], lat_deg[known])
     with np.errstate(invalid="ignore"):
         known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
@@ -167,7 +167,7 @@ def _brought(
     lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
     notices = [*_unused_heights(frame), *_epoch_notices(frame, t_s[known])]
     if frame.stated is None:
-        notices += expect_datum_of_today(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
+        notices += check_datum(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
     epoch = None
     if frame.parameters is not None:
         _expect_year(frame, t_s[known])
@@ -188,7 +188,7 @@ def _brought(
     out = [column.copy() for column in (lon_deg, lat_deg, height_m)]
     for column, values in zip(out, (lon, lat, height), strict=True):
         column[known] = values
-    return out[0], out[1], out[2], Brought(epoch, heights, tuple(notices))
+    return out[0], out[1], out[2], TransformSummary(epoch, heights, tuple(notices))
 
 
 def _unused_heights(frame: MapFrame) -> list[Notice]:

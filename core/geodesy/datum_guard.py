@@ -13,7 +13,7 @@ JGD2000_UNTIL_S: Final = 1_319_122_800.0
 """21 October 2011 in Japan: since then survey results, and the corrections that networks send, are of JGD2011."""
 
 
-def expect_datum_of_today(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:
+def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:
     """What is to be said of a map's datum, for positions by satellites at a place and time.
 
     Raises:

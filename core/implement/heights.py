@@ -57,7 +57,7 @@ class ToolHeights:
     scan_end_s: FloatArray
 
 
-class HeightWatch:
+class ToolHeightTracker:
     """Takes the scans of a recording one after another and measures the tool's height in each turn.
 
     A scan is cut at azimuth 0, which may lie across the implement; its points are therefore sorted into turns that

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.implement.found import USUAL_LIFT_M, Found, Outcome, described
-from furrowmap.core.implement.levels import FEWEST_SCANS, MOVED_M, find_levels
+from furrowmap.core.implement.levels import FEWEST_SCANS, MOVED_M, find_positions
 from furrowmap.core.implement.model import Box, Hint, Learned, Levels
 from furrowmap.core.implement.near_scans import NearScan
 from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, Template, fit_height
@@ -94,7 +94,7 @@ def _find(views: Views) -> Found | None:
     for outcome in likeliest:
         heights = views.heights(outcome.template, outcome.still_m)
         better = _improved(views, outcome.image, heights.height_m, heights.sure)
-        levels = find_levels(views, better.heights) if better is not None else None
+        levels = find_positions(views, better.heights) if better is not None else None
         if better is not None and levels is not None:
             found = Found(better, levels)
             return _by_travel(found) or found
@@ -128,7 +128,7 @@ def _by_travel(found: Found) -> Found | None:
         return None
     moved = height + np.where(at_high, (int(travels[best]) - step) * CELL_Z_M, 0.0)
     better = _improved(views, outcome.image, moved, at_low | at_high)
-    levels_there = find_levels(views, better.heights) if better is not None else None
+    levels_there = find_positions(views, better.heights) if better is not None else None
     return Found(better, levels_there) if better is not None and levels_there is not None else None
 
 

@@ -30,7 +30,7 @@ _MOST_AWAY: Final = 0.7
 """What is seen up and down both, but is away for a larger share of the time, is something that came by."""
 
 
-def find_levels(views: Views, heights: Heights) -> Levels | None:
+def find_positions(views: Views, heights: Heights) -> Levels | None:
     """Lower and upper position; None where the heights are not those of something that is lifted and lowered."""
     return _seen_to_move(views, heights) or _seen_to_leave(views, heights)
 

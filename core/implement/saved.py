@@ -10,7 +10,7 @@ import numpy as np
 
 from furrowmap.core.implement.model import DepthImages, Implement, Levels, Region
 from furrowmap.core.implement.range_image import COLUMNS
-from furrowmap.core.implement.template import Grid, Template
+from furrowmap.core.implement.template import SideViewGrid, Template
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.tool_states import ToolState
 
@@ -79,7 +79,7 @@ def _implement(arrays: dict[str, Any]) -> Implement:
     x_m, z_m, columns, rows = arrays["grid"].tolist()
     low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
     working_m, points, gain = arrays["usual"].tolist()
-    grid = Grid(x_m, z_m, int(columns), int(rows))
+    grid = SideViewGrid(x_m, z_m, int(columns), int(rows))
     shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
     if shapes != ((grid.columns, grid.rows), (COLUMNS,), (COLUMNS,)):
         raise ValueError("its arrays do not fit each other")

@@ -26,7 +26,7 @@ _SMOOTH: Final = np.array([0.25, 0.5, 0.25])
 
 
 @dataclass(frozen=True)
-class Grid:
+class SideViewGrid:
     """Cells of the side view.
 
     Attributes:
@@ -57,11 +57,11 @@ class Template:
         odds: (columns, rows) float32, how much likelier a point in the cell is the tool than clutter.
     """
 
-    grid: Grid
+    grid: SideViewGrid
     odds: NDArray[np.float32]
 
     @classmethod
-    def of(cls, grid: Grid, views: NDArray[np.float64]) -> Template:
+    def of(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> Template:
         """The template of `views` (columns, rows): weights of the tool's points in each cell."""
         total = float(views.sum())
         if total <= 0.0:

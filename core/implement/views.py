@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.implement.model import Box, Plane
 from furrowmap.core.implement.near_scans import NearScan
-from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, Grid, Template, fit_height
+from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, SideViewGrid, Template, fit_height
 
 FloatArray = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ class Views:
     views: Sequence[View]
     ground: Plane
     box_m: Box
-    grid: Grid
+    grid: SideViewGrid
 
     def __len__(self) -> int:
         return len(self.scans)
@@ -182,7 +182,7 @@ class Views:
 def views_of(scans: Sequence[NearScan], ground: Plane, box: Box) -> Views:
     """The points of `scans` that may be the implement in `box`."""
     lasers = 1 + max((int(scan.laser.max(initial=0)) for scan in scans), default=0)
-    grid = Grid(box[0], CUT_M, round((box[1] - box[0]) / CELL_X_M), round((TOP_M - CUT_M) / CELL_Z_M))
+    grid = SideViewGrid(box[0], CUT_M, round((box[1] - box[0]) / CELL_X_M), round((TOP_M - CUT_M) / CELL_Z_M))
     bounds, plane = np.array(box), np.array(ground)
     views = [View(*_select(s.xyz_m, s.range_m, s.laser, s.column, plane, bounds)) for s in scans]
     return Views(scans, [scan.image(lasers) for scan in scans], views, ground, box, grid)

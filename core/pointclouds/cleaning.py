@@ -17,19 +17,19 @@ from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import Box, CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
-from furrowmap.core.surfaces.accompanied import REACH_M, Outliers
 from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
+from furrowmap.core.surfaces.outlier_filter import REACH_M, Outliers
 from furrowmap.core.surfaces.outliers import (
-    UsualDistances,
-    few_of_many,
-    mean_distance_among,
+    NeighbourStatistics,
+    mean_distance_to,
     mean_neighbour_distance,
     radius_outliers,
+    thin_points,
 )
 from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import Records, RecordSpool, Square, square_keys, square_of
+from furrowmap.core.values.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ PLACE: Final = np.dtype(("<f8", 3))
 
 
 class SquareSpool(RecordSpool):
-    """Records by square of the map.
+    """RecordArray by square of the map.
 
     Args:
         layout: dtype of a record.
@@ -83,11 +83,11 @@ class SquareSpool(RecordSpool):
         """Keys of squares."""
         return square_keys(*np.reshape(list(squares), (-1, 2)).T)
 
-    def add_at(self, place_m: FloatArray, records: Records) -> None:
+    def add_at(self, place_m: FloatArray, records: RecordArray) -> None:
         """Append records (n,) under the squares in which places (n, 2) lie."""
         self.add(records, square_keys(*np.floor(place_m.T / self.side_m)))
 
-    def read_squares(self, squares: Iterable[Square]) -> Records:
+    def read_squares(self, squares: Iterable[Square]) -> RecordArray:
         """The records of squares, one square after the other."""
         return self.read(self.keys(squares))
 
@@ -116,7 +116,7 @@ class Cleaning:
     voxel_m: float | None = None
 
     @property
-    def by_place(self) -> bool:
+    def uses_neighbours(self) -> bool:
         """Whether a point's neighbours have a say."""
         return self.outliers != "none" or self.ground != "none" or self.voxel_m is not None
 
@@ -127,7 +127,7 @@ def cleaned(
     folder: Path,
     seen: Callable[[Survey], None] | None = None,
     progress: Progress = silent,
-) -> Generator[Records, None, None]:
+) -> Generator[RecordArray, None, None]:
     """The points of clouds as they are wanted, some at a time; the same in the same order each time.
 
     Args:
@@ -146,7 +146,7 @@ def cleaned(
         OSError: if the scratch files cannot be written.
     """
     points = _wanted(clouds, cleaning, seen, progress)
-    if not cleaning.by_place:
+    if not cleaning.uses_neighbours:
         yield from (records[~(records["noise"] & cleaning.drop_noise)] for records in points)
         return
     with ExitStack() as stack:
@@ -160,7 +160,7 @@ def cleaned(
             spool.add_at(corner, records)
         blocks = _blocks(spool)
         squares = [square for block in blocks for square in block]
-        usual = UsualDistances()
+        usual = NeighbourStatistics()
         if cleaning.outliers == "statistical":
             for square in squares:
                 _add_few(spool.read_squares([square]), square, few)
@@ -185,7 +185,7 @@ def cleaned(
 
 def _wanted(
     clouds: Clouds, cleaning: Cleaning, seen: Callable[[Survey], None] | None, progress: Progress
-) -> Iterator[Records]:
+) -> Iterator[RecordArray]:
     """What can be told of points without their neighbours."""
     without = list(cleaning.without)
     total = max(clouds.points, 1)
@@ -204,7 +204,7 @@ def _wanted(
             yield records
 
 
-def _records(batch: CloudBatch, ours: bool, week_times: bool) -> Records:
+def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
     """Points as they wait for their neighbours."""
     records = np.zeros(len(batch), POINT)
     for name in ("xyz_m", "intensity", "point_source_id", "classification", "return_number", "returns"):
@@ -257,7 +257,12 @@ def _around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Squa
 
 
 def _measure(
-    spool: SquareSpool, few: SquareSpool, block: list[Square], outliers: Outliers, slack_m: float, usual: UsualDistances
+    spool: SquareSpool,
+    few: SquareSpool,
+    block: list[Square],
+    outliers: Outliers,
+    slack_m: float,
+    usual: NeighbourStatistics,
 ) -> None:
     """Note how far each point of a block is from its neighbours; squares may reach `slack_m` beyond their borders."""
     records = spool.read_squares(block)
@@ -279,19 +284,19 @@ def _measure(
         lonely = np.isinf(apart_m)
         if lonely.any():
             others = few.read_squares([*block, *_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
-            apart_m[lonely] = mean_distance_among(own[lonely] - own[0], others, REACH_M)
+            apart_m[lonely] = mean_distance_to(own[lonely] - own[0], others, REACH_M)
     records["apart_m"][known] = apart_m
     usual.add(own, records["apart_m"][known].astype(np.float64))
     spool.overwrite(spool.keys(block), records)
 
 
-def _add_few(records: Records, square: Square, few: SquareSpool) -> None:
+def _add_few(records: RecordArray, square: Square, few: SquareSpool) -> None:
     """Keep of a square what points that have no neighbours near are compared with."""
-    some = few_of_many(records["xyz_m"][~records["noise"]])
+    some = thin_points(records["xyz_m"][~records["noise"]])
     few.add(some, np.repeat(few.keys([square]), len(some)))
 
 
-def _told(records: Records, usual: UsualDistances) -> Records:
+def _told(records: RecordArray, usual: NeighbourStatistics) -> RecordArray:
     """The records with those as noise that are farther from their neighbours than is usual."""
     known = ~records["noise"]
     apart_m = records["apart_m"][known].astype(np.float64)
@@ -300,7 +305,7 @@ def _told(records: Records, usual: UsualDistances) -> Records:
     return records
 
 
-def _add_lows(records: Records, square: Square, lows: SquareSpool) -> None:
+def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
     """Keep of a square the lowest points of its cells, all that the filter sees of land around a block."""
     xyz = _ground_like(records)
     column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
@@ -311,13 +316,13 @@ def _add_lows(records: Records, square: Square, lows: SquareSpool) -> None:
     lows.add(lowest, np.repeat(lows.keys([square]), len(lowest)))
 
 
-def _ground_like(records: Records) -> FloatArray:
+def _ground_like(records: RecordArray) -> FloatArray:
     """Places of what can be ground."""
     xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
     return xyz
 
 
-def _tell_ground(records: Records, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
+def _tell_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
     can = ~(records["noise"] | records["machine"])
     own = records["xyz_m"][can]
     around = lows.read_squares(_around(block, 2.0 * SMRF.window_m, lows.side_m))
@@ -326,7 +331,7 @@ def _tell_ground(records: Records, block: list[Square], lows: SquareSpool, metho
     records["classification"][can] = np.where(ground, PointClass.GROUND, PointClass.OTHER)
 
 
-def _one_a_cube(records: Records, voxel_m: float) -> NDArray[np.bool_]:
+def _one_a_cube(records: RecordArray, voxel_m: float) -> NDArray[np.bool_]:
     """Which point of each cube is nearest to its middle, noise only where there is nothing else."""
     place = records["xyz_m"] / voxel_m
     cube = np.floor(place)

@@ -203,7 +203,7 @@ def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box |
     return west, south, east, north
 
 
-def nothing_left(clouds: Clouds, box: Box | None) -> InputError:
+def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
     """What to say where no point of clouds is wanted."""
     within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
     return InputError(

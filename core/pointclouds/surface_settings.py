@@ -9,7 +9,7 @@ from pyproj import CRS
 
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.surfaces.accompanied import Outliers
+from furrowmap.core.surfaces.outlier_filter import Outliers
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.surfaces.accompanied import AccompaniedPoints, Outliers
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
+from furrowmap.core.surfaces.outlier_filter import FilteredTiles, Outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
@@ -90,7 +90,7 @@ def cloud_tiles(
     done = 0
     with ThreadPoolExecutor(2) as pool:
         points, of_ground = (
-            AccompaniedPoints.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
+            FilteredTiles.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
             for spool in (spooled.points, spooled.ground)
         )
         for block in blocks:
@@ -242,8 +242,8 @@ def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> N
 
 
 def _tile(
-    all_points: AccompaniedPoints,
-    ground_points: AccompaniedPoints,
+    all_points: FilteredTiles,
+    ground_points: FilteredTiles,
     key: Key,
     ground: _Ground | None,
     method: GroundMethod,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Geod
 
-from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, Brought, brought_poses, brought_track
+from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
@@ -44,7 +44,7 @@ class SiteCoordinates:
     """
 
     frame: MapFrame
-    brought: Brought
+    brought: TransformSummary
     lon_deg: float
     lat_deg: float
     easting_m: float
@@ -161,7 +161,7 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
     opened = open_session(session_file)
     session, frame, reader = opened.session, opened.frame, opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:
-        poses, brought = brought_poses(reader.poses(), frame)
+        poses, brought = transform_poses(reader.poses(), frame)
         t_s = poses.t_s
         if poses.projected:
             lon, lat = frame.to_lon_lat(poses.position[:, 0], poses.position[:, 1])
@@ -178,12 +178,14 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
                 "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
                 code="gnss-no-positions",
             )
-        track, brought = brought_track(recorded[placed], frame)
+        track, brought = transform_track(recorded[placed], frame)
         lon, lat, t_s = track.lon_deg, track.lat_deg, track.t_s
     return _at(frame, brought, *middle_deg(lon, lat), (float(t_s[0]), float(t_s[-1])))
 
 
-def _at(frame: MapFrame, brought: Brought, lon: float, lat: float, span_s: tuple[float, float]) -> SiteCoordinates:
+def _at(
+    frame: MapFrame, brought: TransformSummary, lon: float, lat: float, span_s: tuple[float, float]
+) -> SiteCoordinates:
     here = np.array([lon]), np.array([lat])
     e, n = (float(axis[0]) for axis in frame.project(*here))
     half = 0.5 * HECTARE_M

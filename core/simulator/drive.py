@@ -51,9 +51,9 @@ def drive_path(path: DrivenPath, drive: Drive, implement: Implement, rng: np.ran
     duration_s = float(knots_s[-1]) + drive.stand_end_s
     count = math.floor((duration_s + AFTER_S + BEFORE_S) * RATE_HZ) + 1
     t_s = np.arange(count) / RATE_HZ - BEFORE_S
-    way_m, speed_mps = _way_at(t_s, knots_s, knots_m, speeds_mps)
-    u, v, yaw = (np.interp(way_m, path.way_m, values) for values in (path.u_m, path.v_m, path.yaw_rad))
-    gear = path.gear[np.clip(np.searchsorted(path.way_m, way_m, side="right") - 1, 0, len(path.gear) - 1)]
+    distance_m, speed_mps = _way_at(t_s, knots_s, knots_m, speeds_mps)
+    u, v, yaw = (np.interp(distance_m, path.distance_m, values) for values in (path.u_m, path.v_m, path.yaw_rad))
+    gear = path.gear[np.clip(np.searchsorted(path.distance_m, distance_m, side="right") - 1, 0, len(path.gear) - 1)]
     lane = math.radians(90.0 - drive.lane_heading_deg)
     tool_m = _tool_height(
         t_s, [tuple(_time_at(m, knots_s, knots_m) for m in ends) for ends in path.passes], implement, rng
@@ -76,7 +76,7 @@ def _timetable(path: DrivenPath, drive: Drive) -> tuple[FloatArray, FloatArray, 
     The speed is the highest that keeps the limits and stops with the stated acceleration: each limit spreads as
     ``v² + 2·a·distance`` to both sides, and the lowest of all counts.
     """
-    way, square = path.way_m, path.limit_mps**2
+    way, square = path.distance_m, path.limit_mps**2
     stops = sorted(path.stops)
     standing = np.searchsorted(way, [at_m for at_m, _ in stops])
     square[standing] = square[0] = square[-1] = 0.0
@@ -105,9 +105,9 @@ def _way_at(
     return way, np.where(moving, speeds[i] + acceleration * since, 0.0)
 
 
-def _time_at(way_m: float, knots_s: FloatArray, knots_m: FloatArray) -> float:
-    """When the machine first reaches `way_m`."""
-    return float(knots_s[np.searchsorted(knots_m, way_m - 1e-9)])
+def _time_at(distance_m: float, knots_s: FloatArray, knots_m: FloatArray) -> float:
+    """When the machine first reaches `distance_m`."""
+    return float(knots_s[np.searchsorted(knots_m, distance_m - 1e-9)])
 
 
 def _tool_height(

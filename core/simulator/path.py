@@ -27,17 +27,17 @@ class DrivenPath:
     """The line driven, in points about `STEP_M` apart.
 
     Attributes:
-        way_m: (n,) metres driven since the start, forwards or backwards.
+        distance_m: (n,) metres driven since the start, forwards or backwards.
         u_m: (n,) along the first lane, from the start.
         v_m: (n,) to the left of it.
         yaw_rad: (n,) of the nose, counter-clockwise from the first lane's direction.
         gear: (n,) 1 where the way up to the next point goes forward, -1 where it goes backward.
         limit_mps: (n,) speed not to be exceeded.
-        stops: (way_m, seconds) of every stand between start and end.
-        passes: (way_m where the tool is lowered, way_m where it is lifted) of every pass.
+        stops: (distance_m, seconds) of every stand between start and end.
+        passes: (distance_m where the tool is lowered, distance_m where it is lifted) of every pass.
     """
 
-    way_m: FloatArray
+    distance_m: FloatArray
     u_m: FloatArray
     v_m: FloatArray
     yaw_rad: FloatArray
@@ -193,25 +193,25 @@ def _bisect(f: Callable[[float], float], low: float, high: float) -> float:
 
 def _wandering(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> DrivenPath:
     """`path` with smooth deviations to the sides, none where the machine starts, ends or changes its direction."""
-    n = len(path.way_m)
+    n = len(path.distance_m)
     if wander_m == 0.0:
         return path
     wave = np.fft.rfftfreq(n, STEP_M)
     shape = np.exp(-0.5 * (wave * 2.0 * np.pi * 1.0) ** 2)  # correlated over about a metre and a half
     side = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)
     side *= wander_m / max(float(side.std()), 1e-12)
-    fixed = [path.way_m[0], path.way_m[-1], *path.way_m[1:][np.diff(path.gear) != 0]]
-    x = np.clip(_nearest(path.way_m, fixed) / 1.5, 0.0, 1.0)
+    fixed = [path.distance_m[0], path.distance_m[-1], *path.distance_m[1:][np.diff(path.gear) != 0]]
+    x = np.clip(_nearest(path.distance_m, fixed) / 1.5, 0.0, 1.0)
     side *= x * x * (3.0 - 2.0 * x)
-    turn = np.arctan(np.gradient(side, path.way_m)) * path.gear
+    turn = np.arctan(np.gradient(side, path.distance_m)) * path.gear
     u = path.u_m - side * np.sin(path.yaw_rad)
     v = path.v_m + side * np.cos(path.yaw_rad)
-    return DrivenPath(path.way_m, u, v, path.yaw_rad + turn, path.gear, path.limit_mps, path.stops, path.passes)
+    return DrivenPath(path.distance_m, u, v, path.yaw_rad + turn, path.gear, path.limit_mps, path.stops, path.passes)
 
 
-def _nearest(way_m: FloatArray, marks: list[float]) -> FloatArray:
+def _nearest(distance_m: FloatArray, marks: list[float]) -> FloatArray:
     """Distance of each way to the nearest of the sorted marks."""
     ordered = np.sort(np.array(marks))
-    i = np.searchsorted(ordered, way_m).clip(1, len(ordered) - 1)
-    distance: FloatArray = np.minimum(np.abs(way_m - ordered[i - 1]), np.abs(ordered[i] - way_m))
+    i = np.searchsorted(ordered, distance_m).clip(1, len(ordered) - 1)
+    distance: FloatArray = np.minimum(np.abs(distance_m - ordered[i - 1]), np.abs(ordered[i] - distance_m))
     return distance

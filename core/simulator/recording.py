@@ -41,7 +41,7 @@ class SupportsWrite(Protocol):
         ...
 
 
-class _Tally:
+class _ReturnCounts:
     """What came back, counted."""
 
     def __init__(self) -> None:
@@ -49,8 +49,8 @@ class _Tally:
         self.second = 0
 
     def add(self, returns: Returns, mode: str) -> None:
-        told = 1 if mode == "last" else 0
-        self.met += np.bincount(returns.met[told].ravel(), minlength=len(Met))
+        first = 1 if mode == "last" else 0
+        self.met += np.bincount(returns.met[first].ravel(), minlength=len(Met))
         if mode == "dual":
             two = returns.ticks[0] != returns.ticks[1]
             self.second += int(two.sum())
@@ -64,13 +64,13 @@ def record(
     optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, ground)
     rng = random_for(scenario.seed, "computer")
-    tally, seen, clock_us, position_packets = _Tally(), SeenAfter(scenario, ground), 0, 0
-    told = 1 if scenario.lidar.return_mode == "last" else 0
+    counts, seen, clock_us, position_packets = _ReturnCounts(), SeenAfter(scenario, ground), 0, 0
+    reported = 1 if scenario.lidar.return_mode == "last" else 0
     with _written(file, compress=scenario.lidar.gzip) as out:
         out.write(FILE_HEADER)
         for first, firings, returns in _cast_in_order(scene, optics, spin, motion):
-            tally.add(returns, scenario.lidar.return_mode)
-            seen.add(returns.cell[told].ravel(), np.repeat(firings.t_s, LASERS))
+            counts.add(returns, scenario.lidar.return_mode)
+            seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, LASERS))
             payload = data_packets(scenario, site, spin, first, returns)
             sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
             stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us)
@@ -86,7 +86,7 @@ def record(
                 begin, position_packets = end, position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)
-    return _figures(site, spin, tally, optics, position_packets), seen.image
+    return _figures(site, spin, counts, optics, position_packets), seen.image
 
 
 def _cast_in_order(scene: Scene, optics: Optics, spin: Spin, motion: Motion) -> Iterator[tuple[int, Firings, Returns]]:
@@ -156,17 +156,17 @@ def _written(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
             yield raw
 
 
-def _figures(site: Site, spin: Spin, tally: _Tally, optics: Optics, position_packets: int) -> dict[str, Any]:
+def _figures(site: Site, spin: Spin, returned: _ReturnCounts, optics: Optics, position_packets: int) -> dict[str, Any]:
     firings = spin.packets * spin.firings_a_packet
     last_packet_s = spin.time_s(np.array([max(0, spin.packets - 1) * spin.firings_a_packet]))
     begin, end = (float(t) for t in spin.turns(spin.time_s(np.array([0, max(0, firings - 1)]))))
     crossings = int(np.floor(end)) - int(np.floor(begin))
-    counts = {met.name.lower(): int(tally.met[met]) for met in Met if met is not Met.NOTHING}
+    counts = {met.name.lower(): int(returned.met[met]) for met in Met if met is not Met.NOTHING}
     return {
         "lidar": {
             "points": sum(counts.values()),
             **counts,
-            "second_returns": tally.second,
+            "second_returns": returned.second,
             "data_packets": spin.packets,
             "position_packets": position_packets,
             "turns": end - begin,

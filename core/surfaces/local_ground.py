@@ -52,7 +52,7 @@ _BLOCK: Final = 8
 _KEY: Final = 1 << 30
 
 
-class GroundWatch:
+class GroundSampler:
     """Takes the points of scan after scan and keeps what tells the ground.
 
     Memory grows with the land and not with time: 150 bytes for each square metre of tiles in which there are points.

@@ -48,7 +48,7 @@ def mean_neighbour_distance(xyz_m: FloatArray, reach_m: float = 5.0, asked: int 
     return mean_m
 
 
-def few_of_many(xyz_m: FloatArray) -> FloatArray:
+def thin_points(xyz_m: FloatArray) -> FloatArray:
     """Points (m, 3) of which each cube of half a metre has 9 at most, the first ones of (n, 3).
 
     To whom nothing is near, they are as good as all: too far by less than the cube's diagonal, and exact where points
@@ -64,7 +64,7 @@ def few_of_many(xyz_m: FloatArray) -> FloatArray:
     return few
 
 
-def mean_distance_among(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) -> FloatArray:
+def mean_distance_to(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) -> FloatArray:
     """Mean distance (n,) of points (n, 3) from the nearest of others (m, 3), among which they may be themselves."""
     if not len(few_m):
         return np.full(len(xyz_m), np.inf)
@@ -76,7 +76,7 @@ def mean_distance_among(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) ->
     return mean_m
 
 
-class UsualDistances:
+class NeighbourStatistics:
     """What distances from neighbours are usual in a place, summed up as points come.
 
     R. B. Rusu, Z. C. Marton, N. Blodow, M. Dolha, M. Beetz (2008), Towards 3D point cloud based object maps for

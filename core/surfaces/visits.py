@@ -26,7 +26,7 @@ BINS: Final = 50
 
 
 @dataclass(frozen=True)
-class SwathAgreement:
+class SwathDifferences:
     """Differences in height of one swath and the next over the same ground.
 
     Attributes:
@@ -81,12 +81,12 @@ class SwathSums:
         self._square += float(known @ known)
         self._area_m2 += len(known) * block_m2
 
-    def agreement(self) -> SwathAgreement | None:
+    def differences(self) -> SwathDifferences | None:
         """What the differences say; None where no ground was seen twice."""
         if not self._count:
             return None
         rms_m = float(np.sqrt(self._square / self._count))
-        return SwathAgreement(self._count, self._area_m2, self._sum / self._count, rms_m, self._histogram.copy())
+        return SwathDifferences(self._count, self._area_m2, self._sum / self._count, rms_m, self._histogram.copy())
 
 
 def block_grid(grid: Grid) -> Grid:

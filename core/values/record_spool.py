@@ -1,4 +1,4 @@
-"""Records of one layout kept in a temporary file and read back by integer key."""
+"""RecordArray of one layout kept in a temporary file and read back by integer key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Records = NDArray[Any]
+RecordArray = NDArray[Any]
 """(n,) of a structured type, or (n, k) numbers of a sub-array type."""
 Square = tuple[int, int]
 """Column and row."""
@@ -36,7 +36,7 @@ def square_of(key: int) -> Square:
 
 @dataclass
 class _Block:
-    """Records sorted by key, contiguous in the file.
+    """RecordArray sorted by key, contiguous in the file.
 
     Attributes:
         keys: (k,) increasing.
@@ -76,7 +76,7 @@ class RecordSpool:
         """Remove the file."""
         self._file.close()
 
-    def append(self, parts: Iterable[Records], keys: IntArray, starts: IntArray) -> None:
+    def append(self, parts: Iterable[RecordArray], keys: IntArray, starts: IntArray) -> None:
         """Append a block.
 
         Args:
@@ -95,7 +95,7 @@ class RecordSpool:
         self._length += int(starts[-1])
         self.__dict__.pop("_segments", None)
 
-    def add(self, records: Records, keys: IntArray) -> None:
+    def add(self, records: RecordArray, keys: IntArray) -> None:
         """Append records (n,) in any order as a block, each under its key (n,); the order within a key is kept."""
         if len(records):
             order = np.argsort(keys, kind="stable")
@@ -110,7 +110,7 @@ class RecordSpool:
         totals = np.add.reduceat(counts, first) if len(first) else counts
         return dict(zip(there.tolist(), totals.tolist(), strict=True))
 
-    def read(self, keys: ArrayLike) -> Records:
+    def read(self, keys: ArrayLike) -> RecordArray:
         """The records of keys (k,), key after key; within a key in the order in which they came."""
         segments = self._segments_of(keys)
         out = np.empty(sum(count for _, count in segments), self.layout)
@@ -120,7 +120,7 @@ class RecordSpool:
             done += count
         return out
 
-    def overwrite(self, keys: ArrayLike, records: Records) -> None:
+    def overwrite(self, keys: ArrayLike, records: RecordArray) -> None:
         """Replace the records that :meth:`read` returned for the same keys."""
         done = 0
         for start, count in self._segments_of(keys):
@@ -128,7 +128,7 @@ class RecordSpool:
             self._file.write(records[done : done + count].data)
             done += count
 
-    def parts(self, first: int, end: int, room: Callable[[], Records]) -> Iterator[Records]:
+    def parts(self, first: int, end: int, room: Callable[[], RecordArray]) -> Iterator[RecordArray]:
         """The records with keys from `first` up to but without `end`, block after block, in few large reads.
 
         Each part is read into an array from `room`, which must be as long as the longest block.
@@ -169,7 +169,7 @@ class RecordSpool:
         at = [k for first, end in pieces for k in range(first, end)]
         return list(zip(starts[at].tolist(), counts[at].tolist(), strict=True))
 
-    def _read(self, start: int, into: Records) -> None:
+    def _read(self, start: int, into: RecordArray) -> None:
         with self._lock:
             self._file.seek(start * self.layout.itemsize)
             if self._file.readinto(into.view(np.uint8).data) != into.nbytes:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.machine import Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
@@ -27,8 +27,8 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.depth import Depth, pass_depths
+from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
-from furrowmap.core.work.states_elsewhere import Agreement, agreement
 from furrowmap.core.work.sweep import PassTimes, pass_numbers, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
@@ -62,8 +62,8 @@ class FieldWork:
         paths: of the tool; empty where `ground` is None, as `events`.
         events: along them.
         notices: for the report.
-        elsewhere: states from elsewhere that took the place of those seen; None where they did not.
-        agreement: of states from elsewhere with those seen; None where there are not both.
+        external: states from another source that took the place of those seen; None where they did not.
+        state_comparison: of external states with those seen; None where there are not both.
     """
 
     seen: SeenImplement | None = None
@@ -74,14 +74,14 @@ class FieldWork:
     paths: tuple[ToolPath, ...] = ()
     events: tuple[Event, ...] = ()
     notices: tuple[Notice, ...] = ()
-    elsewhere: ToolStates | None = None
-    agreement: Agreement | None = None
+    external: ToolStates | None = None
+    state_comparison: StateComparison | None = None
 
     @property
     def states(self) -> ToolStates | None:
         """The tool's states from which the ground is computed; None where none are known."""
-        if self.elsewhere is not None:
-            return self.elsewhere
+        if self.external is not None:
+            return self.external
         return self.history.states if self.history is not None else None
 
     @cached_property
@@ -98,12 +98,12 @@ def field_boundary(file: Path | None, frame: MapFrame) -> BaseGeometry | None:
     """The field's boundary in the map frame; None without a file.
 
     Raises:
-        InputError: if the file cannot be read, or the boundary lies elsewhere.
+        InputError: if the file cannot be read, or the boundary lies outside the map.
     """
     return boundary_on_map(read_boundary(file), frame) if file is not None else None
 
 
-class ImplementWatch:
+class ImplementTracker:
     """Watches the implement in two readings of a recording: one to find it, one to follow it.
 
     Args:
@@ -116,10 +116,10 @@ class ImplementWatch:
         self._earlier = earlier
         self._near: NearScans | None = NearScans(session.lidar.mounting)
         self._learned = Learned(None, ())
-        self._heights: HeightWatch | None = None
+        self._heights: ToolHeightTracker | None = None
         self._notices: tuple[Notice, ...] = ()
 
-    def look(self, scan: Scan) -> None:
+    def add_scan(self, scan: Scan) -> None:
         """Take note of a scan of the first reading."""
         assert self._near is not None
         self._near.add(scan)
@@ -143,7 +143,7 @@ class ImplementWatch:
         self._near = None
         if self._learned.implement is not None:
             depth_m = stated.working_depth_m if stated is not None else None
-            self._heights = HeightWatch(mounting, self._learned.implement, depth_m)
+            self._heights = ToolHeightTracker(mounting, self._learned.implement, depth_m)
         return machine
 
     def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
@@ -158,7 +158,7 @@ class ImplementWatch:
         trajectory: Trajectory,
         frame: MapFrame,
         boundary: BaseGeometry | None,
-        elsewhere: ToolStates | None = None,
+        external: ToolStates | None = None,
     ) -> FieldWork:
         """What the tool did and which ground it worked, after the second reading.
 
@@ -166,7 +166,7 @@ class ImplementWatch:
             trajectory: of the vehicle.
             frame: the map.
             boundary: of the field, if known.
-            elsewhere: states that somebody else tells.
+            external: states from another source, such as a machine log.
         """
         seen, stated = self._learned.implement, self._session.implement
         found = FieldWork(boundary=boundary, notices=(*self._learned.notices, *self._notices))
@@ -174,20 +174,20 @@ class ImplementWatch:
             depth_m = stated.working_depth_m if stated is not None else None
             history = tool_history(self._heights.heights(), seen, depth_m)
             found = replace(found, seen=seen, history=history, notices=(*found.notices, *history.notices))
-        if elsewhere is not None:
-            found = with_states_from_elsewhere(found, elsewhere, self._session)
+        if external is not None:
+            found = with_external_states(found, external, self._session)
         return with_ground(found, trajectory, frame, stated)
 
 
-def with_states_from_elsewhere(found: FieldWork, elsewhere: ToolStates, session: Session) -> FieldWork:
+def with_external_states(found: FieldWork, external: ToolStates, session: Session) -> FieldWork:
     """The work with states from elsewhere beside those seen, or in their place: as the session says."""
     assert session.implement is not None
     replaces = session.implement.states_use == REPLACE
     if found.history is None:
-        return replace(found, elsewhere=elsewhere if replaces else None)
-    agreed = agreement(found.history.states, elsewhere)
+        return replace(found, external=external if replaces else None)
+    agreed = compare_states(found.history.states, external)
     notices = (*found.notices, *agreed.notices(replaced=replaces))
-    return replace(found, elsewhere=elsewhere if replaces else None, agreement=agreed, notices=notices)
+    return replace(found, external=external if replaces else None, state_comparison=agreed, notices=notices)
 
 
 def with_ground(found: FieldWork, trajectory: Trajectory, frame: MapFrame, implement: Implement | None) -> FieldWork:

@@ -250,7 +250,7 @@ def _pass(
     area: Area,
     implement: Implement,
 ) -> Pass:
-    length_m = float(sum(sweep.way_m[-1] for sweep, _ in runs))
+    length_m = float(sum(sweep.distance_m[-1] for sweep, _ in runs))
     moving_s = sum(sweep.moving_s for sweep, _ in runs)
     return Pass(
         number=number,

@@ -60,9 +60,9 @@ def _pieces(sweep: Sweep) -> list[slice]:
     last = len(yaw) - 1
     pieces, begin = [], 0
     while begin < last:
-        rest_m = float(sweep.way_m[-1] - sweep.way_m[begin])
+        rest_m = float(sweep.distance_m[-1] - sweep.distance_m[begin])
         length_m = rest_m / math.ceil(rest_m / LONGEST_M)  # equal pieces, none of them a stub
-        reach = int(np.searchsorted(sweep.way_m, sweep.way_m[begin] + length_m, side="right"))
+        reach = int(np.searchsorted(sweep.distance_m, sweep.distance_m[begin] + length_m, side="right"))
         turned = np.abs(yaw[begin:reach] - yaw[begin]) > LARGEST_TURN_RAD
         end = begin + int(np.argmax(turned)) if turned.any() else reach - 1
         end = min(max(end, begin + 1), last)

@@ -52,7 +52,7 @@ class Sweep:
         t_s: (n,) UTC, strictly increasing, n of at least 2.
         middle_m: (n, 3) middle of the line in the map frame.
         half_m: (n, 2) from the middle to the line's left end, as seen from above.
-        way_m: (n,) driven since the run's beginning.
+        distance_m: (n,) driven since the run's beginning.
         moving_s: time in which the vehicle moved.
         begin_slip_m: standard deviation of the first line's place along the way, from the time of the transition; 0
             where the run does not begin with one; nan where unknown.
@@ -62,7 +62,7 @@ class Sweep:
     t_s: FloatArray
     middle_m: FloatArray
     half_m: FloatArray
-    way_m: FloatArray
+    distance_m: FloatArray
     moving_s: float
     begin_slip_m: float
     end_slip_m: float
@@ -167,7 +167,7 @@ class _Path:
             t_s=t + self._t0,
             middle_m=np.column_stack([self._place(t), height]) + self._origin,
             half_m=half[:, None] * np.column_stack([-np.sin(yaw), np.cos(yaw)]),
-            way_m=ways,
+            distance_m=ways,
             moving_s=moving_s,
             begin_slip_m=begin_sigma_s * float(speed[0]),
             end_slip_m=end_sigma_s * float(speed[1]),

@@ -148,7 +148,7 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
 def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
     course = trajectory_from_course(task.track, frame)
     boundary, area_m2 = _boundary(task, frame)
-    work = with_ground(FieldWork(boundary=boundary, elsewhere=task.states), course.trajectory, frame, implement)
+    work = with_ground(FieldWork(boundary=boundary, external=task.states), course.trajectory, frame, implement)
     swept, notices = _logged_swept(task, course, implement)
     if work.ground is None:
         notices.append(Notice("state-unknown", f"{task.track.source}: no record says whether the machine worked."))
@@ -176,20 +176,20 @@ def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Impleme
     worked = (task.state[course.used][:-1] == ToolState.DOWN) & (np.diff(t.t_s) <= t.max_gap_s)
     worked &= t.motion[:-1] == Motion.FORWARD
     width: NDArray[np.float64] = task.width_m[course.used][:-1]
-    way_m, known = step_m[worked], width[worked]
+    distance_m, known = step_m[worked], width[worked]
     if not np.isfinite(known).any():
         return float("nan"), []
     known = np.where(np.isfinite(known), known, implement.width_m)
-    swept = float(np.sum(way_m * known))
+    swept = float(np.sum(distance_m * known))
     part = known < FULL_WIDTH * implement.width_m
-    missing = float(np.sum(way_m * np.maximum(implement.width_m - known, 0.0)))
+    missing = float(np.sum(distance_m * np.maximum(implement.width_m - known, 0.0)))
     if not part.any():
         return swept, []
     return swept, [
         Notice(
             "part-of-width",
-            f"{task.track.source}: on {np.sum(way_m[part]):,.0f} of {np.sum(way_m):,.0f} m of way only a part of the "
-            f"{implement.width_m:g} m worked; the log does not say which, so the ground is that of all of it, and up "
-            f"to {missing:,.0f} m² of it were not worked then.",
+            f"{task.track.source}: on {np.sum(distance_m[part]):,.0f} of {np.sum(distance_m):,.0f} m only part of the "
+            f"{implement.width_m:g} m worked. The log does not say which part, so the ground is computed at full width "
+            f"and includes up to {missing:,.0f} m² that were not worked then.",
         )
     ]

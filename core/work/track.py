@@ -79,8 +79,8 @@ def tool_paths(trajectory: Trajectory, states: ToolStates, implement: Implement)
             if len(part) < 2 or not known[part[0]]:
                 continue
             line = shapely.simplify(shapely.LineString(xyz[part]), LINE_TOLERANCE_M, preserve_topology=False)
-            way_m = length_m(xyz[part, :2])
-            paths.append(ToolPath(state, number or None, float(t[part[0]]), float(t[part[-1]]), line, way_m))
+            distance_m = length_m(xyz[part, :2])
+            paths.append(ToolPath(state, number or None, float(t[part[0]]), float(t[part[-1]]), line, distance_m))
     return paths
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.surfaces.visits import SwathAgreement, SwathSums, block_grid
+from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums, block_grid
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.work.run_result import RunResult
@@ -56,7 +56,7 @@ class RasterFigures:
     cell_m: float
     seen_m2: float
     moved: SoilMoved | None
-    swaths: SwathAgreement | None
+    swaths: SwathDifferences | None
 
     def plain(self) -> dict[str, Any]:
         """As `report.json` has it."""
@@ -105,13 +105,13 @@ def write_rasters(
             put_swaths(block_grid(tile.grid), (tile.swaths_m,))
             swaths.add(tile.swaths_m, blocks.cell_area_m2)
             seen += int(tile.after.seen.sum())
-    agreement = swaths.agreement()
-    if agreement is None:
+    differences = swaths.differences()
+    if differences is None:
         (folder / SWATHS).unlink()
-    for name in (*bands, *([SWATHS] if agreement is not None else [])):
+    for name in (*bands, *([SWATHS] if differences is not None else [])):
         style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
         (folder / style_of(name)).write_text(style, encoding="utf-8")
-    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, agreement)
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, differences)
 
 
 def style_of(name: str) -> str:

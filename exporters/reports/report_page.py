@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
-from furrowmap.core.surfaces.visits import SwathAgreement
+from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
@@ -64,7 +64,7 @@ _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
 def write_page(
-    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, swaths: SwathAgreement | None
+    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, swaths: SwathDifferences | None
 ) -> None:
     """Write `report.html`.
 
@@ -248,7 +248,7 @@ def _accuracy(found: RunResult) -> str:
     return f'{sigmas}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
 
 
-def _swaths(swaths: SwathAgreement | None) -> Iterable[str]:
+def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
     """How well swaths agree: a check that needs no survey."""
     if swaths is None:
         return

@@ -16,10 +16,10 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.core.work.states_elsewhere import NEAR_S
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
@@ -121,7 +121,7 @@ def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float
 
 def _implement(work: FieldWork) -> dict[str, Any] | None:
     """What is known of the tool; null where nothing is."""
-    history, states, agreed = work.history, work.states, work.agreement
+    history, states, agreed = work.history, work.states, work.state_comparison
     if states is None:
         return None
     length_s = states.end_s - states.begin_s
@@ -132,7 +132,7 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
         "transition_sigma_s": round(float(np.median(sigma_s)), 3) if len(sigma_s) else None,
         "threshold_m": round(history.threshold_m, 3) if history is not None else None,
         "lifted_m": round(history.lifted_m, 3) if history is not None else None,
-        "states_from": "elsewhere" if work.elsewhere is not None else "scans",
+        "states_from": "elsewhere" if work.external is not None else "scans",
         "agreement": {
             "compared_s": round(agreed.compared_s, 1),
             "share": round(agreed.share, 4),

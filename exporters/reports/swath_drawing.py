@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathAgreement
+from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.exporters.reports.svg import WIDTH, Axis, drawing
 
 _REACHES_M: Final = (0.01, 0.02, 0.05, BINS * BIN_M)
@@ -18,7 +18,7 @@ _BOTTOM: Final = 150.0
 _LEFT: Final = 74.0
 
 
-def swath_histogram(swaths: SwathAgreement) -> str:
+def swath_histogram(swaths: SwathDifferences) -> str:
     """The share of the ground by difference in height; the outermost bars hold what lies beyond as well."""
     reach_m = next((reach for reach in _REACHES_M if swaths.within_m(_SHARE) <= reach), _REACHES_M[-1])
     bins = round(reach_m / BIN_M)

@@ -77,8 +77,8 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
     if history is not None:
         row = np.searchsorted(history.scan, poses.scan)
         state, confidence, height = history.state[row], history.confidence[row], history.tool_height_m[row]
-    if work.elsewhere is not None:
-        state, confidence = work.elsewhere.at(poses.t_s)
+    if work.external is not None:
+        state, confidence = work.external.at(poses.t_s)
     return columns | {
         "implement": _labels(state, {int(state): state.label for state in ToolState}),
         "implement_confidence": confidence,

@@ -100,7 +100,7 @@ def test_cloud__a_shift_of_two_swaths_is_found_to_a_millimetre(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("own", "timed", "numbered", "told", "codes"),
+    ("own", "timed", "numbered", "swath_key", "codes"),
     [
         (True, True, True, "times", set()),
         (True, False, True, "nothing", {"check-swaths-unknown"}),
@@ -110,7 +110,7 @@ def test_cloud__a_shift_of_two_swaths_is_found_to_a_millimetre(tmp_path: Path) -
     ],
 )
 def test_precision__swaths_are_told_apart_by_what_the_cloud_has(
-    tmp_path: Path, own: bool, timed: bool, numbered: bool, told: str, codes: set[str]
+    tmp_path: Path, own: bool, timed: bool, numbered: bool, swath_key: str, codes: set[str]
 ) -> None:
     """Two visits a minute apart, the second 3 cm higher. In furrowmap's clouds sources are passes, which change midway.
 
@@ -127,9 +127,9 @@ def test_precision__swaths_are_told_apart_by_what_the_cloud_has(
     )  # fmt: skip
     found = check_product(cloud, write_points(tmp_path / "p.csv", places(), 0.005))
     precision = found.accuracy.precision
-    assert precision.told_by == told
+    assert precision.swath_key == swath_key
     assert {notice.code for notice in found.notices if "swaths" in notice.code} == codes
-    if told == "nothing":
+    if swath_key == "nothing":
         assert precision.swath_pairs == 0
         assert np.isnan(precision.between_swath_max_m)
         return

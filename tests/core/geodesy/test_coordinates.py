@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import CRS, Geod
 
-from furrowmap.core.geodesy.coordinates import brought_poses, brought_track
+from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import ParameterFile, read_parameters
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
@@ -184,12 +184,12 @@ def test_pos2jgd__holds_on_its_days_in_japan(geo: Path, tmp_path: Path) -> None:
     quarter(geo, tmp_path)
     crs = Crs(map="EPSG:6677", coordinates="current-epoch", parameters="pos2jgd_202307_ITRF2014.par")
     frame = frame_beside(crs, tmp_path / "session.toml")
-    _, done = brought_track(track("2023-06-11"), frame)
+    _, done = transform_track(track("2023-06-11"), frame)
     assert done.account(frame)["moves"][0]["parameters"] == "pos2jgd_202307_ITRF2014.par"
     assert done.notices == ()
     for day in ("2023-05-31", "2023-09-01"):
         with pytest.raises(InputError, match=r"is for 2023-05-31T15:00.* to 2023-08-31T15:00"):
-            brought_track(track(day), frame)
+            transform_track(track(day), frame)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_current_epoch__moves_every_position_back_to_the_map(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par"), of_2023(geo, tmp_path)
     )
     sample = expected["SemiDynaEXE"]["backward"]
-    moved, done = brought_track(track(lon=sample["from"][1], lat=sample["from"][0]), frame)
+    moved, done = transform_track(track(lon=sample["from"][1], lat=sample["from"][0]), frame)
     assert abs(moved.lon_deg[0] - sample["to_official_web"][1]) < DEG
     assert abs(moved.lat_deg[0] - sample["to_official_web"][0]) < DEG
     assert abs(moved.height_m[0] - 70.0 - sample["to_official_web"][2]) < HEIGHT_M
@@ -247,14 +247,14 @@ def test_a_position_far_away_stays_for_those_who_tell_jumps(geo: Path, tmp_path:
     frame = frame_beside(crs, of_2023(geo, tmp_path))
     some = track()
     some.lon_deg[3], some.lat_deg[3] = 0.0, 0.0
-    moved, _ = brought_track(some, frame)
+    moved, _ = transform_track(some, frame)
     assert (moved.lon_deg[3], moved.lat_deg[3]) == (0.0, 0.0)
     assert (np.delete(moved.height_m, 3) < 30.0).all()
 
 
 def test_as_recorded__moves_nothing() -> None:
     frame = map_frame(Crs(map="EPSG:6677"))
-    moved, done = brought_track(track(), frame)
+    moved, done = transform_track(track(), frame)
     np.testing.assert_array_equal(moved.lon_deg, track().lon_deg)
     np.testing.assert_array_equal(moved.height_m, track().height_m)
     assert done.account(frame)["moves"] == []
@@ -267,7 +267,7 @@ def test_positions_without_a_place_stay_without_one(geo: Path, tmp_path: Path) -
     )
     some = track()
     some.lon_deg[2] = np.nan
-    moved, _ = brought_track(some, frame)
+    moved, _ = transform_track(some, frame)
     np.testing.assert_array_equal(np.isfinite(moved.lon_deg), [True, True, False, True, True])
 
 
@@ -277,7 +277,7 @@ def test_an_epoch_out_of_the_files_year_is_refused(geo: Path, tmp_path: Path, da
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="SemiDyna2023.par"), of_2023(geo, tmp_path)
     )
     with pytest.raises(InputError, match=r"SemiDyna2023\.par is for 2023-03-31T15:00.* to 2024-03-31T15:00"):
-        brought_track(track(day), frame)
+        transform_track(track(day), frame)
 
 
 def test_parameters_whose_year_is_unknown_are_used_and_told(geo: Path, tmp_path: Path) -> None:
@@ -285,7 +285,7 @@ def test_parameters_whose_year_is_unknown_are_used_and_told(geo: Path, tmp_path:
     frame = frame_beside(
         Crs(map="EPSG:6677", coordinates="current-epoch", parameters="shift.par"), tmp_path / "session.toml"
     )
-    _, done = brought_track(track("2019-01-01"), frame)
+    _, done = transform_track(track("2019-01-01"), frame)
     assert [notice.code for notice in done.notices] == ["epoch-unchecked"]
 
 
@@ -337,7 +337,7 @@ def test_geoids_of_japan_are_the_official_ones_to_a_millimetre(expected: dict[st
 
 def test_heights_above_a_geoid_are_told_in_crs_and_account() -> None:
     frame = map_frame(Crs(map="EPSG:6677", heights="GSIGEO2011"))
-    moved, done = brought_track(track(), frame)
+    moved, done = transform_track(track(), frame)
     assert moved.height_m[0] == pytest.approx(70.0 - 40.1859, abs=1e-3)
     assert frame.whole_crs == CRS("EPSG:10170")
     (move,) = done.account(frame)["moves"]
@@ -350,7 +350,7 @@ def test_heights_above_a_geoid_are_told_in_crs_and_account() -> None:
 def test_a_place_without_a_geoid_is_refused() -> None:
     frame = map_frame(Crs(map="EPSG:32634", heights="GSIGEO2011"))
     with pytest.raises(InputError, match="GSIGEO2011 has no geoid at 52"):
-        brought_track(track(lon=20.9, lat=52.4), frame)
+        transform_track(track(lon=20.9, lat=52.4), frame)
 
 
 @pytest.mark.parametrize(
@@ -367,7 +367,7 @@ def test_an_epoch_and_a_geoid_that_do_not_belong_together_are_told_with_the_size
     heights: str, coordinates: str, day: str, warned: bool
 ) -> None:
     frame = map_frame(Crs(map="EPSG:6677", heights=heights, coordinates=coordinates))
-    notices = brought_track(track(day), frame)[1].notices
+    notices = transform_track(track(day), frame)[1].notices
     assert [notice.code for notice in notices] == (["epoch-and-geoid"] if warned else [])
     if warned:
         assert "9.7 cm" in notices[0].text  # 40.2826 - 40.1859
@@ -381,7 +381,7 @@ def test_a_grid_of_the_user_is_read(tmp_path: Path) -> None:
     head = np.array([51.0, 20.0, 1.0, 1.0], ">f8").tobytes() + np.array([3, 3], ">i4").tobytes()
     (folder / "geoid.gtx").write_bytes(head + (30.0 + lat + 0.5 * lon).astype(">f4").tobytes())
     frame = frame_beside(Crs(map="EPSG:32634", heights="EGM2008", geoid_grid="geoid.gtx"), folder / "session.toml")
-    moved, done = brought_track(track(lon=20.9, lat=52.4, height_m=100.0), frame)
+    moved, done = transform_track(track(lon=20.9, lat=52.4, height_m=100.0), frame)
     assert moved.height_m[0] == pytest.approx(100.0 - (30.0 + 1.4 + 0.45), abs=1e-4)
     assert done.account(frame)["moves"][0]["source"] == "the grid geoid.gtx"
     assert "EGM2008 height" in frame.whole_crs.name
@@ -395,9 +395,9 @@ def test_a_stated_frame_and_epoch_are_in_the_name_and_the_metadata() -> None:
     assert frame.name.startswith("ITRF2020 @ 2026.4 / Japan Plane Rectangular CS")
     assert "EPOCH[2026.4]" in frame.wkt
     assert CRS.from_wkt(frame.crs.to_wkt("WKT1_GDAL")).name == frame.name
-    account = brought_track(track("2026-05-27"), frame)[1].account(frame)
+    account = transform_track(track("2026-05-27"), frame)[1].account(frame)
     assert (account["frame"], account["epoch"], account["moves"]) == ("ITRF2020", 2026.4, [])
-    (told,) = brought_track(track("2019-05-27"), frame)[1].notices
+    (told,) = transform_track(track("2019-05-27"), frame)[1].notices
     assert told.code == "epoch-apart"
     with pytest.raises(RefusedError, match="is made for"):
         frame.project(np.array([20.9]), np.array([52.4]))
@@ -429,13 +429,13 @@ def test_a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
     """British, Dutch, Japan's and Germany's old ones, the Swiss, NAD27: 10 to 450 m beside, as textbooks have them."""
     frame = map_frame(Crs(map=f"EPSG:{epsg}"))
     with pytest.raises(RefusedError, match=r"lie \d+ m beside") as refused:
-        brought_track(track(lon=lon, lat=lat), frame)
+        transform_track(track(lon=lon, lat=lat), frame)
     assert refused.value.code == "crs-datum"
     assert int(refused.value.lines[0].split(" lie ")[1].split()[0]) > least_m
     base = frame.crs.geodetic_crs
     assert base is not None
     stated = map_frame(Crs(map=f"EPSG:{epsg}", coordinates=f"{base.name}@2023.4"))
-    assert brought_track(track(lon=lon, lat=lat), stated)[1].account(stated)["moves"] == []
+    assert transform_track(track(lon=lon, lat=lat), stated)[1].account(stated)["moves"] == []
 
 
 @pytest.mark.parametrize(
@@ -447,20 +447,20 @@ def test_a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
     ],
 )  # fmt: skip
 def test_datums_of_today_are_taken(epsg: int, lon: float, lat: float) -> None:
-    assert brought_track(track(lon=lon, lat=lat), map_frame(Crs(map=f"EPSG:{epsg}")))[1].notices == ()
+    assert transform_track(track(lon=lon, lat=lat), map_frame(Crs(map=f"EPSG:{epsg}")))[1].notices == ()
 
 
 def test_jgd2000_is_told_to_be_superseded() -> None:
     frame = map_frame(Crs(map="EPSG:2451"))
-    assert [notice.code for notice in brought_track(track("2011-10-01"), frame)[1].notices] == []
-    assert [notice.code for notice in brought_track(track("2023-06-11"), frame)[1].notices] == ["datum-superseded"]
+    assert [notice.code for notice in transform_track(track("2011-10-01"), frame)[1].notices] == []
+    assert [notice.code for notice in transform_track(track("2023-06-11"), frame)[1].notices] == ["datum-superseded"]
 
 
 @pytest.mark.parametrize(("heights", "told"), [("ellipsoidal", True), ("EPSG:6695", False)])
 @pytest.mark.parametrize("name", ["EPSG:6677+6695", "EPSG:10170"])
 def test_heights_that_the_maps_crs_names_and_nobody_asks_for_are_told(name: str, heights: str, told: bool) -> None:
     frame = map_frame(Crs(map=name, heights=heights))
-    notices = brought_track(track(), frame)[1].notices
+    notices = transform_track(track(), frame)[1].notices
     assert [notice.code for notice in notices] == (["heights-not-asked-for"] if told else [])
     if told:
         assert '`heights = "EPSG:6695"`' in notices[0].text
@@ -470,7 +470,7 @@ def test_heights_of_jgd2011_by_their_code_are_above_gsigeo2011() -> None:
     by_code, by_name = (map_frame(Crs(map="EPSG:6677", heights=heights)) for heights in ("EPSG:6695", "GSIGEO2011"))
     assert by_code.whole_crs == by_name.whole_crs
     np.testing.assert_array_equal(
-        brought_track(track(), by_code)[0].height_m, brought_track(track(), by_name)[0].height_m
+        transform_track(track(), by_code)[0].height_m, transform_track(track(), by_name)[0].height_m
     )
 
 
@@ -480,7 +480,7 @@ def test_degrees_in_the_columns_of_eastings_and_northings_are_told() -> None:
     poses = PoseTrack(
         1_686_000_000.0 + np.arange(3), position, True, zeros, zeros, zeros, False, np.full((3, 6), np.nan), "p.csv"
     )
-    (told,) = brought_poses(poses, map_frame(Crs(map="EPSG:6677")))[1].notices
+    (told,) = transform_poses(poses, map_frame(Crs(map="EPSG:6677")))[1].notices
     assert told.code == "coordinates-look-like-degrees"
 
 
@@ -496,7 +496,7 @@ def test_degrees_in_the_columns_of_eastings_and_northings_are_told() -> None:
 )
 def test_positions_of_the_day_taken_as_recorded_are_told(service: str, fix: Fix, coordinates: str, told: bool) -> None:
     some = replace(track("2026-05-27"), service=service, fix=np.full(5, fix, np.int8))
-    notices = brought_track(some, map_frame(Crs(map="EPSG:6677", coordinates=coordinates)))[1].notices
+    notices = transform_track(some, map_frame(Crs(map="EPSG:6677", coordinates=coordinates)))[1].notices
     assert [notice.code for notice in notices] == (["epoch-of-the-day"] if told else [])
 
 
@@ -507,7 +507,7 @@ def test_poses_in_map_coordinates_are_not_moved_and_others_are() -> None:
         zeros = np.zeros(3)
         t_s = 1_686_000_000.0 + np.arange(3)
         poses = PoseTrack(t_s, position, projected, zeros, zeros, zeros, False, np.full((3, 6), np.nan), "poses.csv")
-        moved, done = brought_poses(poses, frame)
+        moved, done = transform_poses(poses, frame)
         assert moved.position[0, 2] == pytest.approx(70.0 if projected else 29.814, abs=1e-3)
         assert (done.heights is None) == projected
         assert [notice.code for notice in done.notices] == (["coordinates-of-the-map"] if projected else [])

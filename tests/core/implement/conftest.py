@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.near_scans import NearScans
@@ -230,7 +230,7 @@ def watch() -> Watch:
         learned = learn_implement(near.scans, hint)
         if learned.implement is None:
             return Seen(truth, learned, None)
-        heights = HeightWatch(truth.mounting, learned.implement, depth_m)
+        heights = ToolHeightTracker(truth.mounting, learned.implement, depth_m)
         for scan in scans:
             heights.add(scan)
         return Seen(truth, learned, tool_history(heights.heights(), learned.implement, depth_m))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.implement.heights import HeightWatch
+from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import NearScans
@@ -43,7 +43,7 @@ def test_samples__states_transitions_and_heights_are_true(shared_data: Path, nam
     learned = learn_implement(near.scans, hint)
     assert learned.implement is not None
     assert learned.notices == ()
-    watch = HeightWatch(mounting, learned.implement, depth_m)
+    watch = ToolHeightTracker(mounting, learned.implement, depth_m)
     for scan in scans:
         watch.add(scan)
     history = tool_history(watch.heights(), learned.implement, depth_m)

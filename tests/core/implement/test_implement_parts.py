@@ -16,12 +16,12 @@ from furrowmap.core.implement import learning
 from furrowmap.core.implement.found import Found
 from furrowmap.core.implement.near_scans import MOST_SCANS, NearScans
 from furrowmap.core.implement.range_image import COLUMNS, column_of, median_image
-from furrowmap.core.implement.template import CELL_Z_M, Grid, Template, fit_height
+from furrowmap.core.implement.template import CELL_Z_M, SideViewGrid, Template, fit_height
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 from tests.core.implement.conftest import HINT, Scene
 
-GRID = Grid(-3.0, 0.15, 20, 150)
+GRID = SideViewGrid(-3.0, 0.15, 20, 150)
 
 
 @njit

@@ -16,7 +16,7 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import trajectory_from_attitude
-from furrowmap.core.work.field_work import ImplementWatch
+from furrowmap.core.work.field_work import ImplementTracker
 from tests.core.implement.conftest import MOUNTING, T0_S, Scene
 
 SESSION = """
@@ -33,11 +33,11 @@ def session() -> Session:
     return parse_session(SESSION)
 
 
-def seen_through(session: Session, scene: Scene, path: Path | None) -> ImplementWatch:
-    watch = ImplementWatch(session, load_implement(path) if path is not None else None)
+def seen_through(session: Session, scene: Scene, path: Path | None) -> ImplementTracker:
+    watch = ImplementTracker(session, load_implement(path) if path is not None else None)
     scans = [scan for scan in scene.scans() if scan.t_s[0] > T0_S + 7.9]
     for scan in scans:
-        watch.look(scan)
+        watch.add_scan(scan)
     t_s = np.arange(0.0, 20.0) + T0_S
     along = np.column_stack([t_s - T0_S, 0 * t_s, 0 * t_s])
     watch.learn(trajectory_from_attitude(t_s, along, 0.0, 0.0, 90.0 + 0 * t_s, max_gap_s=2.0))

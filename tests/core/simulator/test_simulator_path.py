@@ -25,19 +25,19 @@ def planned(drive: Drive) -> DrivenPath:
 def test_plan_path__every_turn_ends_on_its_lane(lane: float, turns: str, radius: float, ramp: float) -> None:
     drive = Drive(turns=turns, lanes_m=(0.0, lane), radius_m=radius, ramp_m=ramp, wander_m=0.0)  # type: ignore[arg-type]
     path = planned(drive)
-    second = path.way_m >= path.passes[1][0]
+    second = path.distance_m >= path.passes[1][0]
     assert np.abs(path.v_m[second] - lane).max() < 1e-6
     assert np.abs(np.cos(path.yaw_rad[second]) + 1.0).max() < 1e-9
     # by the symmetry of the turn, the second pass begins beside where the first one left its lane
     left_at = drive.lead_in_m + drive.pass_m[0] + drive.run_out_m
-    assert np.interp(path.passes[1][0], path.way_m, path.u_m) == pytest.approx(left_at - drive.lead_in_m, abs=1e-6)
+    assert np.interp(path.passes[1][0], path.distance_m, path.u_m) == pytest.approx(left_at - drive.lead_in_m, abs=1e-6)
 
 
 @pytest.mark.parametrize("turns", ["loop", "fishtail"])
 def test_plan_path__steers_no_tighter_than_allowed_and_no_faster(turns: str) -> None:
     drive = Drive(turns=turns, wander_m=0.0, lanes_m=(0.0, 1.6, 3.2, 9.0))  # type: ignore[arg-type]
     path = planned(drive)
-    step = np.diff(path.way_m)
+    step = np.diff(path.distance_m)
     curvature = np.diff(path.yaw_rad) / step
     assert np.abs(curvature).max() <= 1.0 / drive.radius_m + 1e-3
     inside = (np.diff(path.gear[:-1]) == 0) & (step[1:] > 0.005) & (step[:-1] > 0.005)

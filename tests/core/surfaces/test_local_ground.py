@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.surfaces.local_ground import GroundWatch
+from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.point_classes import PointClass
 
 STEP_M = 0.001
@@ -24,7 +24,7 @@ def land(seed: int, count: int = 120_000) -> NDArray[np.float64]:
     return np.column_stack([e, n, relief(e, n) + rng.normal(0.0, 0.015, count)])
 
 
-def classified(watch: GroundWatch, xyz: NDArray[np.float64], before: int = OTHER) -> NDArray[np.uint8]:
+def classified(watch: GroundSampler, xyz: NDArray[np.float64], before: int = OTHER) -> NDArray[np.uint8]:
     """The final classes of points."""
     records = np.zeros(len(xyz), [("X", "<i4"), ("Y", "<i4"), ("Z", "<i4"), ("more", "V7"), ("classification", "u1")])
     for name, axis in zip("XYZ", xyz.T, strict=True):
@@ -35,9 +35,9 @@ def classified(watch: GroundWatch, xyz: NDArray[np.float64], before: int = OTHER
 
 
 @pytest.fixture(scope="module")
-def watch() -> GroundWatch:
+def watch() -> GroundSampler:
     """What was learned of the land with a wall on it, some of it tilled later, in a hundred scans."""
-    watch = GroundWatch()
+    watch = GroundSampler()
     xyz = land(1)
     wall = np.column_stack(
         [
@@ -54,11 +54,11 @@ def watch() -> GroundWatch:
     return watch
 
 
-def test_classify__land_is_ground(watch: GroundWatch) -> None:
+def test_classify__land_is_ground(watch: GroundSampler) -> None:
     assert (classified(watch, land(5)) == GROUND).mean() > 0.999
 
 
-def test_classify__what_is_above_stays_and_what_is_below_is_noise(watch: GroundWatch) -> None:
+def test_classify__what_is_above_stays_and_what_is_below_is_noise(watch: GroundSampler) -> None:
     inside = land(6, 5000)
     for lifted_m, before, after in ((0.6, OTHER, OTHER), (2.0, NOISE, NOISE), (-0.6, OTHER, NOISE)):
         lifted = inside + np.array([0.0, 0.0, lifted_m])
@@ -66,38 +66,38 @@ def test_classify__what_is_above_stays_and_what_is_below_is_noise(watch: GroundW
     assert (classified(watch, inside, NOISE) == GROUND).mean() > 0.999
 
 
-def test_classify__a_wall_is_no_ground(watch: GroundWatch) -> None:
+def test_classify__a_wall_is_no_ground(watch: GroundSampler) -> None:
     e = np.linspace(5.5, 14.5, 200)
     top = np.column_stack([e, np.full(200, 10.0), relief(e, np.full(200, 10.0)) + 1.5])
     assert not (classified(watch, top) == GROUND).any()
 
 
 @pytest.mark.parametrize("kind", [PointClass.VEHICLE, PointClass.IMPLEMENT])
-def test_classify__leaves_the_machine_alone(watch: GroundWatch, kind: PointClass) -> None:
+def test_classify__leaves_the_machine_alone(watch: GroundSampler, kind: PointClass) -> None:
     assert (classified(watch, land(7, 2000), kind) == kind).all()
 
 
-def test_classify__knows_nothing_of_land_not_seen(watch: GroundWatch) -> None:
+def test_classify__knows_nothing_of_land_not_seen(watch: GroundSampler) -> None:
     far = land(8, 500) + np.array([5000.0, -3000.0, 0.0])
     assert (classified(watch, far) == OTHER).all()
-    assert (classified(GroundWatch(), far, NOISE) == NOISE).all()
+    assert (classified(GroundSampler(), far, NOISE) == NOISE).all()
 
 
 def test_add__a_stray_return_far_away_costs_nothing() -> None:
-    watch = GroundWatch()
+    watch = GroundSampler()
     points = np.concatenate([[[1e8, -1e8, 0.0]], [[1.0, 1.0, 1e7]], land(9)])
     watch.add(points, np.ones(len(points), bool))
     assert (classified(watch, land(10, 5000)) == GROUND).mean() > 0.995
 
 
-def test_add__takes_no_note_of_points_not_kept(watch: GroundWatch) -> None:
+def test_add__takes_no_note_of_points_not_kept(watch: GroundSampler) -> None:
     points = land(11, 30_000)
     above = points + np.array([0.0, 0.0, 5.0])
     mixed = np.stack([points, above], axis=1).reshape(-1, 3)
-    other = GroundWatch()
+    other = GroundSampler()
     other.add(mixed, np.tile([True, False], len(points)))
     other.add(above, np.zeros(len(above), bool))
-    alone = GroundWatch()
+    alone = GroundSampler()
     alone.add(points, np.ones(len(points), bool))
     probe = land(12, 5000)
     np.testing.assert_array_equal(classified(other, probe), classified(alone, probe))

@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
 from furrowmap.core.surfaces.outliers import (
-    UsualDistances,
-    few_of_many,
-    mean_distance_among,
+    NeighbourStatistics,
+    mean_distance_to,
     mean_neighbour_distance,
     radius_outliers,
+    thin_points,
 )
 
 
 def statistical_outliers(xyz: np.ndarray) -> np.ndarray:
     """Points farther from their eight nearest neighbours than is usual around them."""
-    mean_m, usual = mean_neighbour_distance(xyz), UsualDistances()
+    mean_m, usual = mean_neighbour_distance(xyz), NeighbourStatistics()
     usual.add(xyz, mean_m)
     return usual.exceeded(xyz, mean_m)
 
@@ -57,7 +57,7 @@ def test_what_is_usual__does_not_depend_on_how_the_land_is_cut_up() -> None:
     near, far = rng.uniform(0.0, 60.0, (20_000, 3)), rng.uniform((90.0, 0.0, 0.0), (120.0, 30.0, 30.0), (150, 3))
     xyz = np.concatenate([near, far]) * (1.0, 0.5, 0.01)
     mean_m = mean_neighbour_distance(xyz)
-    whole, parts = UsualDistances(), UsualDistances()
+    whole, parts = NeighbourStatistics(), NeighbourStatistics()
     whole.add(xyz, mean_m)
     west = xyz[:, 0] < 37.3
     for part in (west, ~west):
@@ -74,14 +74,14 @@ def test_what_is_usual__does_not_depend_on_how_the_land_is_cut_up() -> None:
 def test_few_of_many__do_for_points_that_are_alone() -> None:
     rng = np.random.default_rng(6)
     xyz = np.concatenate([rng.uniform(0.0, 3.0, (4000, 3)), rng.uniform(-4.0, 7.0, (60, 3))])
-    few = few_of_many(xyz)
+    few = thin_points(xyz)
     cubes, count = np.unique(np.floor(few / 0.5), axis=0, return_counts=True)
     assert len(cubes) == len(np.unique(np.floor(xyz / 0.5), axis=0))
     assert count.max() == 9
     alone = np.isinf(mean_neighbour_distance(xyz, reach_m=0.4))
     exact = np.sort(cdist(xyz[alone], xyz), axis=1)[:, 1:9].mean(axis=1)
-    found = mean_distance_among(xyz[alone], few, 12.0)
+    found = mean_distance_to(xyz[alone], few, 12.0)
     assert (found >= exact - 1e-9).all()
     assert (found - exact).max() < 0.5 * 3**0.5
     sparse = xyz[::40]
-    assert np.allclose(mean_distance_among(sparse, few_of_many(sparse), 5.0), mean_neighbour_distance(sparse))
+    assert np.allclose(mean_distance_to(sparse, thin_points(sparse), 5.0), mean_neighbour_distance(sparse))

@@ -43,15 +43,15 @@ def summed(difference_m: NDArray[np.float32]) -> SwathSums:
 
 def test_swaths__a_shift_between_two_is_the_mean_and_noise_is_averaged_out() -> None:
     """14 returns a cell of 2 cm noise, 64 cells a block: 20 / √(14 · 64 / 2) = 0.9 mm remain."""
-    agreement = summed(block_differences(swaths([0.0, 0.03], 0.02, 60.0))).agreement()
-    assert agreement is not None
-    assert agreement.blocks == 64
-    assert agreement.area_m2 == pytest.approx(64 * 64 * 0.05**2)
-    assert agreement.mean_m == pytest.approx(0.03, abs=4e-4)
-    assert np.sqrt(agreement.rms_m**2 - agreement.mean_m**2) == pytest.approx(0.00094, rel=0.3)
-    assert agreement.histogram.sum() == 64
-    assert agreement.histogram[BINS + 12 : BINS + 18].sum() == 64
-    assert agreement.within_m(0.5) == pytest.approx(0.03, abs=1.5e-3)
+    differences = summed(block_differences(swaths([0.0, 0.03], 0.02, 60.0))).differences()
+    assert differences is not None
+    assert differences.blocks == 64
+    assert differences.area_m2 == pytest.approx(64 * 64 * 0.05**2)
+    assert differences.mean_m == pytest.approx(0.03, abs=4e-4)
+    assert np.sqrt(differences.rms_m**2 - differences.mean_m**2) == pytest.approx(0.00094, rel=0.3)
+    assert differences.histogram.sum() == 64
+    assert differences.histogram[BINS + 12 : BINS + 18].sum() == 64
+    assert differences.within_m(0.5) == pytest.approx(0.03, abs=1.5e-3)
 
 
 def test_swaths__of_three_each_is_compared_with_the_one_before() -> None:
@@ -62,7 +62,7 @@ def test_swaths__of_three_each_is_compared_with_the_one_before() -> None:
 def test_swaths__without_a_pause_are_one() -> None:
     difference = block_differences(swaths([0.0, 0.02], 0.0, 10.0))
     assert np.isnan(difference).all()
-    assert summed(difference).agreement() is None
+    assert summed(difference).differences() is None
 
 
 def test_swaths__too_few_returns_say_nothing() -> None:
@@ -82,10 +82,10 @@ def test_block_grid__covers_the_cells_with_no_block_to_spare(west: int, north: i
 
 def test_sums__do_not_depend_on_how_the_land_is_cut_and_keep_far_ones() -> None:
     difference = np.random.default_rng(1).normal(0.0, 0.2, (40, 40)).astype(np.float32)
-    one, parts = summed(difference).agreement(), SwathSums()
+    one, parts = summed(difference).differences(), SwathSums()
     for part in np.array_split(difference, 7):
         parts.add(part, (0.05 * BLOCK) ** 2)
-    other = parts.agreement()
+    other = parts.differences()
     assert one is not None
     assert other is not None
     assert other.rms_m == pytest.approx(one.rms_m, rel=1e-9)

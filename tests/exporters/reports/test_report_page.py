@@ -64,15 +64,15 @@ def test_swath_histogram__bars_are_the_shares_of_the_ground(spread_m: float, edg
     """The bars' heights sum to all of the ground, and half of that lies right of zero."""
     sums = SwathSums()
     sums.add(np.random.default_rng(3).normal(0.0, spread_m, 4000).astype(np.float32), 0.16)
-    agreement = sums.agreement()
-    assert agreement is not None
-    text = swath_histogram(agreement)
+    differences = sums.differences()
+    assert differences is not None
+    text = swath_histogram(differences)
     root = ET.fromstring(text)
     bars = [shape.attrib for shape in root if shape.attrib.get("class") == "bars"]
     middle = next(float(shape.attrib["x1"]) for shape in root if shape.attrib.get("class") == "threshold")
     heights = np.array([float(bar["height"]) for bar in bars])
     right = np.array([float(bar["x"]) > middle for bar in bars])
-    assert heights[right].sum() / heights.sum() == pytest.approx(agreement.histogram[50:].sum() / 4000, abs=0.005)
+    assert heights[right].sum() / heights.sum() == pytest.approx(differences.histogram[50:].sum() / 4000, abs=0.005)
     ends = {shape.text for shape in root if shape.tag == "text"}
     assert {f"−{edge}", f"+{edge}"} <= ends
 

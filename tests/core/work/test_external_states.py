@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs, Implement, Recording, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.work.external_states import compare_states, external_states
 from furrowmap.core.work.field_work import with_ground, with_states_from_elsewhere
-from furrowmap.core.work.states_elsewhere import agreement, states_from_elsewhere
 from furrowmap.exporters.vectors.states_table import write_states
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of
@@ -58,7 +58,7 @@ def test_table__gives_back_the_states_it_was_written_from(
     states = replace(states_of(TRAJECTORY, *spans, sigma_s=sigma_s, unknown_s=unknown), common_share=0.3)
     path = tmp_path_factory.mktemp("table") / "states.csv"
     write_states(path, states)
-    found = states_from_elsewhere([path], session(), TRAJECTORY)
+    found = external_states([path], session(), TRAJECTORY)
     assert found is not None
     known = states.state != ToolState.UNKNOWN
     assert found[0].common_share == 0.3
@@ -71,10 +71,10 @@ def test_table__gives_the_same_polygons_as_the_states_seen(tmp_path: Path) -> No
     assert work.ground is not None
     assert work.states is not None
     write_states(tmp_path / "states.csv", work.states)
-    found = states_from_elsewhere([tmp_path / "states.csv"], session(), TRAJECTORY)
+    found = external_states([tmp_path / "states.csv"], session(), TRAJECTORY)
     assert found is not None
     unseen = replace(work, seen=None, history=None, ground=None)
-    again = with_ground(replace(unseen, elsewhere=found[0]), TRAJECTORY, FRAME, TILLER).ground
+    again = with_ground(replace(unseen, external=found[0]), TRAJECTORY, FRAME, TILLER).ground
     assert again is not None
     assert shapely.equals_exact(again.coverage, work.ground.coverage)
     assert [p.ground.wkb for p in again.passes] == [p.ground.wkb for p in work.ground.passes]
@@ -88,14 +88,14 @@ def test_table__gives_the_same_polygons_as_the_states_seen(tmp_path: Path) -> No
 def test_last_state__ends_with_the_drive(tmp_path: Path) -> None:
     path = tmp_path / "states.csv"
     path.write_text(f"t_s,state\n{BEGIN_S + 5.0!r},down\n")
-    found = states_from_elsewhere([path], session(), TRAJECTORY)
+    found = external_states([path], session(), TRAJECTORY)
     assert found is not None
     assert found[0].end_s.tolist() == [TRAJECTORY.span_s[1]]
 
 
 def test_agreement__of_states_with_themselves_is_whole() -> None:
     states = states_of(TRAJECTORY, *DOWN_S)
-    found = agreement(states, states)
+    found = compare_states(states, states)
     assert found.share == 1.0
     assert len(found.differing_s) == 0
     assert found.notices(replaced=True) == []
@@ -103,7 +103,7 @@ def test_agreement__of_states_with_themselves_is_whole() -> None:
 
 def test_agreement__tells_when_they_differ() -> None:
     seen, told = states_of(TRAJECTORY, (2.0, 18.0), (31.0, 46.0)), states_of(TRAJECTORY, (2.2, 18.0), (60.0, 70.0))
-    found = agreement(seen, told)
+    found = compare_states(seen, told)
     assert found.compared_s == pytest.approx(TRAJECTORY.span_s[1] - BEGIN_S)
     assert (found.differing_s - BEGIN_S) == pytest.approx(np.array([[2.0, 2.2], [31.0, 46.0], [60.0, 70.0]]))
     assert found.seen_down.tolist() == [True, True, False]
@@ -119,8 +119,8 @@ def test_use__says_which_states_the_ground_comes_from() -> None:
     replaced = with_states_from_elsewhere(work, told, session())
     checked = with_states_from_elsewhere(work, told, session("check"))
     assert (replaced.states, checked.states) == (told, work.states)
-    assert replaced.agreement is not None
-    assert checked.agreement is not None
+    assert replaced.state_comparison is not None
+    assert checked.state_comparison is not None
     assert [p.begin_s for p in replaced.passes] == [BEGIN_S + 5.0]
 
 
@@ -128,10 +128,10 @@ def test_a_clock_that_is_off__is_refused_with_what_would_fit(tmp_path: Path) -> 
     path = tmp_path / "states.csv"
     write_states(path, shifted(states_of(TRAJECTORY, *DOWN_S), 9 * 3600.0))
     with pytest.raises(InputError) as error:
-        states_from_elsewhere([path], session(), TRAJECTORY)
+        external_states([path], session(), TRAJECTORY)
     assert error.value.code == "no-common-time"
     assert "states_minus_gnss_s = 32400.0" in error.value.remedy
-    found = states_from_elsewhere([path], session(ahead_s=32_400.0), TRAJECTORY)
+    found = external_states([path], session(ahead_s=32_400.0), TRAJECTORY)
     assert found is not None
     assert found[0].begin_s == pytest.approx(states_of(TRAJECTORY, *DOWN_S).begin_s, abs=1e-5)
 
@@ -140,5 +140,5 @@ def test_a_file_without_states__is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gnss.nmea"
     path.write_bytes(b"$GPGGA,120000.00,3500.0,N,13500.0,E,4,12,0.8,10.0,M,37.0,M,,*5A\r\n" * 20)
     with pytest.raises(InputError) as error:
-        states_from_elsewhere([path], session(), TRAJECTORY)
+        external_states([path], session(), TRAJECTORY)
     assert error.value.code in ("wrong-kind-of-file", "unknown-format")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.surfaces.outliers import UsualDistances, mean_neighbour_distance, radius_outliers
+from furrowmap.core.surfaces.outliers import NeighbourStatistics, mean_neighbour_distance, radius_outliers
 from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +26,7 @@ RADIUS_CELLS: Final = 1.5
 
 
 @dataclass(frozen=True)
-class AccompaniedPoints:
+class FilteredTiles:
     """Gives the points of tiles that are not alone.
 
     Attributes:
@@ -37,14 +37,12 @@ class AccompaniedPoints:
 
     spool: PointSpool
     outliers: Outliers
-    usual: UsualDistances
+    usual: NeighbourStatistics
 
     @classmethod
-    def of(
-        cls, spool: PointSpool, outliers: Outliers, pool: Executor, told: Callable[[float], None]
-    ) -> AccompaniedPoints:
+    def of(cls, spool: PointSpool, outliers: Outliers, pool: Executor, told: Callable[[float], None]) -> FilteredTiles:
         """Those of a spool; "statistical" goes through all of them first, and `told` is told the share done."""
-        usual = UsualDistances()
+        usual = NeighbourStatistics()
         keys = spool.tiles if outliers == "statistical" else []
         for number, (xy_m, mean_m) in enumerate(pool.map(lambda key: _measured(spool, key), keys), start=1):
             usual.add(xy_m, mean_m)

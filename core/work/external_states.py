@@ -28,7 +28,7 @@ GOOD_SHARE: Final = 0.98
 
 
 @dataclass(frozen=True)
-class Agreement:
+class StateComparison:
     """How states from elsewhere agree with those that the scans show, in the time in which both are known.
 
     Attributes:
@@ -71,13 +71,13 @@ class Agreement:
         return [Notice("states-differ", text)]
 
 
-def agreement(seen: ToolStates, elsewhere: ToolStates) -> Agreement:
+def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
     """How two histories of states agree."""
-    cuts = np.unique(np.concatenate([seen.begin_s, seen.end_s, elsewhere.begin_s, elsewhere.end_s]))
+    cuts = np.unique(np.concatenate([seen.begin_s, seen.end_s, external.begin_s, external.end_s]))
     cuts = cuts[np.isfinite(cuts)]
     begin, end = cuts[:-1], cuts[1:]
     middle = 0.5 * (begin + end)
-    mine, theirs = seen.at(middle)[0], elsewhere.at(middle)[0]
+    mine, theirs = seen.at(middle)[0], external.at(middle)[0]
     both = (mine != ToolState.UNKNOWN) & (theirs != ToolState.UNKNOWN)
     compared_s = float((end - begin)[both].sum())
     differ = both & (mine != theirs)
@@ -87,10 +87,10 @@ def agreement(seen: ToolStates, elsewhere: ToolStates) -> Agreement:
     first = np.flatnonzero(~joins)
     last = np.append(first[1:], len(rows)) - 1
     spans = np.column_stack([begin[rows[first]], end[rows[last]]]) if len(rows) else np.zeros((0, 2))
-    return Agreement(compared_s, share, spans, mine[rows[first]] == ToolState.DOWN)
+    return StateComparison(compared_s, share, spans, mine[rows[first]] == ToolState.DOWN)
 
 
-def states_from_elsewhere(
+def external_states(
     paths: Sequence[Path], session: Session, trajectory: Trajectory
 ) -> tuple[ToolStates, tuple[Notice, ...]] | None:
     """The states in the files that the session names, by the clock of the positions, and what is odd about them.
