@@ -15,7 +15,7 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs, Implement, Recording, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.external_states import compare_states, external_states
-from furrowmap.core.work.field_work import with_ground, with_states_from_elsewhere
+from furrowmap.core.work.field_work import with_external_states, with_ground
 from furrowmap.exporters.vectors.states_table import write_states
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of
@@ -116,8 +116,8 @@ def test_agreement__tells_when_they_differ() -> None:
 def test_use__says_which_states_the_ground_comes_from() -> None:
     _, work = worked_field()
     told = states_of(TRAJECTORY, (5.0, 15.0))
-    replaced = with_states_from_elsewhere(work, told, session())
-    checked = with_states_from_elsewhere(work, told, session("check"))
+    replaced = with_external_states(work, told, session())
+    checked = with_external_states(work, told, session("check"))
     assert (replaced.states, checked.states) == (told, work.states)
     assert replaced.state_comparison is not None
     assert checked.state_comparison is not None
