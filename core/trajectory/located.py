@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.geodesy.coordinates import AS_IT_WAS, Brought, brought_poses, brought_track
+from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, Reader
 from furrowmap.core.trajectory.from_course import trajectory_from_course
@@ -46,7 +46,7 @@ class Located:
     positions: dict[str, dict[str, int]]
     notices: tuple[Notice, ...]
     antenna: Positions | None = None
-    transformed: Brought = AS_IT_WAS
+    transformed: TransformSummary = UNCHANGED
 
 
 def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
@@ -57,11 +57,11 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
-        poses, transformed = brought_poses(positions.poses(), frame)
+        poses, transformed = transform_poses(positions.poses(), frame)
         return Located(trajectory_from_poses(poses, frame), "file", {}, transformed.notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
-    track, transformed = brought_track(positions.track(), frame)
+    track, transformed = transform_track(positions.track(), frame)
     found = trajectory_from_gnss(track, frame, lever_arm_m(session), fixes)
     used = {"used": found.used, "unused": found.unused}
     notices = (*transformed.notices, *found.notices)
@@ -80,7 +80,7 @@ def located_without_lidar(positions: Reader, session: Session, frame: MapFrame) 
     track = positions.track()
     if not _seldom(track):
         return locate(positions, session, frame)
-    track, transformed = brought_track(track, frame)
+    track, transformed = transform_track(track, frame)
     course = trajectory_from_course(track, frame, lever_arm_m(session))
     used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
     notices = (_FORWARD, *transformed.notices, *course.notices)
