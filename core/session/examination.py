@@ -1,4 +1,4 @@
-"""What recordings are before a session speaks of them, and whether they belong together in time."""
+"""Examination of recordings, and of their overlap in time."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _OFFSETS: Final = (
     (HOUR_S, 14, "a local time taken for UTC"),
     (HOUR_S / 4, 56, "a local time taken for UTC"),
     (DAY_S, 7, "a wrong date"),
-    (1024 * WEEK_S, 2, "a receiver whose count of weeks has rolled over"),
+    (1024 * WEEK_S, 2, "a GPS week rollover"),
 )
-"""Step, largest multiple and cause of the constants by which clocks are known to differ, likeliest first."""
+"""Step, largest multiple and cause of common clock offsets, most likely first."""
 _ENOUGH: Final = 0.5
-"""Share of the shorter recording that an offset must bring together to be called a fit."""
+"""Share of the shorter recording that must overlap after an offset for it to be proposed."""
 
 
 @dataclass(frozen=True)
 class Examined:
-    """A recording that has been read through.
+    """A recording that has been read completely.
 
     Attributes:
-        inspection: what it is and holds.
+        inspection: its format and content.
         reader: opened on it.
     """
 
@@ -47,10 +47,10 @@ class Examined:
 
     @classmethod
     def of(cls, path: Path) -> Examined:
-        """Read the file at `path` through.
+        """Read the file at `path` completely.
 
         Raises:
-            InputError: if no reader knows the file, or it cannot be read.
+            InputError: if its format is unknown, or it cannot be read.
         """
         reader = Recognised.of(path).open()
         return cls(reader.inspect(), reader)
@@ -72,49 +72,49 @@ class Examined:
 
     @property
     def gives_poses(self) -> bool:
-        """Whether it is a trajectory from elsewhere."""
+        """Whether it is an external trajectory."""
         return isinstance(self.reader, GivesPoses)
 
     @property
     def gives_states(self) -> bool:
-        """Whether it says when the tool worked."""
+        """Whether it holds tool states."""
         return isinstance(self.reader, GivesStates)
 
     def _holds(self, what: str) -> bool:
-        """A container's reader can give whatever may lie in it; its facts say "none" of what doesn't."""
+        """Whether a container really holds what its reader can give; its facts are "none" otherwise."""
         return bool(self.inspection.facts.get(what) != "none")
 
     @property
     def scan_clock(self) -> ClockReading | None:
-        """What the clock said by which its scans are stamped."""
+        """The reading of the clock that stamps its scans."""
         if not (self.gives_scans and isinstance(self.reader, GivesScans)):
             return None
         return next((c for c in reversed(self.inspection.clocks) if c.clock == self.reader.clock), None)
 
     @property
     def position_clock(self) -> ClockReading | None:
-        """What the clock said by which its positions or poses are stamped."""
+        """The reading of the clock that stamps its positions or poses."""
         if not (self.gives_track or self.gives_poses):
             return None
         return next((c for c in self.inspection.clocks if c.clock in (Clock.GNSS, Clock.STATED)), None)
 
     @property
     def first_s(self) -> float:
-        """When its content begins; without any clock, nothing is known and it is at the end."""
+        """When its content begins; infinity without a clock."""
         clock = self.scan_clock or self.position_clock
         return clock.first_s if clock is not None else math.inf
 
 
 @dataclass(frozen=True)
 class TimeMatch:
-    """How a laser scanner's recording and one with positions lie to each other in time.
+    """The overlap in time of a LiDAR recording and one with positions.
 
     Attributes:
-        scans: the scanner's file.
-        positions: the other one.
-        shared_s: how long both were recorded; negative where a gap of that length lies between them.
-        offset_s: the scanner's clock minus the other's that would bring them together, if one is likely.
-        text: all this in words.
+        scans: the LiDAR file.
+        positions: the other file.
+        shared_s: duration of the overlap; negative: duration of the gap between them.
+        offset_s: a likely offset, scanner clock minus the other, with which they would overlap.
+        text: description.
     """
 
     scans: Path
@@ -125,7 +125,7 @@ class TimeMatch:
 
 
 def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
-    """How each scanner's recording lies to each one with positions; files whose clocks are unknown are left out."""
+    """The overlap of each LiDAR recording with each recording of positions; files without a clock are left out."""
     for scans in recordings:
         for positions in recordings:
             if scans.scan_clock is not None and positions.position_clock is not None:
@@ -133,15 +133,15 @@ def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
 
 
 def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str] | None:
-    """The constant by which the first clock is probably ahead of the second, and why, if their times don't meet.
+    """The likely offset of the first clock relative to the second, and its cause, if the recordings do not overlap.
 
     Returns:
-        The likeliest of the known causes that brings at least half of the shorter recording together, with the multiple
-        that brings most; None where none does.
+        The most likely cause with which at least half of the shorter recording overlaps, with the multiple that gives
+        the largest overlap; None if there is none.
     """
     shorter_s = min(first.last_s - first.first_s, second.last_s - second.first_s)
     for step_s, largest, cause in _OFFSETS:
-        # Any offset between these two lets them meet at all.
+        # Offsets outside this range give no overlap.
         low_s, high_s = first.first_s - second.last_s, first.last_s - second.first_s
         numbers = range(max(-largest, math.ceil(low_s / step_s)), min(largest, math.floor(high_s / step_s)) + 1)
         meeting = [n * step_s for n in numbers if n != 0]
@@ -152,7 +152,7 @@ def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str
 
 
 def _shared_s(first: ClockReading, second: ClockReading, offset_s: float = 0.0) -> float:
-    """How long both ran, if the first is ahead by `offset_s`; negative: the length of the gap between them."""
+    """Duration of the overlap if the first clock is ahead by `offset_s`; negative: duration of the gap."""
     return min(first.last_s - offset_s, second.last_s) - max(first.first_s - offset_s, second.first_s)
 
 
@@ -166,27 +166,27 @@ def _match(scans: Path, scanner: ClockReading, positions: Path, other: ClockRead
         text = f"{names} overlap by {shared_s:.1f} s{share}."
     else:
         text = (
-            f"{names} do not overlap: {_told(scanner)} for the scans, {_told(other)} for the positions, "
+            f"{names} do not overlap: scans from {_span(scanner)}, positions from {_span(other)}, "
             f"{_length(-shared_s)} apart."
         )
         likely = likely_offset(scanner, other)
         if likely is None:
-            text += " No usual offset (hours, leap seconds, days) would bring them together."
+            text += " No common clock offset (hours, leap seconds, days) explains this."
         else:
             offset_s, cause = likely
             text += (
-                f" They would fit if the scanner's clock were {_length(abs(offset_s))} "
+                f" They would overlap if the scanner clock were {_length(abs(offset_s))} "
                 f"{'ahead' if offset_s > 0 else 'behind'} ({cause}): lidar_minus_gnss_s = {offset_s:.1f}."
             )
     return TimeMatch(scans, positions, shared_s, offset_s, text)
 
 
-def _told(reading: ClockReading) -> str:
+def _span(reading: ClockReading) -> str:
     return f"{iso_utc(reading.first_s)} to {iso_utc(reading.last_s)}"
 
 
 def _length(length_s: float) -> str:
-    """A length of time in a unit that can be pictured."""
+    """A duration in a readable unit."""
     if length_s < 2 * HOUR_S:
         return f"{length_s:.1f} s"
     return f"{length_s / HOUR_S:.2f} h" if length_s < 2 * DAY_S else f"{length_s / DAY_S:,.1f} days"

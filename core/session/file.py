@@ -1,4 +1,4 @@
-"""A session file, read and refused where it cannot be meant, in words that name the key."""
+"""Reading and validation of session files; every error names the key."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from furrowmap.core.values.session import (
 )
 
 MOST_LIFT_M: Final = 1.2
-"""No tool is lifted higher."""
+"""Largest plausible lift of an implement."""
 FARTHEST_M: Final = 15.0
-"""No sensor, antenna or tool is farther from the vehicle's origin; larger figures are millimetres or centimetres."""
+"""Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
 
-REFERENCE: Final = "The reference page session.toml (docs/reference/session.md) shows each key"
+REFERENCE: Final = "The reference page docs/reference/session.md describes each key"
 
 _KINDS: Final = {
     "str": "text in double quotes",
@@ -48,7 +48,7 @@ _KINDS: Final = {
     "object": "a table",
     "null": "nothing",
 }
-"""What msgspec calls a kind of value, and what it is in a session file."""
+"""Type names of msgspec and of this module's messages."""
 
 _EXAMPLES: Final = {
     "name": '"North field"',
@@ -84,14 +84,14 @@ _EXAMPLES: Final = {
     "run.fixes": '["fixed", "float"]',
     "run.threads": "2",
 }
-"""A value for every key."""
+"""An example value for every key."""
 
 
 def load_session(path: Path) -> Session:
-    """The session in the file `path`.
+    """Load the session file `path`.
 
     Raises:
-        InputError: if the file cannot be read, is no TOML, or holds an unknown key or a value of the wrong kind.
+        InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -99,21 +99,21 @@ def load_session(path: Path) -> Session:
         raise InputError(
             f"{path} is a folder, not a session file.",
             "The session could not be read.",
-            f"Give the file in it: {path / 'session.toml'}",
+            f"Give the session file: {path / 'session.toml'}",
             code="session-unreadable",
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}.",
             "The session could not be read.",
-            "Give the path of a session.toml; `furrowmap init RECORDING...` writes one.",
+            "Give the path of a session.toml. `furrowmap init RECORDING...` writes one.",
             code="session-unreadable",
         ) from None
     return parse_session(text, str(path))
 
 
 def parse_session(text: str, name: str = "session.toml") -> Session:
-    """The session written in `text`; `name` stands for the file in messages.
+    """Parse the session in `text`; `name` is the file name in messages.
 
     Raises:
         InputError: as :func:`load_session`.
@@ -123,32 +123,32 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
     except tomllib.TOMLDecodeError as error:
         raise InputError(
             f"{name}: {error}.",
-            "The file is not valid TOML, so none of it was used.",
-            "Mend the place named above; strings stand in double quotes, lists in square brackets.",
+            "The file is not valid TOML.",
+            "Correct it at the position named above. Strings need double quotes, lists square brackets.",
             code="session-syntax",
         ) from None
     if data.get("furrowmap") != SCHEMA:
-        version = f"is {data['furrowmap']!r} where this version reads {SCHEMA}" if "furrowmap" in data else "is missing"
+        version = f"is {data['furrowmap']!r}; this version reads {SCHEMA}" if "furrowmap" in data else "is missing"
         raise InputError(
-            f"{name}: key `furrowmap`, the version of the file's form, {version}.",
-            "The meaning of the other keys cannot be taken for granted.",
-            f"Write `furrowmap = {SCHEMA}` at the top if the file follows this version's documentation.",
+            f"{name}: key `furrowmap`, the version of the file format, {version}.",
+            "Other versions may define the keys differently.",
+            f"Write `furrowmap = {SCHEMA}` at the top if the file follows the documentation of this version.",
             code="session-schema",
         )
     _check_keys(data, name)
     recording = data.get("recording")
     if isinstance(recording, dict) and isinstance(recording.get("date"), dt.date):
-        recording["date"] = str(recording["date"])  # TOML has dates of its own, without quotes
+        recording["date"] = str(recording["date"])  # an unquoted date is a date in TOML
     try:
         session = msgspec.convert(data, Session)
     except msgspec.ValidationError as error:
-        raise _misfit(str(error), name) from None
+        raise _conversion_error(str(error), name) from None
     _check_values(session, name)
     return session
 
 
 def _tables() -> dict[str, type[msgspec.Struct]]:
-    """Each table's name in the file and the struct behind it."""
+    """The table names and their structs."""
     return {
         "recording": Recording,
         "crs": Crs,
@@ -162,7 +162,7 @@ def _tables() -> dict[str, type[msgspec.Struct]]:
 
 
 def _check_keys(data: dict[str, Any], name: str) -> None:
-    """Refuse unknown keys, naming the nearest known one: msgspec would only say that they are unknown."""
+    """Refuse unknown keys and suggest the nearest known one, which msgspec does not do."""
     levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, Session.__struct_fields__)]
     levels += [
         (f"{table}.", data[table], struct.__struct_fields__)
@@ -175,17 +175,17 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
                 near = difflib.get_close_matches(key, known, 1, 0.5)
                 raise InputError(
                     f"{name}: unknown key `{prefix}{key}`.",
-                    "A misspelt key would silently leave a default in place, so the session is refused.",
-                    f"Did you mean `{prefix}{near[0]}`?" if near else f"Known here: {', '.join(known)}.",
+                    "A misspelt key would otherwise be ignored and its default used.",
+                    f"Did you mean `{prefix}{near[0]}`?" if near else f"Valid keys here: {', '.join(known)}.",
                     code="session-unknown-key",
                 )
 
 
-def _misfit(message: str, name: str) -> InputError:
-    """The error of a key that is missing or of the wrong kind, in plain words, from what msgspec says of it."""
-    said, _, path = message.partition(" - at `$.")
+def _conversion_error(message: str, name: str) -> InputError:
+    """Convert an error of msgspec about a missing key or a wrong type."""
+    reason, _, path = message.partition(" - at `$.")
     path = path.rstrip("`")
-    missing = re.fullmatch(r"Object missing required field `(.+)`", said)
+    missing = re.fullmatch(r"Object missing required field `(.+)`", reason)
     if missing is not None:
         path = f"{path}.{missing[1]}" if path else missing[1]
     key = re.sub(r"\[.*", "", path)
@@ -193,62 +193,62 @@ def _misfit(message: str, name: str) -> InputError:
         what = f"table [{key}] is missing" if key in _tables() else f"key `{key}` is missing"
     else:
         what = f"table [{key}]" if key in _tables() else f"key `{path}`"
-        what += f" {_kind_fault(said)}"
+        what += f" {_type_fault(reason)}"
     table, _, last = key.rpartition(".")
     line = f"{last} = {_EXAMPLES[key]}" if key in _EXAMPLES else f"[{key}]" if key in _tables() else ""
-    example = f"Write for example `{line}`{f' under [{table}]' if table else ''}. " if line else ""
+    example = f"Example: `{line}`{f' under [{table}]' if table else ''}. " if line else ""
     return InputError(
         f"{name}: {what}.",
-        "The session is not complete or not of the right kind there, so nothing was done.",
-        f"{example}{REFERENCE}; `furrowmap init` writes a commented file.",
+        "The session file is incomplete or invalid there.",
+        f"{example}{REFERENCE}. `furrowmap init` writes a commented file.",
         code="session-value",
     )
 
 
-def _kind_fault(said: str) -> str:
-    """What is wrong with a value, from the words of msgspec; its own where they are of no known form."""
-    kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", said)
+def _type_fault(message: str) -> str:
+    """What is wrong with a value, from the message of msgspec."""
+    kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", message)
     if kinds is not None:
         wanted, got = (_KINDS.get(kind, kind) for kind in kinds.groups())
         return f"must be {wanted}, not {got}"
-    counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", said)
+    counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message)
     if counts is not None:
-        return f"must be a list of {counts[1]} numbers, and has {counts[2]}"
-    return f"is of the wrong kind ({said})"
+        return f"must be a list of {counts[1]} numbers, but has {counts[2]}"
+    return f"is invalid ({message})"
 
 
 def _check_values(session: Session, name: str) -> None:
-    """Refuse what no session can mean."""
+    """Refuse values that no session can have."""
     fault = next(_faults(session), None)
     if fault is not None:
         raise InputError(
             f"{name}: {fault}.",
-            "Nothing sensible can be computed with that.",
+            "Nothing can be computed with this value.",
             f"Correct the session file. {REFERENCE}.",
             code="session-value",
         )
 
 
 def _faults(session: Session) -> Iterator[str]:
-    """What of the values cannot be meant."""
+    """The faults of the values."""
     for key, number in _numbers(msgspec.to_builtins(session)):
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
     implement = session.implement
     if not session.recording.lidar and (implement is None or not implement.states):
-        yield "recording.lidar names no file, and implement.states no other that says when the tool worked"
+        yield "recording.lidar names no file, and neither does implement.states"
     if not session.recording.gnss and session.trajectory is None:
-        yield "recording.gnss names no file, and there is no [trajectory] either"
+        yield "recording.gnss names no file, and there is no [trajectory]"
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
-        yield f'crs.parameters are for crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
+        yield f'crs.parameters needs crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
     if session.crs.geoid_grid is not None and session.crs.heights == ELLIPSOIDAL:
-        yield f'crs.geoid_grid is for heights above a geoid, and crs.heights is "{ELLIPSOIDAL}"'
+        yield f'crs.geoid_grid needs heights above a geoid, but crs.heights is "{ELLIPSOIDAL}"'
     yield from _repetitions(session)
     if session.recording.date is not None and not _is_date(session.recording.date):
-        yield f'recording.date must be a day such as "2026-06-11", not {session.recording.date!r}'
+        yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     yield from _far_places(session)
     if implement is not None and not implement.width_m > 0:
-        yield "implement.width_m must be above 0"
+        yield "implement.width_m must be positive"
     if session.run.threads is not None and session.run.threads < 1:
         yield "run.threads must be at least 1"
     if implement is not None:
@@ -256,30 +256,30 @@ def _faults(session: Session) -> Iterator[str]:
     if implement is not None and implement.states_use not in (REPLACE, CHECK):
         yield f'implement.states_use must be "{REPLACE}" or "{CHECK}", not {implement.states_use!r}'
     if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
-        yield f'implement.states_use is "{CHECK}", and without recording.lidar there is nothing to check'
+        yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None:
         if not session.trajectory.files:
             yield "trajectory.files names no file"
         if session.trajectory.time not in (None, "utc", "gps"):
             yield 'trajectory.time must be "utc" or "gps"'
         if session.trajectory.week is not None and session.trajectory.week < 0:
-            yield "trajectory.week must count from 1980-01-06 on"
+            yield "trajectory.week must not be negative; it counts from 1980-01-06"
 
 
 def _implement_faults(implement: Implement) -> Iterator[str]:
-    """What of the implement's lift and region cannot be meant."""
+    """The faults of the implement's lift and region."""
     if implement.lift_m is not None and not 0.1 <= implement.lift_m <= MOST_LIFT_M:
-        yield f"implement.lift_m must be metres between 0.1 and {MOST_LIFT_M:g}, not {implement.lift_m:g}"
+        yield f"implement.lift_m must be between 0.1 and {MOST_LIFT_M:g} m, not {implement.lift_m:g}"
     if implement.region_m is not None:
         x0, x1, y0, y1 = implement.region_m
         if not (x0 < x1 and y0 < y1):
-            yield "implement.region_m must be [from, to along x, from, to along y], each to above its from"
+            yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"
         if max(abs(value) for value in implement.region_m) > FARTHEST_M:
-            yield f"implement.region_m reaches beyond {FARTHEST_M:g} m from the rear axle: metres are expected"
+            yield f"implement.region_m reaches farther than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
 
 
 def _far_places(session: Session) -> Iterator[str]:
-    """Places in the vehicle frame that no vehicle reaches: they were typed in another unit."""
+    """Implausibly far positions in the vehicle frame, which were given in another unit."""
     places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.xyz_m}
     if session.antenna is not None:
         places["antenna.xyz_m"] = session.antenna.xyz_m
@@ -288,11 +288,11 @@ def _far_places(session: Session) -> Iterator[str]:
     for key, place in places.items():
         far_m = max(place, key=abs)
         if abs(far_m) > FARTHEST_M:
-            yield f"{key} holds {far_m:g}: metres are expected, and {FARTHEST_M:g} m from the rear axle at most"
+            yield f"{key} holds {far_m:g}, more than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
 
 
 def _repetitions(session: Session) -> Iterator[str]:
-    """Files that one key names twice: their scans or positions would count twice."""
+    """Files that a key names twice; their scans or positions would count twice."""
     trajectory = session.trajectory.files if session.trajectory is not None else ()
     for key, names in (
         ("recording.lidar", session.recording.lidar),

@@ -185,7 +185,7 @@ def open_session(session_file: Path) -> OpenSession:
 
     Raises:
         InputError: if the session file or a file that it names cannot be used.
-        RefusedError: if the map frame cannot be had without a guess.
+        RefusedError: if the map frame is ambiguous.
     """
     session = load_session(session_file)
     inputs = Inputs.of(session_file, session)
@@ -201,24 +201,23 @@ def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress
 
 
 def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
-    """Raises InputError where a file cannot give what the session names it for."""
+    """Raise InputError if a file does not hold what the session names it for."""
     if not isinstance(reader, kind):
         raise InputError(
-            f"{path} is '{reader.title}', which gives no {_GIVES[kind]}.",
+            f"{path} ({reader.title}) holds no {_GIVES[kind]}.",
             f"The session names it under `{key}`.",
-            "Name the right file there; `furrowmap inspect` says what a file holds.",
+            "Correct the file name; `furrowmap inspect` shows what a file holds.",
             code="wrong-kind-of-file",
         )
 
 
 def resolve(session_file: Path, named: str) -> Path:
-    """The path of a file that a session names: relative to the session file, and inside its folder.
+    """The path of a file that a session names, relative to the session file and inside its folder.
 
-    A folder is as good as a file where it is a ROS 2 bag, or holds task data.
+    A folder is accepted if it is a ROS 2 bag or holds task data.
 
     Raises:
-        InputError: if the name leads out of the session's folder (or a file in a bag's folder does), or if the file is
-            not there.
+        InputError: if the file, or a file in such a folder, is outside the session's folder, or if it does not exist.
     """
     folder = session_file.resolve().parent
     try:
@@ -229,30 +228,30 @@ def resolve(session_file: Path, named: str) -> Path:
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{session_file}: {named!r} cannot be the name of a file ({error}).",
-            "A file that the session names cannot be there, so the work did not start.",
-            "Correct the name in the session file; paths are relative to that file.",
+            f"{session_file}: {named!r} is not a valid file name ({error}).",
+            "The session could not be opened.",
+            "Correct the file name in the session file; paths are relative to that file.",
             code="session-file-missing",
         ) from None
     if leads_out:
         raise InputError(
-            f"{session_file}: {named!r} leads out of the session's folder.",
-            "A session may only name files beside or below itself, so that a foreign one cannot read others.",
-            "Put the session file at or above the recordings' folder, or copy the recording beside it.",
+            f"{session_file}: {named!r} is outside the session's folder.",
+            "A session file may only name files in its own folder or below, so that a foreign one cannot read others.",
+            "Put the session file in a folder above the recordings, or copy the recordings beside it.",
             code="session-path-outside",
         )
     if not is_file and not is_whole:
-        what = "a folder, and holds no bag and no task data" if is_folder else "not there"
+        what = "is a folder without a ROS 2 bag or task data" if is_folder else "does not exist"
         raise InputError(
-            f"{session_file}: {named!r} is {what}.",
-            "A file that the session names is missing, so the work did not start.",
-            "Correct the name in the session file; paths are relative to that file.",
+            f"{session_file}: {named!r} {what}.",
+            "The session could not be opened.",
+            "Correct the file name in the session file; paths are relative to that file.",
             code="session-file-missing",
         )
     return path
 
 
 def _of_a_whole(file: Path) -> bool:
-    """Whether a file is named as those in the folder of a ROS 2 bag, or of task data, are."""
+    """Whether the name is that of a file in a ROS 2 bag or in task data."""
     named = file.name == "metadata.yaml" or file.name.upper() == "TASKDATA.XML"
     return named or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

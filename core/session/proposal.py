@@ -1,4 +1,4 @@
-"""A first `session.toml` from what the recordings themselves say."""
+"""`furrowmap init`: a `session.toml` proposed from recordings."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.session import SCHEMA
 
 UNKNOWN: Final = "FILL-IN"
-"""What stands where a session cannot do without a word that could not be found out."""
+"""Placeholder for a required value that the recordings do not show."""
 
 _SAME_PLACE_M: Final = 1000.0
-"""Distance below which two positions are the same place in the same CRS; in another one it is kilometres off."""
+"""Two positions closer than this are in the same CRS; in another CRS they would differ by kilometres."""
 
 _MOUNTING: Final = """\
-# Vehicle frame: origin on the ground below the middle of the rear axle; x forward, y left, z up, in metres.
-# Where the sensor is, and how it is turned: R = Rz(yaw) Ry(pitch) Rx(roll) takes its coordinates to the vehicle's.
+# Mounting of the scanner in the vehicle frame: origin on the ground below the middle of the rear axle; x forward,
+# y left, z up; metres and degrees. R = Rz(yaw) Ry(pitch) Rx(roll) rotates sensor coordinates to the vehicle frame.
+# Measure it, and remove the hash signs.
 # xyz_m = [-0.55, 0.0, 2.35]
 # rpy_deg = [0.0, 40.0, 180.0]
 """
 _ANTENNA: Final = """\
-# Phase centre of the GNSS antenna in the vehicle frame. Remove the two hash signs when it has been measured.
+# Lever arm: phase centre of the GNSS antenna in the vehicle frame. Measure it, and remove the hash signs.
 # [antenna]
 # xyz_m = [1.85, 0.0, 1.62]
 """
 _IMPLEMENT: Final = """\
-# The tool: width, and the middle of its line in the vehicle frame. The ground worked is computed from them.
+# Working width of the implement, and the middle of its working line in the vehicle frame; needed for worked ground.
 # [implement]
 # kind = "rotary tiller"
 # width_m = 1.70
@@ -46,7 +47,7 @@ _IMPLEMENT: Final = """\
 # working_depth_m = 0.12
 """
 _FIELD: Final = """\
-# The parcel's boundary, if there is a file of it.
+# Field boundary, a vector file.
 # [field]
 # boundary = "boundary.geojson"
 """
@@ -54,12 +55,12 @@ _FIELD: Final = """\
 
 @dataclass(frozen=True)
 class Proposal:
-    """A session file for its user to go over.
+    """A proposed session file.
 
     Attributes:
-        text: of the file; `load_session` reads it as it stands.
-        found: what could be found out.
-        missing: what a run needs or gains from and the recordings do not tell.
+        text: of the file, valid for `load_session`.
+        found: what the recordings show.
+        missing: what a run needs or benefits from and the recordings do not show.
     """
 
     text: str
@@ -68,10 +69,10 @@ class Proposal:
 
 
 def common_folder(paths: Sequence[Path]) -> Path:
-    """The nearest folder that holds all the files: where a session that names them has to stand.
+    """The deepest folder that contains all files, where a session file that names them must be.
 
     Raises:
-        InputError: if there is none but the root of a file system.
+        InputError: if that is the root of a file system.
     """
     folders = {path.resolve().parent for path in paths}
     try:
@@ -80,8 +81,8 @@ def common_folder(paths: Sequence[Path]) -> Path:
         common = Path(paths[0].anchor)
     if len(folders) > 1 and common == Path(common.anchor):
         raise InputError(
-            f"{paths[0]} and {paths[-1]} lie in folders that have nothing in common.",
-            "A session may only name files beside or below itself, and no such place holds them all.",
+            f"{paths[0]} and {paths[-1]} have no folder in common.",
+            "A session file may only name files in its own folder or below.",
             "Copy the recordings into one folder first.",
             code="no-common-folder",
         )
@@ -89,15 +90,15 @@ def common_folder(paths: Sequence[Path]) -> Path:
 
 
 def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
-    """What a session in `folder` can say about the recordings.
+    """Propose a session file for recordings.
 
     Args:
         recordings: in any order.
-        folder: where the file will stand.
+        folder: of the session file.
 
     Raises:
-        InputError: if a recording lies outside `folder`, or has a name that no TOML file can hold; or if none of them
-            is of a kind that a session is made of.
+        InputError: if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none
+            of the recordings.
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
     lidar = [r for r in ordered if r.gives_scans]
@@ -134,7 +135,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
         *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", b.fault) for b in beginnings if b.fault),
         *(
-            Notice("recording-unused", f"{r.path.name} ({r.inspection.title}): no part of a session is made of it.")
+            Notice("recording-unused", f"{r.path.name} ({r.inspection.title}) is not used in a session.")
             for r in ordered
             if r not in used
         ),
@@ -146,23 +147,23 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
 def _nothing_recorded(other: Examined) -> InputError:
     finished = other.inspection.format == "las"
     return InputError(
-        f"{other.path} is no recording: {other.inspection.title}.",
-        "A session is made of a laser scanner's recording with positions or a trajectory, or of a log of the work.",
-        f"Make surfaces of a finished cloud with `furrowmap surface {other.path.name} -o DIR`."
+        f"{other.path} is not a recording: {other.inspection.title}.",
+        "A session needs a LiDAR recording with positions or a trajectory, or task data.",
+        f"Compute surfaces of a point cloud with `furrowmap surface {other.path.name} -o DIR`."
         if finished
-        else "Name the scanner's recording and the GNSS log.",
+        else "Give the LiDAR recording and the GNSS log.",
         code="no-recording",
     )
 
 
 @dataclass(frozen=True)
 class _Beginning:
-    """Where and when a drive begins, as far as one recording tells.
+    """Where and when a recording begins.
 
     Attributes:
-        crs: that suits the place.
+        crs: suitable for the location.
         date: of the first position (UTC).
-        fault: why neither could be told, or "".
+        fault: why both are unknown, or "".
     """
 
     crs: CrsChoice | None = None
@@ -171,8 +172,8 @@ class _Beginning:
 
 
 def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
-    """What a recording with positions tells; `near_s` is a time near which it was made, if one is known."""
-    # A log without dates has its place on any day.
+    """The beginning of a recording with positions; `near_s` is an approximate time of it, if known."""
+    # The place of a log without dates is the same on any day.
     reader = type(recording.reader)([recording.path], ReadOptions(near_s=0.0 if near_s is None else near_s))
     try:
         if isinstance(reader, GivesTrack):
@@ -186,10 +187,10 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
         else:
             return _Beginning()
     except InputError as error:
-        return _Beginning(fault=f"{recording.path.name} does not tell where it was made. {error.what}")
+        return _Beginning(fault=f"The location of {recording.path.name} is unknown. {error.what}")
     known = np.flatnonzero(np.isfinite(lon_deg) & np.isfinite(lat_deg))
     if not len(known):
-        return _Beginning(fault=f"{recording.path.name} does not tell where it was made: no positions.")
+        return _Beginning(fault=f"The location of {recording.path.name} is unknown: it has no positions.")
     return _Beginning(
         crs=choose_crs(float(lon_deg[known[0]]), float(lat_deg[known[0]])),
         date=iso_utc(float(t_s[0])).partition("T")[0] if near_s is not None else None,
@@ -197,9 +198,9 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
 
 
 def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginning:
-    """The CRS of eastings and northings that begin with these, if their file tells longitude and latitude as well.
+    """The CRS of eastings and northings, if their file also holds longitude and latitude.
 
-    A CRS in which the place lies elsewhere is not proposed: the trajectory would be taken for one in that CRS.
+    A CRS in which the coordinates differ is not proposed, because the trajectory would be interpreted in it.
     """
     place = recording.inspection.facts.get("place")
     if place is None:
@@ -210,8 +211,8 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     there_m = Transformer.from_crs("EPSG:4326", crs.code, always_xy=True).transform(place["lon_deg"], place["lat_deg"])
     if math.dist(there_m, (e_m, n_m)) > _SAME_PLACE_M:
         return _Beginning(
-            fault=f"{recording.path.name} holds eastings and northings that are not those of {crs.code}, in whose area "
-            "its latitudes and longitudes lie: state the CRS that they are in."
+            fault=f"{recording.path.name} has latitudes and longitudes in the area of {crs.code}, but its eastings and "
+            "northings are in another CRS: state it in [crs] map."
         )
     return _Beginning(crs=crs)
 
@@ -224,35 +225,31 @@ def _crs_found(crs: CrsChoice | None) -> list[Notice]:
 
 
 def _missing(crs: CrsChoice | None, *, scans: bool, states: bool, gnss: bool, poses: bool) -> list[Notice]:
-    """What the recordings do not tell."""
+    """What the recordings do not show."""
     texts = {
-        "no-lidar": f"A laser scanner's recording: replace {UNKNOWN} in [recording] lidar."
-        if not (scans or states)
-        else "",
-        "no-positions": f"A GNSS log or a trajectory: replace {UNKNOWN} in [recording] gnss."
+        "no-lidar": f"LiDAR recording: replace {UNKNOWN} in [recording] lidar." if not (scans or states) else "",
+        "no-positions": f"GNSS log or trajectory: replace {UNKNOWN} in [recording] gnss."
         if not (gnss or poses)
         else "",
-        "no-crs": f"The map's CRS: no recording tells where it was made; replace {UNKNOWN} in [crs] map."
-        if crs is None
-        else "",
-        "no-mounting": "How the scanner is mounted: [lidar] xyz_m and rpy_deg. Until then it counts as upright at the "
-        "vehicle's origin."
+        "no-crs": f"CRS of the map: the location is unknown; replace {UNKNOWN} in [crs] map." if crs is None else "",
+        "no-mounting": "Mounting of the scanner: [lidar] xyz_m and rpy_deg. Default: upright at the origin of the "
+        "vehicle frame."
         if scans or not states
         else "",
-        "no-antenna": "Where the GNSS antenna is: [antenna] xyz_m. Until then it counts as at the vehicle's origin."
+        "no-antenna": "Position of the GNSS antenna: [antenna] xyz_m. Default: the origin of the vehicle frame."
         if not poses
         else "",
-        "no-implement": "The tool: [implement] width_m and xy_m. Without them no ground worked is computed."
+        "no-implement": "Implement: [implement] width_m and xy_m. Without them, worked ground is not computed."
         if not states
-        else "Where the tool is: [implement] xy_m. Until then it counts as at the positions.",
+        else "Position of the implement: [implement] xy_m. Default: at the recorded positions.",
     }
     return [Notice(code, text) for code, text in texts.items() if text]
 
 
 def _head(folder: Path) -> str:
     return f"""\
-# A session as `furrowmap init` proposes it. Lines that begin with a hash sign are not read: go over them, measure what
-# they ask for, and remove the sign.
+# Session file proposed by `furrowmap init`. Lines that begin with a hash sign are comments. Check the values, measure
+# what is missing, and remove the hash sign of the lines that you fill in.
 furrowmap = {SCHEMA}
 name = {_quoted(folder.resolve().name or "session")}
 """
@@ -276,7 +273,7 @@ def _recording(
         (name, facts) for recording in states for name, facts in recording.inspection.facts.get("tasks", {}).items()
     ]
     if len(tasks) > 1:
-        lines += ["# The task that is meant; without it all are read as one drive:"]
+        lines += ["# Task to use; by default all tasks are read as one drive:"]
         lines += [f"# task = {_quoted(name)}   # {printable(str(facts.get('field')))}" for name, facts in tasks]
     return "\n".join(lines)
 
@@ -284,16 +281,16 @@ def _recording(
 def _times(matches: Sequence[str], date: str | None, *, undated: bool) -> str:
     """The keys of `[recording]` about clocks."""
     lines = [f"# {printable(text)}" for text in matches]
-    lines += ["# Lidar clock minus GNSS clock in seconds, where they differ by a constant:", "lidar_minus_gnss_s = 0.0"]
+    lines += ["# LiDAR clock minus GNSS clock in seconds, if they differ by a constant:", "lidar_minus_gnss_s = 0.0"]
     if undated:
-        lines += ["# UTC date of the first position: the log itself tells none."]
-        lines += [f"date = {_quoted(date)}   # by the scanner's clock" if date else '# date = "2026-06-11"']
+        lines += ["# UTC date of the first position; the log contains no date."]
+        lines += [f"date = {_quoted(date)}   # from the clock of the scanner" if date else '# date = "2026-06-11"']
     return "\n".join([*lines, ""])
 
 
 def _crs(crs: CrsChoice | None) -> str:
     if crs is None:
-        words, code = ["The map's projected CRS: its place could not be found out."], UNKNOWN
+        words, code = ["Projected CRS of the map; the location is unknown."], UNKNOWN
     else:
         words, code = [f"{crs.name}: {crs.reason}.", *(f"Or {other}." for other in crs.alternatives)], crs.code
     comments = "\n".join(f"# {printable(line)}" for line in words)
@@ -309,44 +306,42 @@ coordinates = "as-recorded"
 def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
     comments = "\n".join(_described([(recording, recording.position_clock) for recording in poses]))
     return f"""\
-# A trajectory from elsewhere takes the place of GNSS.
+# External trajectory, used instead of GNSS and scan matching.
 [trajectory]
 {comments}
 files = {_names(poses, folder)}
-# time = "utc"   # or "gps", where the file does not say
+# time = "utc"   # or "gps", if the file does not state it
 """
 
 
 def _implement(states: Sequence[Examined], folder: Path) -> str:
-    """The tool of which recordings say when it worked, as wide as they say."""
+    """The implement of recordings with tool states, with their working width."""
     widths = [width for recording in states if (width := recording.inspection.facts.get("width_m"))]
-    width = (
-        f"{widths[0]}   # the widest that was logged at work" if widths else "1.0   # FILL-IN: nothing says how wide"
-    )
+    width = f"{widths[0]}   # largest width logged while working" if widths else "1.0   # FILL-IN: not in the recording"
     return f"""\
-# The tool: width, and the middle of its line in the vehicle frame. The ground worked is computed from them.
+# Working width of the implement, and the middle of its working line in the vehicle frame; needed for worked ground.
 [implement]
 width_m = {width}
-xy_m = [0.0, 0.0]   # FILL-IN: counted from the rear axle; until then the positions are those of the tool
+xy_m = [0.0, 0.0]   # FILL-IN: relative to the rear axle; [0, 0] takes the positions as those of the implement
 states = {_names(states, folder)}
 """
 
 
 def _lidar(lidar: Sequence[Examined]) -> str:
     model = next((model for r in lidar if (model := _model(r.inspection.facts))), None)
-    stated = f"model = {_quoted(model)}   # as the recording says\n" if model else ""
+    stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
     return f"[lidar]\n{stated}{_MOUNTING}"
 
 
 def _model(facts: Mapping[str, Any]) -> str | None:
-    """The scanner's model in the facts of a recording, or of what a container holds under "scans"."""
+    """The scanner model in the facts of a recording, or under "scans" in those of a container."""
     within = facts.get("scans")
     model = facts.get("model") or (within.get("model") if isinstance(within, Mapping) else None)
     return str(model) if model else None
 
 
 def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:
-    """A comment on each recording, with the clock of what is taken from it."""
+    """A comment on each recording, with its time span and clock."""
     lines = []
     for recording, clock in recordings:
         span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
@@ -355,14 +350,14 @@ def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> li
 
 
 def _names(recordings: Sequence[Examined], folder: Path) -> str:
-    """The recordings' paths from `folder` as a TOML list; empty text without any."""
+    """The paths of the recordings relative to `folder` as a TOML list; empty text without any."""
     names = []
     for path in (recording.path.resolve() for recording in recordings):
         if not path.is_relative_to(folder.resolve()):
             raise InputError(
-                f"{path} lies outside {folder}, where the session file is to stand.",
-                "A session may only name files beside or below itself.",
-                "Put the session file at or above the recordings' folder, or copy the recording beside it.",
+                f"{path} is outside {folder}, the folder of the session file.",
+                "A session file may only name files in its own folder or below.",
+                "Put the session file in a folder above the recordings, or copy the recordings beside it.",
                 code="session-path-outside",
             )
         names.append(path.relative_to(folder.resolve()).as_posix())
@@ -374,17 +369,17 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """`text` as a TOML basic string; JSON's escapes are among TOML's, and DEL is all that JSON leaves bare.
+    """`text` as a TOML basic string: JSON's escapes are valid in TOML, and JSON leaves only DEL unescaped.
 
     Raises:
-        InputError: if it is a file name with bytes that are no text.
+        InputError: if it is a file name that is not valid UTF-8.
     """
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
         raise InputError(
-            f"{printable(text)}: the name is not valid UTF-8.",
-            "A session file is UTF-8 text and cannot name it.",
+            f"{printable(text)}: the file name is not valid UTF-8.",
+            "A session file is UTF-8 text and cannot contain it.",
             "Rename the file.",
             code="name-not-text",
         ) from None

@@ -1,4 +1,4 @@
-"""What will happen to the coordinates of a session, with figures at its site."""
+"""The coordinate transformations of a session, with values at its site."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ FloatArray = NDArray[np.float64]
 
 HECTARE_M: Final = 100.0
 _JAPAN_RESULTS: Final = ("JGD2011", "JGD2024")
-"""Newer databases of PROJ call JGD2011's horizontal CRS by the later name, with the same codes."""
+"""Newer databases of PROJ name the horizontal CRS of JGD2011 JGD2024, with the same codes."""
 
 
 @dataclass(frozen=True)
 class SiteCoordinates:
-    """A session's coordinates at the middle of its positions.
+    """The coordinates of a session at the middle of its positions.
 
     Attributes:
-        frame: the map.
+        frame: of the map.
         brought: what is done to the positions.
-        lon_deg, lat_deg: on the map, after that.
+        lon_deg, lat_deg: after the transformation.
         easting_m, northing_m: likewise.
         span_s: time of the positions.
-        convergence_deg: true heading less grid heading.
-        scale: map distance over distance on the ellipsoid.
-        hectare_m2: area on the ellipsoid of a square whose sides are 100 m on the map.
-        beside: another CRS that suits the place better than the session's; empty where none does.
+        convergence_deg: true heading minus grid heading.
+        scale: map distance divided by distance on the ellipsoid.
+        hectare_m2: area on the ellipsoid of a square of 100 m × 100 m on the map.
+        beside: a more suitable CRS than that of the session, if there is one; else empty.
     """
 
     frame: MapFrame
@@ -57,7 +57,7 @@ class SiteCoordinates:
 
     @property
     def sentences(self) -> list[tuple[str, str]]:
-        """A subject and what is to be said of it, in the order of the steps."""
+        """Subjects and their descriptions, in the order of the steps."""
         return [
             ("place", f"{self.lat_deg:.6f}, {self.lon_deg:.6f} (latitude, longitude), {self._when()}"),
             ("positions", self._positions()),
@@ -93,70 +93,70 @@ class SiteCoordinates:
             way = compass_word(move.east_m, move.north_m)
             rise = "up" if move.up_m > 0 else "down"
             return (
-                f"are moved from the current epoch to the map's with {move.file}: {100 * across_m:.1f} cm to the {way} "
+                f"are transformed from the current epoch to that of the map with {move.file}: "
+                f"{100 * across_m:.1f} cm {way} "
                 f"({100 * move.east_m:+.1f} cm east, {100 * move.north_m:+.1f} cm north) and "
                 f"{100 * abs(move.up_m):.1f} cm {rise}, "
-                f"which differs by {1000 * move.spread_m:.1f} mm at most over the site"
+                f"varying by at most {1000 * move.spread_m:.1f} mm over the site"
             )
         if stated is not None:
-            return (
-                f"stay where they are, in {stated.name}, as the products' CRS says; maps of other epochs lie beside it"
-            )
+            return f"are not transformed; the CRS of the products is {stated.name}, and maps of other epochs are offset"
         base = self.frame.crs.geodetic_crs
         datum = base.name if base is not None else self.frame.name
         also = ""
         if datum in _JAPAN_RESULTS:
-            also = " and of JGD2024, whose longitudes and latitudes are the same, under the same EPSG code"
-        return f"stay where they are: they are taken as coordinates of {datum.replace('JGD2024', 'JGD2011')}{also}"
+            also = " and JGD2024, which have the same longitudes, latitudes and EPSG code"
+        return f"are not transformed; they are taken as coordinates of {datum.replace('JGD2024', 'JGD2011')}{also}"
 
     def _heights(self) -> str:
         move = self.brought.heights
         system = self.frame.heights
         if move is None and system.vertical is not None:
-            return f"stay as they are stated: they are taken as heights above {system.name} ({system.source})"
+            return f"are not transformed; they are taken as heights above {system.name} ({system.source})"
         if move is None:
-            return f"stay above the ellipsoid{self._above_the_sea()}"
+            return f"are ellipsoidal{self._above_the_sea()}"
         low_m, high_m = move.geoid_m
         return (
-            f"are brought above {move.heights} ({move.source}): the geoid lies {0.5 * (low_m + high_m):.3f} m above "
-            f"the ellipsoid, with {1000 * (high_m - low_m):.1f} mm of difference over the site"
+            f"are transformed to heights above {move.heights} ({move.source}): the geoid is "
+            f"{0.5 * (low_m + high_m):.3f} m above the ellipsoid, varying by "
+            f"{1000 * (high_m - low_m):.1f} mm over the site"
         )
 
     def _above_the_sea(self) -> str:
-        """Which geoids a user in Japan may choose among."""
+        """The geoid models for a site in Japan."""
         base = self.frame.crs.geodetic_crs
         if base is None or base.name not in _JAPAN_RESULTS:
             return ""
         since = self.span_s[0] >= JGD2024_SINCE_S
-        right, when = ("JPGEO2024", "from 1 April 2025 on") if since else ("GSIGEO2011", "before 1 April 2025")
-        return f'; for heights above the sea write `heights = "{right}"`, the geoid of recordings made {when}'
+        right, when = ("JPGEO2024", "since 1 April 2025") if since else ("GSIGEO2011", "before 1 April 2025")
+        return f'; for heights above sea level write `heights = "{right}"`, the geoid model for recordings {when}'
 
     def _map(self) -> str:
         words = (
             f"{self.frame.name} ({self.frame.whole_crs.name}): easting {self.easting_m:.3f} m, northing "
-            f"{self.northing_m:.3f} m; easting comes first in all products, whatever the authority's order is"
+            f"{self.northing_m:.3f} m; all products have easting first, regardless of the axis order of the authority"
         )
         return f"{words}. {self.beside}" if self.beside else words
 
     def _grid(self) -> str:
         side = "west" if self.convergence_deg < 0 else "east"
         return (
-            f"north of the grid lies {abs(self.convergence_deg):.4f}° {side} of true north; 1 km on the ground is "
+            f"grid north is {abs(self.convergence_deg):.4f}° {side} of true north; 1 km on the ellipsoid is "
             f"{1000 * self.scale:.3f} m on the map"
         )
 
     def _areas(self) -> str:
         return (
-            f"one hectare of the map is {self.hectare_m2:,.1f} m² on the ellipsoid; layers hold both, `area_m2` and "
+            f"one hectare on the map is {self.hectare_m2:,.1f} m² on the ellipsoid; layers have both, `area_m2` and "
             "`area_ellipsoid_m2`"
         )
 
 
 def site_coordinates(session_file: Path) -> SiteCoordinates:
-    """What a session's coordinates are and what will be done to them.
+    """The coordinates of a session and their transformation.
 
     Raises:
-        FurrowmapError: as the run would, if they cannot be brought to the map.
+        FurrowmapError: as in a run, if they cannot be transformed.
     """
     opened = open_session(session_file)
     session, frame, reader = opened.session, opened.frame, opened.positions()
@@ -174,8 +174,8 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
         if not placed.any():
             raise InputError(
                 f"{recorded.source or 'The GNSS log'}: none of its {len(recorded)} epochs has a position.",
-                "Where the site is cannot be told.",
-                "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
+                "The location of the site is unknown.",
+                "Use the complete log of the drive; `furrowmap inspect` shows what it holds.",
                 code="gnss-no-positions",
             )
         track, brought = transform_track(recorded[placed], frame)
@@ -203,7 +203,7 @@ def _at(
         and choice.code != ":".join(authority)
         and not _suits(named, lon, lat)
     ):
-        beside = f"{choice.code} ({choice.name}) suits the place better"
+        beside = f"{choice.code} ({choice.name}) is more suitable at this site"
     return SiteCoordinates(
         frame, brought, lon, lat, e, n, span_s, float(frame.convergence_deg(*here)[0]), frame.scale(lon, lat),
         abs(float(area_m2)), beside,
@@ -211,7 +211,7 @@ def _at(
 
 
 def _suits(crs: CRS, lon: float, lat: float) -> bool:
-    """Whether the place lies within the CRS's area of use."""
+    """Whether the site is in the area of use of the CRS."""
     area = crs.area_of_use
     if area is None:
         return True

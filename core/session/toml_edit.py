@@ -1,4 +1,4 @@
-"""A value in the text of a TOML file set anew; every other character, comments too, stays as it is."""
+"""Set a value in the text of a TOML file; comments and all other characters are kept."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
 
 
 def with_value(text: str, table: str, key: str, value: str) -> str:
-    """The text with a key of a table set; a table or key that is not there is added.
+    """The text with a key of a table set; a missing table or key is added.
 
-    The table may be written as ``[table]``, as ``table.key = …`` or as ``table = { … }``. Line ends stay what they are.
+    The table may be written as ``[table]``, ``table.key = …`` or ``table = { … }``. Line ends are kept.
 
     Raises:
-        RefusedError: if the file writes the table in yet another way.
+        RefusedError: if the table is written in another way.
     """
     windows = "\r\n" in text
     plain = text.replace("\r\n", "\n")
@@ -31,8 +31,8 @@ def with_value(text: str, table: str, key: str, value: str) -> str:
         done = False
     if not done:
         raise RefusedError(
-            f"The table `{table}` is written in a way that is not understood well enough to change `{key}` in it.",
-            "The file stays as it is.",
+            f"`{key}` could not be set: the table `{table}` is written in an unsupported form.",
+            "The file was not changed.",
             f"Set it by hand: `{key} = {value}` in `[{table}]`.",
             code="session-not-changed",
         )
@@ -73,7 +73,7 @@ def _in_table(text: str, head: re.Match[str], key: str, value: str) -> str:
 
 
 def _in_braces(inside: str, key: str, value: str) -> str:
-    """What stands between the braces of an inline table, with the key set."""
+    """The content of the braces of an inline table, with the key set."""
     there = re.compile(rf"((?:^|,)\s*{key}\s*=\s*)(\[[^\]]*\]|[^,\[\]]*?)(\s*(?:,|$))")
     if there.search(inside):
         return there.sub(lambda found: found.group(1) + value + found.group(3), inside, count=1)

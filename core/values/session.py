@@ -12,13 +12,13 @@ SCHEMA: Final = 1
 
 REPLACE: Final = "replace"
 CHECK: Final = "check"
-"""What states from elsewhere are for: they take the place of those that the scans show, or are compared with them."""
+"""Use of external tool states: they replace those detected in the scans, or are compared with them."""
 
 AS_RECORDED: Final = "as-recorded"
 CURRENT_EPOCH: Final = "current-epoch"
-"""What a session may say of its coordinates, besides a frame and epoch."""
+"""Values of `coordinates`, besides a frame and epoch."""
 ELLIPSOIDAL: Final = "ellipsoidal"
-"""What heights are counted from where a session names no geoid."""
+"""Value of `heights` without a geoid model."""
 
 Vector3 = tuple[float, float, float]
 
@@ -28,14 +28,14 @@ class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Recording(_Part, frozen=True):
-    """`[recording]`: the files, and how their clocks relate.
+    """`[recording]`: the files, and the offset of their clocks.
 
     Attributes:
-        lidar: files of the laser scanner, in the order of time.
-        gnss: files of the GNSS receiver, in the order of time.
-        lidar_minus_gnss_s: lidar clock minus GNSS clock, where the clocks differ by a constant.
-        date: UTC date (YYYY-MM-DD) of the first position of a log whose sentences carry none.
-        task: id or name of the task that is meant, where task data hold several.
+        lidar: LiDAR recordings, in time order.
+        gnss: GNSS logs, in time order.
+        lidar_minus_gnss_s: LiDAR clock minus GNSS clock, if they differ by a constant.
+        date: UTC date (YYYY-MM-DD) of the first position, for logs without a date.
+        task: identifier or name of a task, if task data hold several.
     """
 
     lidar: tuple[str, ...] = ()
@@ -52,8 +52,8 @@ class Crs(_Part, frozen=True):
         map: a projected CRS in metres, in any form that pyproj reads.
         heights: "ellipsoidal", or a geoid model by name.
         coordinates: "as-recorded", "current-epoch", or a frame and epoch such as "itrf2020@2026.4".
-        parameters: official parameter file that leads from the current epoch to the map's.
-        geoid_grid: file of the geoid's grid, for models that PROJ has no grid of.
+        parameters: official parameter file from the current epoch to that of the map.
+        geoid_grid: file with the geoid grid, for models of which PROJ has none.
     """
 
     map: str
@@ -64,17 +64,17 @@ class Crs(_Part, frozen=True):
 
 
 class Antenna(_Part, frozen=True):
-    """`[antenna]`: the GNSS antenna's phase centre in the vehicle frame."""
+    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame."""
 
     xyz_m: Vector3
 
 
 class Lidar(_Part, frozen=True):
-    """`[lidar]`: the laser scanner, and how it is mounted.
+    """`[lidar]`: the laser scanner and its mounting.
 
     Attributes:
-        model: such as "VLP-16"; wins over what the packets say.
-        xyz_m: the sensor's origin in the vehicle frame.
+        model: such as "VLP-16"; overrides the packets.
+        xyz_m: the sensor origin in the vehicle frame.
         rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame.
     """
 
@@ -84,24 +84,24 @@ class Lidar(_Part, frozen=True):
 
     @property
     def mounting(self) -> Mounting:
-        """The extrinsic of the scanner."""
+        """The mounting (extrinsic calibration) of the scanner."""
         return Mounting(self.xyz_m, self.rpy_deg)
 
 
 class Implement(_Part, frozen=True):
-    """`[implement]`: the tool.
+    """`[implement]`: the implement.
 
     Attributes:
         width_m: working width.
-        xy_m: middle of the tool's line in the vehicle frame.
-        kind: in the user's words.
-        working_depth_m: how deep it works.
-        lift_m: how far it is lifted, for a scanner that does not see it at work.
-        region_m: from, to along x, from, to along y of the vehicle frame: where the scanner sees it.
-        learned: `implement.npz` of an earlier session of the same machine.
-        states: files that say when it worked: tables of times, or task data.
-        states_use: "replace" what the scans show, or "check" it.
-        states_minus_gnss_s: their clock minus that of the positions, where the two differ by a constant.
+        xy_m: middle of the working line in the vehicle frame.
+        kind: free text.
+        working_depth_m: working depth.
+        lift_m: lift height, for a scanner that does not see the implement at work.
+        region_m: x_min, x_max, y_min, y_max in the vehicle frame: where the scanner sees the implement.
+        learned: `implement.npz` of an earlier session with the same machine.
+        states: files with tool states: tables of times, or task data.
+        states_use: "replace" the states detected in the scans, or "check" them.
+        states_minus_gnss_s: clock of the states minus that of the positions, if they differ by a constant.
     """
 
     width_m: float
@@ -117,18 +117,18 @@ class Implement(_Part, frozen=True):
 
 
 class Field(_Part, frozen=True):
-    """`[field]`: the parcel's boundary, a vector file."""
+    """`[field]`: the field boundary, a vector file."""
 
     boundary: str | None = None
 
 
 class TrajectorySource(_Part, frozen=True):
-    """`[trajectory]`: a trajectory from elsewhere, which replaces GNSS and matching.
+    """`[trajectory]`: an external trajectory, used instead of GNSS and scan matching.
 
     Attributes:
-        files: CSV or SBET files, in the order of time.
-        time: "utc" or "gps" where the file itself does not say.
-        week: GPS week of a file whose times are seconds of the week.
+        files: CSV or SBET files, in time order.
+        time: "utc" or "gps", if the file does not state it.
+        week: GPS week of a file with seconds of the week.
     """
 
     files: tuple[str, ...]
@@ -137,13 +137,13 @@ class TrajectorySource(_Part, frozen=True):
 
 
 class Run(_Part, frozen=True):
-    """`[run]`: choices of the work itself.
+    """`[run]`: processing options.
 
     Attributes:
-        standing: whether scans taken at a stand are kept in the cloud.
-        fixes: the GNSS qualities whose positions are used ("fixed", "float", "dgps", "single", ...); without it fixed
-            and float where there is any fixed position, else all.
-        threads: how many the work may use; `--threads` on the command line wins.
+        standing: whether to keep scans taken while standing still in the cloud.
+        fixes: GNSS fix types to use ("fixed", "float", "dgps", "single", ...); by default fixed and float if there is
+            any fixed position, else all.
+        threads: number of threads; `--threads` on the command line overrides it.
     """
 
     standing: bool = True
@@ -152,10 +152,10 @@ class Run(_Part, frozen=True):
 
 
 class Session(_Part, frozen=True):
-    """What a user states about one recording.
+    """The content of a session file.
 
     Attributes:
-        furrowmap: version of this schema.
+        furrowmap: schema version.
         name: of the session.
         recording, crs, antenna, lidar, implement, field, trajectory, run: the tables.
     """

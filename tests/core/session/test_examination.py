@@ -26,7 +26,7 @@ def reading(first_s: float, last_s: float) -> ClockReading:
         (-7 * 3600.0, "local time"),
         (5.5 * 3600.0, "local time"),
         (86_400.0, "date"),
-        (1024 * 604_800.0, "rolled over"),
+        (1024 * 604_800.0, "rollover"),
     ],
 )
 def test_offset__known_causes_are_recognised(offset_s: float, cause: str) -> None:

@@ -128,8 +128,8 @@ def test_recordings_apart__are_told_with_the_offset_that_would_fit(capture: Path
     log = nmea(tmp_path / "gnss.nmea")
     log.write_text("".join(sentence(line[1:-3].replace(",08", ",17")) for line in log.read_text().splitlines()))
     proposal, session = proposed(tmp_path, capture, log)
-    (told,) = (notice.text for notice in proposal.missing if notice.code == "time-overlap")
-    assert "lidar_minus_gnss_s = -32400.0" in told
+    (text,) = (notice.text for notice in proposal.missing if notice.code == "time-overlap")
+    assert "lidar_minus_gnss_s = -32400.0" in text
     assert session.recording.lidar_minus_gnss_s == 0.0
 
 
@@ -192,7 +192,7 @@ def test_common_folder__is_the_nearest_that_holds_all(tmp_path: Path) -> None:
     (tmp_path / "a" / "b").mkdir(parents=True)
     assert common_folder([tmp_path / "a" / "x.pcap"]) == tmp_path / "a"
     assert common_folder([tmp_path / "a" / "x.pcap", tmp_path / "a" / "b" / "y.nmea"]) == tmp_path / "a"
-    with pytest.raises(InputError, match="nothing in common"):
+    with pytest.raises(InputError, match="no folder in common"):
         common_folder([Path("/dev/x.pcap"), Path("/proc/y.nmea")])
 
 

@@ -124,7 +124,7 @@ def test_values__that_mean_nothing_are_refused(change: tuple[str, str], code: st
 @pytest.mark.parametrize(
     ("change", "what", "remedy"),
     [
-        (("furrowmap = 1", ""), "`furrowmap`, the version of the file's form, is missing", "`furrowmap = 1`"),
+        (("furrowmap = 1", ""), "`furrowmap`, the version of the file format, is missing", "`furrowmap = 1`"),
         (('[crs]\nmap = "EPSG:6677"', ""), "table [crs] is missing", "`[crs]`"),
         (('map = "EPSG:6677"', ""), "key `crs.map` is missing", '`map = "EPSG:6677"` under [crs]'),
         (
@@ -136,7 +136,7 @@ def test_values__that_mean_nothing_are_refused(change: tuple[str, str], code: st
         (('["a.pcap"]', "[1]"), "`recording.lidar[0]` must be text in double quotes, not a whole", "recording.pcap"),
         (
             ("[crs]", "[antenna]\nxyz_m = [0, 0]\n[crs]"),
-            "`antenna.xyz_m` must be a list of 3 numbers, and has 2",
+            "`antenna.xyz_m` must be a list of 3 numbers, but has 2",
             "1.62",
         ),
         (("[crs]", '[lidar]\nxyz_m = [0, 0, "1"]\n[crs]'), "`lidar.xyz_m[2]` must be a number, not text", "2.35"),
@@ -176,7 +176,7 @@ def test_places__typed_in_millimetres_are_refused(line: str) -> None:
     assert parse_session(f"{LEAST}{line} = [-15, 0{third}]\n").furrowmap == 1
     error = refusal(f"{LEAST}{line} = [-550, 0{third}]\n")
     assert error.code == "session-value"
-    assert "holds -550: metres are expected" in error.what
+    assert "holds -550, more than" in error.what
 
 
 @pytest.mark.parametrize("written", ['"2026-06-11"', "2026-06-11"])

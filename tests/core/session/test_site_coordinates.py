@@ -1,4 +1,4 @@
-"""What will happen to the coordinates, told before the run."""
+"""What will happen to the coordinates, text before the run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_move_between_epochs_is_told_with_size_and_direction(shared_data: Path
     crs = 'map = "EPSG:6677"\nheights = "GSIGEO2011"\ncoordinates = "current-epoch"\nparameters = "SemiDyna2023.par"'
     site = site_coordinates(session(tmp_path, crs))
     said = words(site)
-    assert "42.6 cm to the north-west" in said["positions"]
+    assert "42.6 cm north-west" in said["positions"]
     assert "SemiDyna2023.par" in said["positions"]
     assert "9.6 cm down" in said["positions"]
     assert "40.186 m above the ellipsoid" in said["heights"]
@@ -45,8 +45,8 @@ def test_a_move_between_epochs_is_told_with_size_and_direction(shared_data: Path
 
 def test_as_recorded_says_that_nothing_is_moved(tmp_path: Path) -> None:
     site = site_coordinates(session(tmp_path, 'map = "EPSG:6677"'))
-    assert "stay where they are" in words(site)["positions"]
-    assert "stay above the ellipsoid" in words(site)["heights"]
+    assert "are not transformed" in words(site)["positions"]
+    assert "are ellipsoidal" in words(site)["heights"]
     assert site.plain()["moves"] == []
 
 
@@ -54,7 +54,7 @@ def test_as_recorded_says_that_nothing_is_moved(tmp_path: Path) -> None:
 def test_in_japan_it_names_the_geoid_of_the_day_and_what_jgd2024_is(tmp_path: Path, day: str, geoid: str) -> None:
     said = words(site_coordinates(session(tmp_path, 'map = "EPSG:6677"', day=day)))
     assert f'`heights = "{geoid}"`' in said["heights"]
-    assert "JGD2011 and of JGD2024" in said["positions"]
+    assert "JGD2011 and JGD2024" in said["positions"]
     elsewhere = words(site_coordinates(session(tmp_path, 'map = "EPSG:32634"', 20.9, 52.4)))
     assert "JGD" not in elsewhere["positions"] + elsewhere["heights"]
 
