@@ -22,8 +22,8 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import style_of
 from furrowmap.exporters.rasters.cog import HEIGHT, Band, cog_output
-from furrowmap.exporters.rasters.field_rasters import style_of
 from furrowmap.workflows.run import las_wkt, write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]

@@ -1,4 +1,4 @@
-"""A group of commands, such as `furrowmap base add`."""
+"""A group of commands, such as `furrowmap farm add`."""
 
 from __future__ import annotations
 

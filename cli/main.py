@@ -27,7 +27,7 @@ COMMANDS: Final = (
     "cloud",
     "fields",
     "export",
-    "base",
+    "farm",
     "calibrate",
     "crs",
     "gnss",

@@ -19,7 +19,8 @@ from furrowmap.core.surfaces.depressions import find_depressions
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.terrain import hillshade
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.workflows.run import CLOUD, write_products
+from furrowmap.exporters.files.result_folder import CLOUD
+from furrowmap.workflows.run import write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SAMPLE = CHECKOUT.parent / "shared" / "data" / "tractor_loop"

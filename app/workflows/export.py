@@ -1,4 +1,4 @@
-"""From a folder of products to the format that somebody else's program takes."""
+"""Export of results to formats of other programs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.exchange.result import Result, open_result
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
-from furrowmap.exporters.exchange.vectors import FORMATS, Layers, VectorFormat, changed_crs
-from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
+from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.files.result_folder import REPORT, open_result
 from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
@@ -30,7 +30,7 @@ class Exported:
     Attributes:
         target: the file, or the folder of several.
         files: that were written, each once.
-        notices: what the format could not keep, and what a change of CRS means.
+        notices: what the format could not keep, and on the change of CRS.
     """
 
     target: Path
@@ -48,27 +48,27 @@ def export(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Exported:
-    """Write what runs found out in another format.
+    """Export the results of runs to another format.
 
     Args:
-        folders: of the products; one, except for `STAC`.
+        folders: of the results; one, except for `STAC`.
         to: the format's name, one of `NAMES`.
         target: the file or folder to write; by default beside the first folder, named after it.
-        layers: of the vectors, all if none is named.
-        crs: of the vectors; the session's if None, and always WGS 84 where the format has no other.
-        overwrite: replace what is there.
-        progress: is told of the stage.
+        layers: of the vectors; all if none is named.
+        crs: of the vectors; None for the session's. Formats with a CRS of their own (WGS 84) always have that.
+        overwrite: replace an existing target.
+        progress: receives the stage.
 
     Raises:
-        UsageError: if the arguments do not go together.
-        InputError: if a folder holds no products, or not that layer.
-        RefusedError: if `target` is there, or a CRS cannot be reached safely.
+        UsageError: if the arguments cannot be combined.
+        InputError: if a folder contains no result, or not that layer.
+        RefusedError: if `target` exists, or PROJ has no reliable change of CRS.
         FurrowmapError: if the format needs a package that is not installed.
     """
     if to not in FORMATS and (layers or crs is not None):
-        raise _usage(f"{to} takes no layers and no CRS of your choice.", "Leave --layer and --dst-crs out.")
+        raise _usage(f"{to} cannot be combined with layers or a CRS.", "Leave --layer and --dst-crs out.")
     if to != STAC and len(folders) != 1:
-        raise _usage(f"{to} takes one folder of products; {len(folders)} are named.", "Export them one by one.")
+        raise _usage(f"{to} takes one result folder, not {len(folders)}.", "Export them one by one.")
     results = [open_result(folder) for folder in folders]
     progress("exporting", 0.0)
     target = target or _default(folders[0], to)
@@ -76,53 +76,40 @@ def export(
     if to == STAC:
         with staged_folder(target) as staging:
             write_collection(staging, results, target)
-            names = _names(staging)
+            names = sorted(path.name for path in staging.iterdir())
         return Exported(target, tuple(target / name for name in names), ())
     if to == TASK_DATA:
-        notices = write_task_data(folders[0], target)
+        notices = write_task_data(results[0], target)
         files = sorted(target.iterdir()) if target.is_dir() else [target]
-        return Exported(target, tuple(files), tuple(notices))
-    return _vectors(results[0], FORMATS[to], target, layers, crs)
-
-
-def _vectors(result: Result, chosen: VectorFormat, target: Path, layers: Sequence[str], crs: CRS | None) -> Exported:
-    found: Layers = {name: result.layer(name) for name in (layers or result.layers)}
-    found, notices = changed_crs(found, chosen.crs or crs)
-    if chosen.single:
-        with atomic_output(target) as unfinished:
-            notices += chosen.write(unfinished, found, result.origin)
-        return Exported(target, (target,), tuple(notices))
-    with staged_folder(target) as staging:
-        notices += chosen.write(staging, found, result.origin)
-        files = _names(staging)
-    return Exported(target, tuple(target / name for name in files), tuple(notices))
-
-
-def _names(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir())
+    else:
+        chosen, result = FORMATS[to], results[0]
+        found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
+        found, notices = changed_crs(found, chosen.crs or crs)
+        files, lost = write_vectors(chosen, target, found, result.origin)
+        notices += lost
+    return Exported(target, tuple(files), tuple(notices))
 
 
 def _default(folder: Path, to: str) -> Path:
-    """Beside the folder, as the run's own default lies beside the session."""
+    """Beside the folder, named after it."""
     here = folder.resolve()
     name = f"{here.name}_{to}"
     chosen = FORMATS.get(to)
-    return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.single else name)
+    return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.write_all is not None else name)
 
 
 def _refuse_existing(target: Path, *, overwrite: bool) -> None:
-    """Keep what is there, unless it was asked to go.
+    """Check that the target is new or may be replaced.
 
     Raises:
-        RefusedError: if there is something, and nobody said `overwrite`; or if it is a folder of products itself.
+        RefusedError: if it exists and `overwrite` is not given, or it is the result folder of a run.
     """
-    there = target.exists() and (not target.is_dir() or any(target.iterdir()))
-    if not there:
+    if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
-    if target.is_dir() and (target / "report.json").exists():
+    if (target / REPORT).exists():
         raise RefusedError(
-            f"{target} holds the products of a run.",
-            "Exported files would lie among them, and be taken for them.",
+            f"{target} is the result folder of a run.",
+            "Exported files would be mixed with its products.",
             "Choose another target with -o.",
             code="output-is-result",
         )
@@ -130,4 +117,4 @@ def _refuse_existing(target: Path, *, overwrite: bool) -> None:
 
 
 def _usage(what: str, remedy: str) -> UsageError:
-    return UsageError(what, "Nothing was done.", remedy, code="usage")
+    return UsageError(what, "Nothing was written.", remedy, code="usage")

@@ -24,16 +24,13 @@ from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, style_of
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
-from furrowmap.exporters.rasters.field_rasters import style_of
 from furrowmap.exporters.reports.report import files_in
 from furrowmap.exporters.reports.run_report import run_origin, way
 from furrowmap.exporters.vectors.geopackage import write_field
 
-TRACK: Final = "preview_track.gpkg"
-SURFACE: Final = "preview_dsm.tif"
-ACCOUNT: Final = "preview.json"
 CELL_M: Final = 0.25
 MOST_KNOTS: Final = 20_000
 """Of the track: more take a map seconds to draw and show nothing more."""
@@ -62,7 +59,7 @@ def write_preview(session_file: Path, folder: Path, progress: Progress = silent)
             if found.session.lidar.mounting != Mounting():  # at the origin and upright: nobody has said
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
-        write_field(staging / TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
+        write_field(staging / PREVIEW_TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
@@ -71,9 +68,9 @@ def write_preview(session_file: Path, folder: Path, progress: Progress = silent)
             "positions": found.located.positions,
             "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
             "timings": found.timings_s,
-            "products": sorted({ACCOUNT, *(path.name for path in staging.iterdir())}),
+            "products": sorted({PREVIEW_REPORT, *(path.name for path in staging.iterdir())}),
         }
-        (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
+        (staging / PREVIEW_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
 
 
@@ -127,10 +124,10 @@ def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Or
     if grid is None:
         return {}
     crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
-    with cog_output(folder / SURFACE, grid, crs, SURFACE_BANDS, origin) as write:
+    with cog_output(folder / PREVIEW_DSM, grid, crs, SURFACE_BANDS, origin) as write:
         for tile in land.tiles(Passages([]), LOW):
             write(tile.grid, surface_arrays(tile.after))
             seen += int(tile.after.seen.sum())
     style = files("furrowmap.exporters").joinpath("styles", "dsm.qml").read_text(encoding="utf-8")
-    (folder / style_of(SURFACE)).write_text(style, encoding="utf-8")
+    (folder / style_of(PREVIEW_DSM)).write_text(style, encoding="utf-8")
     return {"dsm_cell_m": grid.cell_m, "dsm_area_m2": round(seen * grid.cell_area_m2, 1)}

@@ -37,47 +37,29 @@ from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
-from furrowmap.exporters.files.staging import recover, staged_folder
-from furrowmap.exporters.rasters.field_rasters import (
-    BEFORE,
-    CHANGE,
-    DSM,
-    SWATHS,
-    RasterFigures,
-    style_of,
-    write_rasters,
+from furrowmap.exporters.files.result_folder import (
+    CLOUD,
+    FIELD,
+    ITEM,
+    LEARNED,
+    PAGE,
+    REPORT,
+    RUN_PRODUCTS,
+    SESSION,
+    STATES,
 )
+from furrowmap.exporters.files.staging import recover, staged_folder
+from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
 from furrowmap.exporters.reports.report import FileRecord, file_records, write_report
 from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import report_of, run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 
-CLOUD: Final = "cloud.copc.laz"
-FIELD: Final = "field.gpkg"
-REPORT: Final = "report.json"
-PAGE: Final = "report.html"
-SESSION: Final = "session.toml"
-STATES: Final = "states.csv"
-LEARNED: Final = "implement.npz"
-ITEM: Final = "item.json"
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-RASTERS: Final = (DSM, BEFORE, CHANGE, SWATHS)
-PRODUCTS: Final = (
-    CLOUD,
-    *RASTERS,
-    *(style_of(name) for name in RASTERS),
-    FIELD,
-    STATES,
-    LEARNED,
-    REPORT,
-    PAGE,
-    SESSION,
-    ITEM,
-)
 
 
 def write_products(
@@ -155,7 +137,7 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
 
 def _names(staging: Path) -> list[str]:
     """The products that there are, or are about to be written beside them."""
-    return [name for name in PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
+    return [name for name in RUN_PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
 
 
 class _Both:
@@ -283,7 +265,7 @@ def _refuse_original(folder: Path, session_file: Path) -> None:
     Raises:
         RefusedError: if it has a product's place.
     """
-    if session_file.resolve() in {(folder / name).resolve() for name in PRODUCTS}:
+    if session_file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError(
             f"{folder} is where {session_file.name} itself lies.",
             "The run writes the session as it was understood under that name, so yours would be lost.",
@@ -306,7 +288,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     if not folder.is_dir():
         return None
     recover(folder)
-    there = [name for name in PRODUCTS if (folder / name).exists()]
+    there = [name for name in RUN_PRODUCTS if (folder / name).exists()]
     if not there:
         return None
     inputs = file_records(opened.inputs.all, opened.file.resolve().parent, progress)

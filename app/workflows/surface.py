@@ -19,13 +19,11 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.files.result_folder import REPORT, SURFACE_PRODUCTS, SURFACES_REPORT
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.exporters.rasters.cloud_rasters import RASTER_PRODUCTS, CloudRasters
 from furrowmap.exporters.reports.report import file_records
+from furrowmap.workflows.cloud_rasters import CloudRasters
 
-ACCOUNT: Final = "surfaces.json"
-PRODUCTS: Final = (*RASTER_PRODUCTS, ACCOUNT)
-RUN_REPORT: Final = "report.json"
 CACHE_BYTES: Final = 64 << 20
 MANY_CELLS: Final = 10_000_000
 """Cells that take half a minute or more, of which nobody wants to wait for the empty ones."""
@@ -108,9 +106,9 @@ def write_cloud_surfaces(
                 **figures,
             },
             "warnings": warnings,
-            "products": sorted([*(path.name for path in staging.iterdir()), ACCOUNT]),
+            "products": sorted([*(path.name for path in staging.iterdir()), SURFACES_REPORT]),
         }
-        (staging / ACCOUNT).write_text(json_text(account), encoding="utf-8")
+        (staging / SURFACES_REPORT).write_text(json_text(account), encoding="utf-8")
     return dict(plain(account))
 
 
@@ -154,11 +152,11 @@ def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
     if not folder.is_dir():
         return
     recover(folder)
-    if (folder / RUN_REPORT).exists():
+    if (folder / REPORT).exists():
         raise RefusedError(
             f"{folder} holds the products of a run.",
             "Its own dsm.tif would be replaced by another one.",
             "Choose another folder with -o.",
             code="output-is-run",
         )
-    refuse_products(folder, PRODUCTS, overwrite=overwrite)
+    refuse_products(folder, SURFACE_PRODUCTS, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""Any of furrowmap's values as JSON that every reader takes: no NaN, no infinity, no half characters."""
+"""Values of furrowmap as JSON that every reader takes: no NaN, no infinity, no lone surrogates."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import numpy as np
 
 
 def json_text(value: object) -> str:
-    """`value` as indented JSON in its own order, with a line break at the end."""
+    """`value` as indented JSON, keys in their order, with a final line break."""
     return json.dumps(plain(value), ensure_ascii=False, allow_nan=False, indent=2) + "\n"
 
 
 def plain(value: object) -> Any:
-    """`value` in what JSON knows: numbers that are not finite become null, other unknown kinds their text.
+    """`value` in JSON's types: non-finite numbers become null, unknown types their text.
 
-    File names that are no valid text keep their odd bytes as escapes.
+    Invalid bytes in file names become escapes.
     """
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()

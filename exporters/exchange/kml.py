@@ -1,4 +1,4 @@
-"""KML 2.2 (OGC 07-147r2) for phones and globes: folders of placemarks with times, colours and their figures."""
+"""KML 2.2 (OGC 07-147r2): folders of placemarks with times, colours and fields."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.values.errors import Notice, printable
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import TRAJECTORY
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -25,35 +26,33 @@ _COLOURS: Final = {  # aabbggrr, as in the layers' QGIS styles
     "misses": ("ff2222dd", "a04444ff"),
     "zones": ("ff888888", "20888888"),
     "tool_path": ("ffc06020", "00ffffff"),
-    "trajectory": ("ff606060", "00ffffff"),
+    TRAJECTORY: ("ff606060", "00ffffff"),
     "events": ("ff000000", "00ffffff"),
 }
 _PLAIN: Final = ("ff404040", "40ffffff")
 _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
-"""Whichever of these fields a feature has first names it."""
+"""The first of these fields that a feature has is its name."""
 
 
 def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin) -> list[Notice]:
-    """One KML file, a folder a layer; the trajectory, a point a scan, is drawn as one line.
+    """Write one KML file with a folder a layer; the trajectory becomes one line.
 
     Args:
         path: of the file.
-        layers: in WGS 84; heights are left out, since phones would take them as above their own ground model.
-        origin: where they come from; its title names the document.
+        layers: in WGS 84; heights are left out, as viewers relate them to their own terrain model.
+        origin: provenance, with the title of the document.
     """
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = ET.SubElement(root, "Document")
     _text(document, "name", origin.title)
-    _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.told.items()))
+    _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.metadata.items()))
     for name in layers:
         _add_style(document, name)
     notices = []
-    for name, layer in reversed(
-        list(layers.items())
-    ):  # a KML is drawn in its order, and what is on top comes first here
+    for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
         _text(folder, "name", name.replace("_", " "))
-        if name == "trajectory":
+        if name == TRAJECTORY:
             _add_line(folder, layer)
             notices.append(Notice("kml-trajectory", "The trajectory is one line in KML, without the scans' fields."))
         else:
@@ -86,7 +85,7 @@ def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry
     shape = row.pop(geometry)
     if shape is None or shape.is_empty:
         return
-    fields = {str(name): text for name, value in row.items() if (text := _told(value)) is not None}
+    fields = {str(name): text for name, value in row.items() if (text := _field_text(value)) is not None}
     mark = ET.SubElement(folder, "Placemark")
     key = next((key for key in _TITLES if key in fields), None)
     _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
@@ -99,7 +98,7 @@ def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry
 
 
 def _add_time(mark: ET.Element, fields: Mapping[str, str]) -> None:
-    """When it was: KML's viewers have a slider for it."""
+    """The time, for the time slider of viewers."""
     if "start" in fields:
         span = ET.SubElement(mark, "TimeSpan")
         _text(span, "begin", fields["start"])
@@ -127,8 +126,8 @@ def _coordinates(xy: Any) -> str:
     return " ".join(f"{x:.9f},{y:.9f}" for x, y in xy[:, :2].tolist())
 
 
-def _told(value: Any) -> str | None:
-    """A field's value as text; None where it has none."""
+def _field_text(value: Any) -> str | None:
+    """A field's value as text; None for NULL."""
     if value is None or value != value:  # as nan and NaT do
         return None
     if hasattr(value, "isoformat"):

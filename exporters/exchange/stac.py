@@ -1,12 +1,11 @@
-"""STAC: a run's products as an item, and many runs as a collection, for catalogues of geodata.
+"""STAC: the products of a run as an item, and many runs as a collection.
 
-STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and processing 1.1; the schemas' names stand in each item.
+STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and processing 1.1.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -19,24 +18,34 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.stated_frame import stated_frame
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.json_text import json_text
-from furrowmap.exporters.exchange.result import Result, result_origin
+from furrowmap.exporters.files.atomic import relative_path
+from furrowmap.exporters.files.result_folder import (
+    CLOUD,
+    FIELD,
+    LEARNED,
+    PAGE,
+    REPORT,
+    SESSION,
+    STATES,
+    ResultFolder,
+    result_origin,
+)
 
 if TYPE_CHECKING:
     import pystac
 
-ITEM: Final = "item.json"
 COLLECTION: Final = "collection.json"
 PROCESSING: Final = "https://stac-extensions.github.io/processing/v1.1.0/schema.json"
 LICENCE: Final = "other"
-"""Nobody but the owner of the recording can say under which licence its products are."""
+"""The owner of the recording decides on the licence of its products."""
 _KINDS: Final = {  # media type, title, roles
-    "cloud.copc.laz": ("application/vnd.laszip+copc", "Point cloud", ["data"]),
-    "field.gpkg": ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
-    "report.json": ("application/json", "Figures, warnings, provenance", ["metadata"]),
-    "report.html": ("text/html", "Report to read", ["overview"]),
-    "implement.npz": ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
-    "states.csv": ("text/csv", "When the tool went down and up", ["data"]),
-    "session.toml": ("application/toml", "Session as it was understood", ["metadata"]),
+    CLOUD: ("application/vnd.laszip+copc", "Point cloud", ["data"]),
+    FIELD: ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
+    REPORT: ("application/json", "Figures, warnings, provenance", ["metadata"]),
+    PAGE: ("text/html", "Report to read", ["overview"]),
+    LEARNED: ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
+    STATES: ("text/csv", "When the tool went down and up", ["data"]),
+    SESSION: ("application/toml", "Session as it was understood", ["metadata"]),
 }
 _COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
 _EDGE_POINTS: Final = 6
@@ -44,10 +53,10 @@ _DIGITS_DEG: Final = 7
 
 
 def run_item(report: dict[str, Any]) -> pystac.Item:
-    """The item of one run; its assets are named as they lie beside it.
+    """The item of one run, with assets relative to it.
 
     Args:
-        report: the content of `report.json`; products that a catalogue has no kind for are left out.
+        report: content of `report.json`; products without a media type here are left out.
     """
     import pystac
     from pystac.extensions.pointcloud import PhenomenologyType, PointcloudExtension
@@ -105,16 +114,16 @@ def write_item(path: Path, report: dict[str, Any]) -> None:
     path.write_text(json_text(item), encoding="utf-8")
 
 
-def write_collection(folder: Path, results: Sequence[Result], target: Path) -> None:
+def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path) -> None:
     """Write a collection over many runs: `collection.json`, and an item each that points to the products.
 
     Args:
-        folder: to write to; its files take their places in `target` together.
+        folder: to write to.
         results: of the runs.
-        target: where the collection will lie: the assets are named as seen from there.
+        target: final folder of the collection, to which the assets are relative.
 
     Raises:
-        InputError: if one of them is there twice.
+        InputError: if two results are of the same session.
     """
     import pystac
 
@@ -122,13 +131,13 @@ def write_collection(folder: Path, results: Sequence[Result], target: Path) -> N
     for result in results:
         item = run_item(result.report)
         for asset in item.assets.values():
-            asset.href = _way(result.folder / asset.href, target)
+            asset.href = _link(result.folder / asset.href, target)
         items.append(item)
     names = [item.id for item in items]
     for name in names:
         if names.count(name) > 1:
             raise InputError(
-                f"Two of the folders hold results of the same session, '{name}'.",
+                f"Two of the folders contain results of the same session, '{name}'.",
                 "A catalogue has each session once.",
                 "Name one folder for each session.",
                 code="session-twice",
@@ -152,21 +161,18 @@ def write_collection(folder: Path, results: Sequence[Result], target: Path) -> N
 
 
 def _crs(report: dict[str, Any]) -> CRS:
-    """The map's, on the frame in which the coordinates are stated to be."""
-    told = report["session"]["crs"]
-    flat, stated = CRS.from_user_input(told["map"]).to_2d(), stated_frame(told["coordinates"])
+    """The map's CRS in the reference frame that the session states."""
+    stated_crs = report["session"]["crs"]
+    flat, stated = CRS.from_user_input(stated_crs["map"]).to_2d(), stated_frame(stated_crs["coordinates"])
     return stated.map_crs(flat) if stated is not None else flat
 
 
-def _way(path: Path, start: Path) -> str:
-    try:
-        return Path(os.path.relpath(path.resolve(), start.resolve())).as_posix()
-    except ValueError:  # on another drive of Windows
-        return path.resolve().as_uri()
+def _link(path: Path, start: Path) -> str:
+    return relative_path(path, start) or path.resolve().as_uri()
 
 
 def _identifier(report: dict[str, Any]) -> str:
-    """The session's name in letters that a file may have, and when it began."""
+    """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
     words = "-".join(part for part in name.split("-") if part)[:80]
     return f"{words or 'session'}-{_time(report['figures']['start']):%Y%m%dT%H%M%SZ}"
@@ -177,7 +183,7 @@ def _time(text: str) -> datetime:
 
 
 def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:
-    """The box in longitude and latitude, its edges bent as the projection bends them, counter-clockwise."""
+    """The box in longitude and latitude, counter-clockwise, with points along its edges."""
     west, south, east, north = bounds
     share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1]
     x = np.concatenate([west + share * (east - west), np.full(len(share), east), east - share * (east - west)])

@@ -1,4 +1,4 @@
-"""What a run found out as ISO 11783-10 task data, which farm management software and terminals read.
+"""The result of a run as ISO 11783-10 task data, which farm management software and terminals read.
 
 A field with its boundary, the machine, and a task with its totals and a time log: where the middle of the tool's line
 was, whether it worked, and how wide it is. Version 4 of the standard's files (ISO 11783-10:2015).
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -26,9 +25,9 @@ from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_matrix
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.exporters.exchange.result import Result, open_result
 from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.result_folder import TRAJECTORY, ResultFolder
 from furrowmap.exporters.files.staging import staged_folder
 
 if TYPE_CHECKING:
@@ -46,13 +45,13 @@ TOOL: Final = "DET-2"
 FIELD_ID: Final = "PFD1"
 TASK: Final = "TSK1"
 CLIENT_NAME: Final = "A000000000000000"
-"""The NAME (ISO 11783-5) of a machine that has none on a bus: arbitrary address, agricultural."""
+"""The NAME (ISO 11783-5) of a machine without one on a bus: arbitrary address, agricultural."""
 LONGEST_NAME: Final = 32
 EPOCH_S: Final = 315_532_800
 DAY_MS: Final = 86_400_000
 NO_STATUS: Final = 15
 UNDEFINED: Final = 3
-"""The work state that says nothing."""
+"""The work state for unknown."""
 OUTLINE_TOLERANCE_M: Final = 0.05
 _RECORD: Final = np.dtype(
     [("ms", "<u4"), ("day", "<u2"), ("lat", "<i4"), ("lon", "<i4"), ("up", "<i4"), ("status", "u1"), ("gps_ms", "<u4"),
@@ -63,49 +62,41 @@ _STATE, _WIDTH = 0, 1
 """Places of the values among the header's."""
 
 
-def write_task_data(products: Path, target: Path) -> list[Notice]:
-    """Write the products of a run as task data.
+def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
+    """Write the result of a run as task data.
 
     Args:
-        products: the folder that a run wrote.
-        target: the folder to write TASKDATA.XML and the time log to, or a `.zip` to hold them in a folder TASKDATA.
+        result: of the run.
+        target: the folder for TASKDATA.XML and the time log, or a `.zip` that holds them in a folder TASKDATA.
 
     Returns:
-        What a reader should know: where the boundary comes from, what is missing.
+        The source of the boundary, and notices on the change of CRS.
 
     Raises:
-        InputError: if `products` holds no results of a run that knows its tool, or cannot be read.
-        RefusedError: if WGS 84 cannot be reached safely from the map's CRS.
+        InputError: if the run has no worked ground, or a layer cannot be read.
+        RefusedError: if PROJ has no reliable transformation to WGS 84.
         OSError: if the files cannot be written.
     """
-    result = open_result(products)
-    content = _content(result)
+    files, notices = _content(result)
     if target.suffix.lower() == ".zip":
         with atomic_output(target) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, data in content.files.items():
+            for name, data in files.items():
                 archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (1980, 1, 1, 0, 0, 0)), data)
     else:
         with staged_folder(target) as staging:
-            for name, data in content.files.items():
+            for name, data in files.items():
                 (staging / name).write_bytes(data)
-    return content.notices
+    return notices
 
 
-@dataclass(frozen=True)
-class _Content:
-    """The files by name, and what there is to say about them."""
-
-    files: dict[str, bytes]
-    notices: list[Notice]
-
-
-def _content(result: Result) -> _Content:
+def _content(result: ResultFolder) -> tuple[dict[str, bytes], list[Notice]]:
+    """The files by name, and the notices."""
     implement = result.report["session"].get("implement")
-    if implement is None or "passes" not in result.layers:
+    if implement is None or "passes" not in result.layer_names:
         raise InputError(
-            f"{result.folder}: its run did not compute the ground worked.",
-            "Task data tell of work, and without the tool's width and states there is none to tell.",
-            "State [implement] width_m and xy_m in the session and run it again; GeoPackage or CSV take the way alone.",
+            f"{result.folder}: the run did not compute the ground worked.",
+            "Task data describe work, which needs the tool's width and states.",
+            "Set [implement] width_m and xy_m in the session and run it again; GeoPackage or CSV hold the path alone.",
             code="no-ground",
         )
     t_s, state, fix, tool = _tool_records(result, implement)
@@ -114,16 +105,16 @@ def _content(result: Result) -> _Content:
     place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
     log = _log(t_s, place, state, fix, round(1000.0 * float(implement["width_m"])))
     main = _main(result, implement, outline, (float(t_s[0]), float(t_s[-1])))
-    return _Content({MAIN: _text(main), f"{LOG}.xml": _text(_header()), f"{LOG}.bin": log}, [*notices, *changed])
+    return {MAIN: _text(main), f"{LOG}.xml": _text(_header()), f"{LOG}.bin": log}, [*notices, *changed]
 
 
 def _tool_records(
-    result: Result, implement: dict[str, Any]
+    result: ResultFolder, implement: dict[str, Any]
 ) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.uint8], gpd.GeoDataFrame]:
-    """(t_s, state, fix, place) of the records: the poses, and the moments at which the tool went down or up."""
+    """(t_s, state, fix, place) of the records: the poses, and the times at which the tool was lowered or lifted."""
     import geopandas as gpd
 
-    poses, passes = result.layer("trajectory"), result.layer("passes")
+    poses, passes = result.layer(TRAJECTORY), result.layer("passes")
     t_s = poses["t_s"].to_numpy(np.float64)
     attitude = (poses[f"{name}_deg"].to_numpy(np.float64) for name in ("roll", "pitch", "heading"))
     turn = quaternion_to_matrix(attitude_to_quaternion(*attitude))
@@ -151,8 +142,8 @@ def _posix(times: Any) -> FloatArray:
     return seconds
 
 
-def _boundary(result: Result, width_m: float) -> tuple[BaseGeometry, list[Notice]]:
-    """The field's boundary in longitude and latitude: the session's, or else the outline of the ground worked."""
+def _boundary(result: ResultFolder, width_m: float) -> tuple[BaseGeometry, list[Notice]]:
+    """The field's boundary in longitude and latitude: the session's, or the outline of the worked ground."""
     import geopandas as gpd
 
     stated = result.report["session"].get("field", {}).get("boundary")
@@ -161,9 +152,9 @@ def _boundary(result: Result, width_m: float) -> tuple[BaseGeometry, list[Notice
         try:
             return read_boundary(session_file.parent / stated), []
         except InputError as error:
-            notice = Notice("boundary-lost", f"{error.lines[0]} The outline of the ground worked takes its place.")
+            notice = Notice("boundary-lost", f"{error.lines[0]} The outline of the worked ground is used instead.")
     else:
-        text = "The session names no boundary: the field's is the outline of the ground worked."
+        text = "The session has no boundary: the outline of the worked ground is used."
         notice = Notice("boundary-from-work", text)
     coverage = result.layer("coverage")
     half = 0.5 * width_m
@@ -175,13 +166,13 @@ def _boundary(result: Result, width_m: float) -> tuple[BaseGeometry, list[Notice
 
 
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:
-    """The records in binary: values only where they change.
+    """The binary records, with values only where they change.
 
     Args:
         t_s: (n,) UTC, to the millisecond.
         place: (n, 3) longitude, latitude, height.
         state: (n,) work state.
-        fix: (n,) quality by NMEA 2000, whose codes are those of NMEA 0183.
+        fix: (n,) quality of the positions, by the codes of NMEA 0183 (and NMEA 2000).
         width_mm: of the tool.
     """
     ms = np.round((t_s - EPOCH_S) * 1000.0).astype(np.int64)
@@ -209,7 +200,9 @@ def _header() -> ET.Element:
     return header
 
 
-def _main(result: Result, implement: dict[str, Any], outline: BaseGeometry, span_s: tuple[float, float]) -> ET.Element:
+def _main(
+    result: ResultFolder, implement: dict[str, Any], outline: BaseGeometry, span_s: tuple[float, float]
+) -> ET.Element:
     root = ET.Element(
         "ISO11783_TaskData",
         VersionMajor="4",
@@ -220,8 +213,8 @@ def _main(result: Result, implement: dict[str, Any], outline: BaseGeometry, span
         TaskControllerVersion=version("furrowmap"),
         DataTransferOrigin="2",
     )
-    told = "".join(f"\n  {name}: {printable(text)}" for name, text in result.origin.told.items())
-    root.append(ET.Comment(f"{told.replace('--', '- -')}\n"))
+    origin = "".join(f"\n  {name}: {printable(text)}" for name, text in result.origin.metadata.items())
+    root.append(ET.Comment(f"{origin.replace('--', '- -')}\n"))
     _add_device(root, implement)
     figures = result.report["figures"]
     parts = [part for part in shapely.get_parts(outline) if isinstance(part, shapely.Polygon)]
@@ -277,7 +270,7 @@ def _add_field(root: ET.Element, name: str, parts: Sequence[shapely.Polygon]) ->
 
 
 def _name(text: str) -> str:
-    """A designator: what XML may hold, as long as the standard allows."""
+    """A designator: printable text of at most the standard's length."""
     return printable(text)[:LONGEST_NAME] or "field"
 
 

@@ -1,8 +1,8 @@
-"""The layers of `field.gpkg` in the formats that other programs take."""
+"""The layers of `field.gpkg` in vector formats of other programs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -14,7 +14,9 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.exchange.kml import write_kml
+from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.geopackage import write_styles
 
 if TYPE_CHECKING:
@@ -24,11 +26,10 @@ WGS84: Final = CRS("EPSG:4326")
 DIGITS_DEG: Final = 9
 """Decimals of degrees in texts: a tenth of a millimetre."""
 _NAME_BYTES: Final = 10
-"""What a Shapefile has room for in the name of a field."""
+"""Maximum length of a field's name in a Shapefile."""
 
 FloatArray = NDArray[np.float64]
 Layers = Mapping[str, "gpd.GeoDataFrame"]
-Writer = Callable[[Path, Layers, Origin], list[Notice]]
 
 
 @dataclass(frozen=True)
@@ -36,30 +37,53 @@ class VectorFormat:
     """A format of vector files.
 
     Attributes:
-        title: for its users.
         suffix: of its files.
-        write: writes the layers into one file, or a file each into a folder, with where they come from, and returns
-            what could not be kept.
-        single: whether one file holds all layers.
-        crs: the only CRS that the format has; None where it takes any.
+        write_all: writes all layers into one file, and returns what could not be kept; None for a file a layer.
+        write_one: writes one layer into a file.
+        notices: of what a format with a file a layer cannot keep.
+        crs: the only CRS of the format; None for any.
     """
 
-    title: str
     suffix: str
-    write: Writer
-    single: bool = False
+    write_all: Callable[[Path, Layers, Origin], list[Notice]] | None = None
+    write_one: Callable[[Path, gpd.GeoDataFrame], None] | None = None
+    notices: Callable[[Layers], list[Notice]] = lambda _: []
     crs: CRS | None = None
 
 
+def write_vectors(
+    chosen: VectorFormat, target: Path, layers: Layers, origin: Origin
+) -> tuple[list[Path], list[Notice]]:
+    """Write layers into one file, or into a folder with a file a layer and their provenance.
+
+    Returns:
+        The files, and what the format could not keep.
+
+    Raises:
+        FurrowmapError: if the format needs a package that is not installed.
+        OSError: if the files cannot be written.
+    """
+    if chosen.write_all is not None:
+        with atomic_output(target) as unfinished:
+            return [target], chosen.write_all(unfinished, layers, origin)
+    assert chosen.write_one is not None
+    with staged_folder(target) as staging:
+        for name, layer in layers.items():
+            chosen.write_one(staging / f"{name}{chosen.suffix}", layer)
+        origin.write_beside(staging)
+        names = sorted(path.name for path in staging.iterdir())
+    return [target / name for name in names], chosen.notices(layers)
+
+
 def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDataFrame], list[Notice]]:
-    """The layers in another CRS; heights and area fields stay what they are.
+    """The layers in another CRS; heights and area fields are unchanged.
 
     Args:
         layers: all in one CRS.
-        target: None to leave them as they are.
+        target: None to keep their CRS.
 
     Raises:
-        RefusedError: if there is no way that PROJ can vouch for.
+        RefusedError: if PROJ has no reliable transformation.
     """
     import shapely
 
@@ -80,38 +104,28 @@ def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDa
     }, list(change.notices)
 
 
-def write_geopackage(path: Path, layers: Layers, origin: Origin) -> list[Notice]:
+def _write_geopackage(path: Path, layers: Layers, origin: Origin) -> list[Notice]:
     """One GeoPackage with its styles."""
     for name, layer in layers.items():
-        told = None if path.exists() else origin.told
-        layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=told)
+        metadata = None if path.exists() else origin.metadata
+        layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=metadata)
     write_styles(path, list(layers))
     return []
 
 
-def write_flatgeobuf(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
-    """A FlatGeobuf a layer, with its spatial index."""
-    for name, layer in layers.items():
-        layer.to_file(folder / f"{name}.fgb", driver="FlatGeobuf", engine="pyogrio")
-    origin.tell_beside(folder)
-    return []
+def _write_flatgeobuf(path: Path, layer: gpd.GeoDataFrame) -> None:
+    """FlatGeobuf with its spatial index."""
+    layer.to_file(path, driver="FlatGeobuf", engine="pyogrio")
 
 
-def write_geoparquet(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
-    """A GeoParquet file (version 1.1) a layer, compressed by zstandard, with boxes of the rows' geometries.
+def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
+    """GeoParquet 1.1, compressed by zstandard, with the bounding box of each row.
 
     Raises:
         FurrowmapError: if pyarrow is not installed.
     """
     try:
-        for name, layer in layers.items():
-            layer.to_parquet(
-                folder / f"{name}.parquet",
-                index=False,
-                compression="zstd",
-                schema_version="1.1.0",
-                write_covering_bbox=True,
-            )
+        layer.to_parquet(path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True)
     except ImportError:
         raise FurrowmapError(
             "GeoParquet is written by pyarrow, which is not installed.",
@@ -119,66 +133,50 @@ def write_geoparquet(folder: Path, layers: Layers, origin: Origin) -> list[Notic
             'Install it: pip install "furrowmap[parquet]".',
             code="extra-missing",
         ) from None
-    origin.tell_beside(folder)
-    return []
 
 
-def write_geojson(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
-    """A GeoJSON file (RFC 7946) a layer."""
-    for name, layer in layers.items():
-        layer.to_file(
-            folder / f"{name}.geojson",
-            driver="GeoJSON",
-            engine="pyogrio",
-            RFC7946="YES",
-            COORDINATE_PRECISION=DIGITS_DEG,
-            WRITE_NAME="YES",
-        )
-    origin.tell_beside(folder)
-    return []
+def _write_geojson(path: Path, layer: gpd.GeoDataFrame) -> None:
+    """GeoJSON after RFC 7946."""
+    options = {"RFC7946": "YES", "COORDINATE_PRECISION": DIGITS_DEG, "WRITE_NAME": "YES"}
+    layer.to_file(path, driver="GeoJSON", engine="pyogrio", **options)
 
 
-def write_shapefiles(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
-    """A Shapefile a layer: names of fields cut to what fits, times as text, for the format has dates only."""
-    cut: dict[str, str] = {}
-    for name, layer in layers.items():
-        short = _short_names([str(column) for column in layer.columns if column != layer.geometry.name])
-        cut |= {long: name for long, name in short.items() if long != name}
-        _with_texts(layer).rename(columns=short).to_file(
-            folder / f"{name}.shp", driver="ESRI Shapefile", engine="pyogrio", ENCODING="UTF-8"
-        )
-    origin.tell_beside(folder)
+def _write_shapefile(path: Path, layer: gpd.GeoDataFrame) -> None:
+    """Shapefile with shortened names of fields, and times as text: the format has dates only."""
+    table = _with_texts(layer).rename(columns=_short_names(layer))
+    table.to_file(path, driver="ESRI Shapefile", engine="pyogrio", ENCODING="UTF-8")
+
+
+def _shortened(layers: Layers) -> list[Notice]:
+    cut = {long: short for layer in layers.values() for long, short in _short_names(layer).items() if long != short}
     if not cut:
         return []
     pairs = ", ".join(f"{long} is {short}" for long, short in sorted(cut.items()))
     return [Notice("shapefile-names", f"A Shapefile's fields have names of ten letters: {pairs}.")]
 
 
-def write_csv(folder: Path, layers: Layers, origin: Origin) -> list[Notice]:
-    """A CSV a layer: points by their coordinates, other geometries as WKT, times as ISO 8601."""
-    for name, layer in layers.items():
-        geometry = layer.geometry
-        table = _with_texts(layer).drop(columns=geometry.name)
-        if set(geometry.geom_type.dropna()) <= {"Point"}:
-            names = ("lon_deg", "lat_deg") if geometry.crs.is_geographic else ("e_m", "n_m")
-            table[names[0]], table[names[1]] = geometry.x.round(DIGITS_DEG), geometry.y.round(DIGITS_DEG)
-            if geometry.has_z.any():
-                table["h_m"] = geometry.z.round(4)
-        else:
-            table["wkt"] = geometry.to_wkt(rounding_precision=DIGITS_DEG if geometry.crs.is_geographic else 4)
-        table.to_csv(folder / f"{name}.csv", index=False, lineterminator="\n")
-    origin.tell_beside(folder)
-    return []
+def _write_csv(path: Path, layer: gpd.GeoDataFrame) -> None:
+    """CSV: points by their coordinates, other geometries as WKT, times as ISO 8601."""
+    geometry = layer.geometry
+    table = _with_texts(layer).drop(columns=geometry.name)
+    if set(geometry.geom_type.dropna()) <= {"Point"}:
+        names = ("lon_deg", "lat_deg") if geometry.crs.is_geographic else ("e_m", "n_m")
+        table[names[0]], table[names[1]] = geometry.x.round(DIGITS_DEG), geometry.y.round(DIGITS_DEG)
+        if geometry.has_z.any():
+            table["h_m"] = geometry.z.round(4)
+    else:
+        table["wkt"] = geometry.to_wkt(rounding_precision=DIGITS_DEG if geometry.crs.is_geographic else 4)
+    table.to_csv(path, index=False, lineterminator="\n")
 
 
 FORMATS: Final[Mapping[str, VectorFormat]] = {
-    "gpkg": VectorFormat("GeoPackage", ".gpkg", write_geopackage, single=True),
-    "geoparquet": VectorFormat("GeoParquet", ".parquet", write_geoparquet),
-    "flatgeobuf": VectorFormat("FlatGeobuf", ".fgb", write_flatgeobuf),
-    "geojson": VectorFormat("GeoJSON", ".geojson", write_geojson, crs=WGS84),
-    "shapefile": VectorFormat("Shapefile", ".shp", write_shapefiles),
-    "kml": VectorFormat("KML", ".kml", write_kml, single=True, crs=WGS84),
-    "csv": VectorFormat("CSV", ".csv", write_csv),
+    "gpkg": VectorFormat(".gpkg", write_all=_write_geopackage),
+    "geoparquet": VectorFormat(".parquet", write_one=_write_geoparquet),
+    "flatgeobuf": VectorFormat(".fgb", write_one=_write_flatgeobuf),
+    "geojson": VectorFormat(".geojson", write_one=_write_geojson, crs=WGS84),
+    "shapefile": VectorFormat(".shp", write_one=_write_shapefile, notices=_shortened),
+    "kml": VectorFormat(".kml", write_all=write_kml, crs=WGS84),
+    "csv": VectorFormat(".csv", write_one=_write_csv),
 }
 
 
@@ -193,10 +191,10 @@ def _iso(times: Any) -> Any:
     return texts.where(times.notna(), None)
 
 
-def _short_names(names: Sequence[str]) -> dict[str, str]:
-    """Names of at most ten letters, all different: the unit is kept and the words before it are cut alike."""
+def _short_names(layer: gpd.GeoDataFrame) -> dict[str, str]:
+    """Unique names of at most ten letters for the fields: the words before the unit are cut to one length."""
     short: dict[str, str] = {}
-    for name in names:
+    for name in (str(column) for column in layer.columns if column != layer.geometry.name):
         words = name.split("_")
         room = _NAME_BYTES
         while len(name) > _NAME_BYTES and len("_".join(word[:room] for word in words)) > _NAME_BYTES:

@@ -1,4 +1,4 @@
-"""A base's GeoPackage as SQLite sees it: whether it is one, who has it, and what furrowmap remembers in it."""
+"""The SQLite side of a farm map's GeoPackage: checks, locks, settings."""
 
 from __future__ import annotations
 
@@ -8,67 +8,61 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.exporters.farm.edit import SCHEMA, SETTINGS
+from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.exporters.farm.edit import SETTINGS, check_schema
 
 BUSY_S: Final = 5.0
-"""How long to wait for another program that writes."""
+"""Maximum wait for another program that writes."""
 _MAGIC: Final = b"SQLite format 3\0"
 
 
-def check_base(path: Path) -> None:
-    """See that the file at `path` is a base.
+def check_farm_map(path: Path) -> None:
+    """Check that the file at `path` is a farm map.
 
     Raises:
-        InputError: if it is none.
-        RefusedError: if it is one of another schema, or another program keeps it to itself.
+        InputError: if it is not.
+        RefusedError: if its tables are of another version, or another program has locked it.
     """
     with path.open("rb") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
-            raise _no_base(path, "is no GeoPackage")
+            raise _not_a_farm_map(path, "is not a GeoPackage")
     try:
         with closing(sqlite3.connect(path, timeout=BUSY_S)) as database:
-            there = has_table(database, SETTINGS) and has_table(database, "gpkg_contents")
-            schema = setting(database, "schema") if there else None
+            has_settings = has_table(database, SETTINGS) and has_table(database, "gpkg_contents")
+            schema = setting(database, "schema") if has_settings else None
     except sqlite3.OperationalError as error:
         raise _open_elsewhere(path, error) from None
     except sqlite3.DatabaseError as error:
-        raise _no_base(path, f"is damaged ({error})") from None
+        raise _not_a_farm_map(path, f"is damaged ({error})") from None
     if schema is None:
-        raise _no_base(path, "is a GeoPackage, but not one that `furrowmap base add` made")
-    if schema != str(SCHEMA):
-        raise RefusedError(
-            f"{path} has the schema {schema}; this version of furrowmap knows {SCHEMA}.",
-            "Its tables may mean something else, so nothing was done.",
-            "Use the version of furrowmap that made it, or begin a new base from the folders of results.",
-            code="base-schema",
-        )
+        raise _not_a_farm_map(path, "is a GeoPackage, but was not made by `furrowmap farm add`")
+    check_schema(str(path), schema, "from the result folders")
 
 
-def _no_base(path: Path, why: str) -> InputError:
+def _not_a_farm_map(path: Path, why: str) -> InputError:
     return InputError(
         f"{path} {why}.",
-        "What is in it could be damaged, so nothing was done.",
-        "Name a file that is not there yet, or a base that furrowmap made.",
+        "Its content could be damaged.",
+        "Name a new file, or a farm map that furrowmap made.",
         code="not-a-base",
     )
 
 
-def _open_elsewhere(path: Path, error: Exception) -> FurrowmapError:
+def _open_elsewhere(path: Path, error: Exception) -> RefusedError:
     return RefusedError(
         f"{path} is open for editing in another program ({error}).",
-        "What that program saves would be lost, so nothing was done.",
+        "What that program saves would be lost.",
         "Save and end editing there (in QGIS: toggle editing off, or close the project), and run the command again.",
         code="base-open",
     )
 
 
-def held(path: Path) -> sqlite3.Connection:
-    """The base, kept from being written by others until the connection is closed.
+def locked(path: Path) -> sqlite3.Connection:
+    """A connection that keeps other programs from writing until it is closed.
 
     Raises:
-        RefusedError: if another program is writing it, or has it open with a log of its own (WAL) beside it, which
-            must not be found beside another file.
+        RefusedError: if another program is writing, or has the file open in WAL mode: its log must not be found beside
+            another file.
     """
     database = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
     try:
@@ -87,18 +81,13 @@ def has_table(database: sqlite3.Connection, name: str) -> bool:
 
 
 def setting(database: sqlite3.Connection, name: str) -> str | None:
-    """What is kept under that name."""
+    """The value of a setting."""
     row = database.execute(f"SELECT value FROM {SETTINGS} WHERE name = ?", (name,)).fetchone()  # noqa: S608
     return None if row is None else str(row[0])
 
 
-def remember(database: sqlite3.Connection, name: str, text: str) -> None:
-    """Keep a hash of what was written under `name`, to tell later whether somebody has changed it."""
-    set_value(database, name, hashlib.sha256(text.encode()).hexdigest())
-
-
 def set_value(database: sqlite3.Connection, name: str, value: str) -> None:
-    """Keep a value under a name, in place of an earlier one."""
+    """Store a setting in place of an earlier one."""
     database.execute(
         f"INSERT INTO {SETTINGS} (name, value) VALUES (?, ?) "  # noqa: S608
         "ON CONFLICT (name) DO UPDATE SET value = excluded.value",
@@ -106,6 +95,11 @@ def set_value(database: sqlite3.Connection, name: str, value: str) -> None:
     )
 
 
-def wrote(database: sqlite3.Connection, name: str, text: str) -> bool:
-    """Whether `text` is what furrowmap itself wrote last under `name`."""
+def store_hash(database: sqlite3.Connection, name: str, text: str) -> None:
+    """Store the hash of a written text under `name`, to detect later changes by a user."""
+    set_value(database, name, hashlib.sha256(text.encode()).hexdigest())
+
+
+def is_unchanged(database: sqlite3.Connection, name: str, text: str) -> bool:
+    """Whether `text` is what :func:`store_hash` saw last under `name`."""
     return setting(database, name) == hashlib.sha256(text.encode()).hexdigest()

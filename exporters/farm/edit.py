@@ -1,4 +1,4 @@
-"""What a base can do within one change of it, wherever it is kept."""
+"""The operations of a change of a farm map, wherever it is stored."""
 
 from __future__ import annotations
 
@@ -9,30 +9,32 @@ from typing import Any, Final, Protocol
 
 from pyproj import CRS
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.exporters.vectors.field_layers import Layer
 
 SCHEMA: Final = 1
-"""Of the tables; a base of another is refused."""
+"""Version of the tables; a farm map of another version is refused."""
 SETTINGS: Final = "furrowmap_base"
-"""The table of names and values that makes a database a base of ours."""
+"""The table of names and values that makes a database a farm map."""
+LAYER_SETTING: Final = "layer "
+"""Settings with this prefix hold the geometry type of a layer."""
 STYLE_BY: Final = "furrowmap's own"
 
 
 @dataclass(frozen=True)
 class KnownSession:
-    """A session in the base.
+    """A session in a farm map.
 
     Attributes:
         session: its identity.
-        name: as the session has it.
+        name: of the session.
         date: the day at the place where it began.
         start: of the session, in UTC.
         end: of the session, in UTC.
-        worked_area_m2: None where it is not known.
-        passes: how many.
+        worked_area_m2: None where unknown.
+        passes: number of passes.
         crs: of the session itself.
-        heights: what they are heights above.
+        heights: name of the height system.
         folder: of its products when it was added.
         recordings: a hash of the content of its recordings.
         digest: of the products it was read from.
@@ -51,7 +53,7 @@ class KnownSession:
     recordings: str
     digest: str
 
-    def told(self) -> dict[str, Any]:
+    def plain(self) -> dict[str, Any]:
         """Its values by name, with times as ISO 8601."""
         return asdict(self) | {"start": self.start.isoformat(), "end": self.end.isoformat()}
 
@@ -63,38 +65,53 @@ KNOWN_COLUMNS: Final = (
 """Those of :class:`KnownSession`, in its order, from `sessions` as s and `provenance` as p."""
 
 
-class Edit(Protocol):
-    """A change of a base: all of it takes place, or nothing."""
+class FarmEdit(Protocol):
+    """A change of a farm map: all of it takes place, or nothing."""
+
+    def name(self) -> str:
+        """Path or address of the farm map, without a password."""
 
     def crs(self) -> CRS | None:
-        """Of all its layers; None if the base is new."""
+        """Of all layers; None for a new farm map."""
 
     def sessions(self) -> list[KnownSession]:
-        """Those in the base, by time."""
+        """The sessions in order of time."""
 
     def remove(self, sessions: Sequence[str]) -> None:
-        """Take sessions out of all layers, by their identities."""
+        """Remove sessions, given by their identities, from all layers."""
 
     def append(self, layer: Layer, crs: CRS) -> None:
-        """Add features to a layer, which is made where it is not there; columns that it lacks too."""
+        """Append features to a layer; a missing layer or column is created."""
 
     def layers(self) -> dict[str, str]:
-        """Kind of geometry (as OGR calls it, empty for tables) of each layer, by name."""
+        """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
 
     def bounds(self) -> tuple[float, float, float, float]:
-        """Least easting and northing, greatest easting and northing of all sessions."""
+        """West, south, east and north bound of all sessions."""
 
     def source(self, layer: str, kind: str) -> tuple[str, str]:
-        """QGIS's provider of a layer, and where that finds it, as seen from the stored project."""
+        """QGIS's provider of a layer, and its data source as seen from the stored project."""
 
     def store_styles(self, styles: dict[str, str]) -> tuple[Notice, ...]:
-        """Keep the styles of layers where QGIS looks for them; one that a user has changed stays."""
+        """Store the styles of layers where QGIS looks for them; one that a user has changed stays."""
 
     def store_project(self, archive: bytes) -> None:
-        """Keep the project where QGIS looks for it; one that a user has changed stays."""
+        """Store the project where QGIS looks for it; one that a user has changed stays."""
 
-    def shown(self) -> str:
-        """The base as it may be told: without a password."""
+
+def check_schema(farm_map: str, schema: str | None, remedy: str) -> None:
+    """Refuse a farm map of another version of the tables.
+
+    Raises:
+        RefusedError: if it is one.
+    """
+    if schema != str(SCHEMA):
+        raise RefusedError(
+            f"{farm_map} has the schema {schema}; this version of furrowmap knows {SCHEMA}.",
+            "Its tables may have another meaning.",
+            f"Use the version of furrowmap that made it, or start a new farm map {remedy}.",
+            code="base-schema",
+        )
 
 
 def row_of(values: Sequence[Any]) -> KnownSession:

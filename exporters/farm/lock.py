@@ -19,17 +19,17 @@ _STEP_S: Final = 0.05
 
 @contextmanager
 def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -> Iterator[None]:
-    """Keep other processes of furrowmap from changing the file at `path` meanwhile.
+    """Keep other processes of furrowmap from changing the file at `path`.
 
-    The lock is one of the system on a hidden file beside: it ends with the process, however that ends.
+    The lock is a system lock on a hidden file beside it, so it ends with the process, however that ends.
 
     Args:
-        path: of the file, which need not be there.
-        progress: is told of the stage "waiting for another process".
-        patience_s: how long to wait for another one.
+        path: of the file, which need not exist.
+        progress: receives the stage "waiting for another process".
+        patience_s: maximum wait for another process.
 
     Raises:
-        RefusedError: if another process is at work for longer.
+        RefusedError: if another process holds the lock for longer.
         OSError: if the folder cannot be written to.
     """
     lock = path.with_name(f".{path.name}.lock")
@@ -38,8 +38,8 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
         if time.monotonic() > deadline:
             raise RefusedError(
                 f"{path}: another process has been changing it for {patience_s:.0f} s.",
-                "Two at once could lose what one of them added, so nothing was done.",
-                "Wait for the other one to end, and run the command again.",
+                "A second process could lose what the first one added.",
+                "Wait for the other process to end, and run the command again.",
                 code="base-busy",
             )
         progress("waiting for another process", 0.0)
@@ -47,7 +47,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
     try:
         yield
     finally:
-        with suppress(OSError):  # Windows does not remove what is open; an empty file is left there
+        with suppress(OSError):  # Windows does not remove an open file; an empty one remains
             lock.unlink()
         os.close(descriptor)
 
@@ -59,7 +59,7 @@ def _try(lock: Path) -> int | None:
         with suppress(OSError):
             if os.path.samestat(os.fstat(descriptor), lock.stat()):
                 return descriptor
-    os.close(descriptor)  # somebody else's, or of a name that the one before has just removed
+    os.close(descriptor)  # another process's, or of a name that the process before has just removed
     return None
 
 

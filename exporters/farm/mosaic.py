@@ -1,4 +1,4 @@
-"""The surfaces of several sessions as one raster: the latest session's, or their mean."""
+"""The surfaces of several sessions as one raster: the latest session's cells, or the mean."""
 
 from __future__ import annotations
 
@@ -27,20 +27,35 @@ from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.exporters.rasters.windows import common, window, windows
 from furrowmap.exporters.reports.report import file_records
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
-_TILE: Final = 1024
 _EDGE: Final = 1e-3
-"""Cells of which a surface covers less than this share of one of its own have no part in it."""
+"""Share of a surface's cell by which its bounds are reduced, so that rounding adds no row or column of cells."""
 COARSER: Final = 1.5
-"""Cells that are so many times as large are made of the cells in them."""
+"""Ratio of cell sizes from which resampling takes the mean."""
+
+
+@dataclass(frozen=True)
+class MosaicSettings:
+    """Options of a mosaic.
+
+    Attributes:
+        crs: of the cells; None for that of the surfaces.
+        cell_m: length of a cell's sides; None for the latest surface's.
+        mean: write the mean height of all sessions and their number instead of the latest session's cells.
+    """
+
+    crs: CRS | None = None
+    cell_m: float | None = None
+    mean: bool = False
 
 
 @dataclass(frozen=True)
 class Mosaic:
-    """What was made.
+    """A written mosaic.
 
     Attributes:
         path: of the raster.
@@ -48,7 +63,7 @@ class Mosaic:
         cell_m: length of a cell's sides.
         columns: from west to east.
         rows: from north to south.
-        surfaces: of how many sessions.
+        surfaces: number of surfaces in it.
         notices: what a user should know.
     """
 
@@ -61,80 +76,81 @@ class Mosaic:
     notices: tuple[Notice, ...]
 
 
-def mosaic(
-    paths: Sequence[Path],
-    output: Path,
-    *,
-    crs: CRS | None = None,
-    cell_m: float | None = None,
-    mean: bool = False,
-    progress: Progress = silent,
-) -> Mosaic:
-    """Put surfaces together into one raster.
+_DEFAULTS: Final = MosaicSettings()
 
-    Cells that overlay exactly are taken as they are. A surface of another CRS or cell size is resampled: bilinear, in
-    cells whose middle lies in a seen one; coarser cells have the mean of the seen ones in them. A cell's bands come
-    from one session together.
+
+def write_mosaic(
+    paths: Sequence[Path], output: Path, settings: MosaicSettings = _DEFAULTS, progress: Progress = silent
+) -> Mosaic:
+    """Merge surfaces into one raster.
+
+    Surfaces of the same CRS and cell size are copied cell by cell. Others are resampled: bilinear, in cells whose
+    centre lies in a seen cell; coarser cells take the mean of the seen cells in them. All bands of a cell come from one
+    session.
 
     Args:
-        paths: of the surfaces, in the order of their sessions, the latest last: it wins where they overlap.
-        output: `.vrt` for a virtual raster of the heights, which refers to the surfaces where they lie and has nothing
-            of its own; `.tif` for a cloud-optimised GeoTIFF of all bands.
-        crs: of the cells; None for that of the surfaces.
-        cell_m: length of a cell's sides; None for the latest surface's.
-        mean: the mean height of all sessions instead, and how many there were.
-        progress: is told of the stage "writing the mosaic".
+        paths: of the surfaces in the order of their sessions; the last one is on top.
+        output: `.vrt` for a virtual raster, which refers to the heights of the surfaces where they lie; `.tif` for a
+            cloud-optimised GeoTIFF of all bands.
+        settings: CRS, cells and the value of overlapping cells.
+        progress: receives the stage "writing the mosaic".
 
     Raises:
         InputError: if a surface cannot be read.
-        RefusedError: if they cannot be put together that way.
+        RefusedError: if the surfaces cannot be merged in this way.
         OSError: if the raster cannot be written.
     """
     surfaces = [surface_file(path) for path in paths]
     if output.resolve() in {surface.path for surface in surfaces}:
         raise RefusedError(
-            f"{output} is one of the surfaces that the mosaic is made of.",
-            "It would be lost, so nothing was done.",
+            f"{output} is one of the surfaces of the mosaic.",
+            "It would be overwritten.",
             "Choose another name with -o.",
             code="output-is-input",
         )
-    target = _target_crs(surfaces, crs)
-    cell_m = cell_m or surfaces[-1].cell_m
+    target, cell_m = _target_crs(surfaces, settings.crs), settings.cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
-    notices = [] if exact else _checked_changes(surfaces, target)
-    if output.suffix == VIRTUAL and (mean or not exact):
+    notices = [] if exact else _check_changes(surfaces, target)
+    if output.suffix == VIRTUAL and (settings.mean or not exact):
+        why = "--mean is given" if settings.mean else "not all surfaces have its CRS and cell size"
         raise RefusedError(
-            f"{output.name} would have to compute its cells: "
-            f"{'a mean is asked for' if mean else 'not all surfaces have the CRS and the cells that it is to have'}.",
-            "A virtual raster only refers to cells as they are, so nothing was done.",
-            "Name an output with .tif, which is computed once.",
+            f"{output.name} would need resampled or computed cells: {why}.",
+            "A virtual raster only refers to existing cells.",
+            "Name an output with .tif.",
             code="mosaic-virtual",
         )
     grid = _whole_grid(surfaces, target, cell_m)
-    origin = _origin(surfaces, mean=mean, progress=progress)
+    origin = _origin(surfaces, mean=settings.mean, progress=progress)
     if output.suffix == VIRTUAL:
         sources = [(s.path, s.grid, s.nodata) for s in surfaces if s.grid is not None]
         text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources, origin)
         with atomic_output(output) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     else:
-        _compute(surfaces, output, grid, target, origin, mean=mean, progress=progress)
-    size = {"columns": grid.columns, "rows": grid.rows}
-    return Mosaic(output, name_of(target), cell_m, **size, surfaces=len(surfaces), notices=tuple(notices))
+        count = 1 if settings.mean else min(len(surface.bands) for surface in surfaces)
+        bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if settings.mean else []))
+        with ExitStack() as stack:
+            opened = [stack.enter_context(_opened(surface, target, cell_m, count)) for surface in surfaces]
+            put = stack.enter_context(cog_output(output, grid, target, bands, origin))
+            tiles = [tile for tile, _ in windows(grid, 0)]
+            for i, tile in enumerate(tiles):
+                progress("writing the mosaic", i / len(tiles))
+                put(tile, _mean(opened, tile) if settings.mean else _latest(opened, tile, count))
+    return Mosaic(output, name_of(target), cell_m, grid.columns, grid.rows, len(surfaces), tuple(notices))
 
 
 def _target_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
     """The CRS of the mosaic, with the heights of the surfaces.
 
     Raises:
-        RefusedError: if nobody has said which of several, or heights are of several kinds.
+        RefusedError: if the surfaces have several and none is asked for, or have several height systems.
     """
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
         raise RefusedError(
-            f"The surfaces' heights are of several kinds: {', '.join(sorted(kind or 'not told' for kind in kinds))}.",
-            "Tens of metres may lie between them, so nothing was done.",
-            "Run the sessions with the same heights, or make a mosaic of each kind.",
+            f"The surfaces have several height systems: {', '.join(sorted(kind or 'unknown' for kind in kinds))}.",
+            "Their heights may differ by tens of metres.",
+            "Run the sessions with the same heights, or make a mosaic for each height system.",
             code="mosaic-heights",
         )
     crs = surfaces[-1].crs
@@ -143,8 +159,8 @@ def _target_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
             if not same_map(surface.crs, crs):
                 raise RefusedError(
                     f"{surfaces[-1].path} is in {name_of(crs)}, {surface.path} in {name_of(surface.crs)}.",
-                    "Nobody has said which of them the mosaic is to have, so nothing was done.",
-                    "Name one with --dst-crs.",
+                    "A mosaic has one CRS.",
+                    "Choose it with --dst-crs.",
                     code="mosaic-crs",
                 )
         return crs
@@ -160,8 +176,8 @@ def _fits(surface: SurfaceFile, crs: CRS, cell_m: float) -> bool:
     return surface.grid is not None and surface.cell_m == cell_m and same_map(surface.crs, crs)
 
 
-def _checked_changes(surfaces: Sequence[SurfaceFile], target: CRS) -> list[Notice]:
-    """What is to be known of the ways into the target's CRS; refused where PROJ cannot vouch for one."""
+def _check_changes(surfaces: Sequence[SurfaceFile], target: CRS) -> list[Notice]:
+    """Notices on the changes of CRS; raises where PROJ has no reliable one."""
     notices: dict[Notice, None] = {}
     for surface in surfaces:
         if not same_map(surface.crs, target):
@@ -179,7 +195,7 @@ def _whole_grid(surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float) -> Gri
 
 
 def _grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
-    """The cells of the mosaic that a surface may have a part in."""
+    """The cells of the mosaic that a surface may contribute to."""
     if surface.grid is not None and _fits(surface, crs, cell_m):
         return surface.grid
     bounds = surface.bounds_m
@@ -203,30 +219,9 @@ def _origin(surfaces: Sequence[SurfaceFile], *, mean: bool, progress: Progress) 
     )
 
 
-def _compute(
-    surfaces: Sequence[SurfaceFile],
-    output: Path,
-    grid: Grid,
-    crs: CRS,
-    origin: Origin,
-    *,
-    mean: bool,
-    progress: Progress,
-) -> None:
-    count = 1 if mean else min(len(surface.bands) for surface in surfaces)
-    bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if mean else []))
-    with ExitStack() as stack:
-        sources = [stack.enter_context(_opened(surface, crs, grid.cell_m, count)) for surface in surfaces]
-        put = stack.enter_context(cog_output(output, grid, crs, bands, origin))
-        tiles = list(_tiles(grid))
-        for i, tile in enumerate(tiles):
-            progress("writing the mosaic", i / len(tiles))
-            put(tile, _mean(sources, tile) if mean else _latest(sources, tile, count))
-
-
 @dataclass(frozen=True)
 class _Source:
-    """A surface in cells of the mosaic: its own, or resampled into them, and then as its nearest cells are or None."""
+    """A surface in cells of the mosaic: its own or resampled; `nearest` masks the cells of a bilinear one."""
 
     raster: Any
     nearest: Any
@@ -234,23 +229,19 @@ class _Source:
     bands: int
 
     def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
-        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there, nan for none."""
-        top = max(tile.north - self.grid.north, 0)
-        left = max(self.grid.west - tile.west, 0)
-        bottom = min(tile.north - (self.grid.north - self.grid.rows), tile.rows)
-        right = min(self.grid.west + self.grid.columns - tile.west, tile.columns)
-        if bottom <= top or right <= left:
+        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata."""
+        shared = common(tile, self.grid)
+        if shared is None:
             return None
-        row, column = self.grid.north - tile.north + top, tile.west - self.grid.west + left
-        window = Window(column, row, right - left, bottom - top)
-        values = _values(self.raster, self.bands, window)
+        part = window(shared, self.grid)
+        values = _values(self.raster, self.bands, part)
         if self.nearest is not None:
-            values[:, np.isnan(_values(self.nearest, 1, window)[0])] = np.nan
-        return (slice(top, bottom), slice(left, right)), values
+            values[:, np.isnan(_values(self.nearest, 1, part)[0])] = np.nan
+        return shared.window_in(tile), values
 
 
-def _values(raster: Any, bands: int, window: Window) -> NDArray[np.float32]:
-    read = raster.read(list(range(1, bands + 1)), window=window, masked=True, out_dtype="float32")
+def _values(raster: Any, bands: int, part: Window) -> NDArray[np.float32]:
+    read = raster.read(list(range(1, bands + 1)), window=part, masked=True, out_dtype="float32")
     values: NDArray[np.float32] = read.filled(np.nan)
     return values
 
@@ -272,7 +263,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
             "src_nodata": np.nan if surface.nodata is None else surface.nodata,
             "nodata": np.nan,
             "dtype": "float32",
-            "UNIFIED_SRC_NODATA": "NO",  # else a cell beside a hole, or one of a single return, would be one more hole
+            "UNIFIED_SRC_NODATA": "NO",  # else a cell next to nodata in any band would become nodata
         }
         with (
             WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
@@ -281,20 +272,13 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
             yield _Source(warped, None if coarser else nearest, grid, bands)
 
 
-def _tiles(grid: Grid) -> Iterator[Grid]:
-    for top in range(0, grid.rows, _TILE):
-        for left in range(0, grid.columns, _TILE):
-            shape = (min(_TILE, grid.rows - top), min(_TILE, grid.columns - left))
-            yield Grid(grid.cell_m, grid.west + left, grid.north - top, shape)
-
-
 def _latest(sources: Sequence[_Source], tile: Grid, count: int) -> list[NDArray[np.float32]]:
     values = np.full((count, *tile.shape), np.nan, np.float32)
     for source in reversed(sources):
         found = source.read(tile)
         if found is not None:
-            place, theirs = found
-            mine = values[:, place[0], place[1]]
+            (rows, columns), theirs = found
+            mine = values[:, rows, columns]
             free = np.isnan(mine[0]) & ~np.isnan(theirs[0])
             mine[:, free] = theirs[:, free]
     return list(values)

@@ -1,4 +1,4 @@
-"""A farm's base map in PostGIS, where several people share it."""
+"""A farm map in PostGIS, which several people can share."""
 
 from __future__ import annotations
 
@@ -18,41 +18,49 @@ from pyproj import CRS
 
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
-from furrowmap.exporters.farm.connection import connected, public_parameters, shown
-from furrowmap.exporters.farm.edit import KNOWN_COLUMNS, SCHEMA, SETTINGS, STYLE_BY, KnownSession, row_of
+from furrowmap.exporters.farm.connection import connected, public_name, public_parameters
+from furrowmap.exporters.farm.edit import (
+    KNOWN_COLUMNS,
+    LAYER_SETTING,
+    SCHEMA,
+    SETTINGS,
+    STYLE_BY,
+    KnownSession,
+    check_schema,
+    row_of,
+)
 from furrowmap.exporters.farm.project import PROJECT
 from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
 
 _PATIENCE: Final = "60s"
-_LAYER: Final = "layer "
 _TYPES: Final = {"f": "double precision", "i": "bigint", "u": "bigint", "b": "boolean", "O": "text"}
 
 
 @contextmanager
 def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> Iterator[PostgisEdit]:
-    """Change the base in a database within one transaction; others of furrowmap wait.
+    """Change the farm map in a database within one transaction; other processes of furrowmap wait.
 
     Args:
-        target: how PostgreSQL calls a database.
-        create: whether the base is made where it is not there.
+        target: PostgreSQL connection string.
+        create: whether to create a missing farm map.
         schema: of its tables.
 
     Raises:
-        InputError: if the database cannot be reached, has no PostGIS, or has no base.
-        RefusedError: if the user may not change it, or somebody else does for long.
+        InputError: if the database cannot be reached, has no PostGIS, or has no farm map.
+        RefusedError: if the user lacks a right, or another process holds the lock for too long.
     """
     with connected(target) as connection, connection.transaction():
         connection.execute(SQL("SET LOCAL lock_timeout = {}").format(_PATIENCE))
         connection.execute("SELECT pg_advisory_xact_lock(hashtext('furrowmap'), hashtext(%s))", (schema,))
-        edit = PostgisEdit(connection, schema, public_parameters(target), shown(target))
+        edit = PostgisEdit(connection, schema, public_parameters(target), public_name(target))
         edit.begin(create=create)
         yield edit
 
 
 class PostgisEdit:
-    """:class:`~furrowmap.exporters.farm.edit.Edit` of a database."""
+    """:class:`~furrowmap.exporters.farm.edit.FarmEdit` of a database."""
 
     def __init__(self, connection: psycopg.Connection[Any], schema: str, parameters: dict[str, str], name: str) -> None:
         self._connection = connection
@@ -62,40 +70,33 @@ class PostgisEdit:
         self._extension = ""
 
     def begin(self, *, create: bool) -> None:
-        """See that the database can hold a base, and that one is there or may be made.
+        """Check that the database has PostGIS and a farm map, or create that.
 
         Raises:
-            InputError: if it cannot, or there is none.
-            RefusedError: if the base is of another schema.
+            InputError: if one of them is missing.
+            RefusedError: if the tables are of another version.
         """
         self._extension = self._postgis()
         if not self._has(SETTINGS):
             if not create:
                 raise InputError(
-                    f"{self._name} has no base in the schema '{self._schema}'.",
-                    "There is nothing to look into.",
-                    "Name its schema with --schema; `furrowmap base add DIR` and this database makes a new base.",
+                    f"{self._name} has no farm map in the schema '{self._schema}'.",
+                    "There is no farm map to read.",
+                    "Name its schema with --schema; `furrowmap farm add DIR` and this database creates one.",
                     code="base-missing",
                 )
             if self._one("SELECT to_regnamespace(quote_ident(%s))", self._schema) is None:
                 self._do(SQL("CREATE SCHEMA {}").format(Identifier(self._schema)))
             self._do(SQL("CREATE TABLE {} (name text PRIMARY KEY, value text)").format(self._table(SETTINGS)))
             self._set("schema", str(SCHEMA))
-        there = self._setting("schema")
-        if there != str(SCHEMA):
-            raise RefusedError(
-                f"{self._name} has the schema {there}; this version of furrowmap knows {SCHEMA}.",
-                "Its tables may mean something else, so nothing was done.",
-                "Use the version of furrowmap that made it, or begin a new base with --schema.",
-                code="base-schema",
-            )
+        check_schema(self._name, self._setting("schema"), "with --schema")
 
-    def shown(self) -> str:
-        """The database without its password, and the schema."""
+    def name(self) -> str:
+        """Address of the database without its password, and the schema."""
         return f"{self._name} (schema {self._schema})"
 
     def crs(self) -> CRS | None:
-        """Of all its layers; None if the base is new."""
+        """Of all layers; None for a new farm map."""
         if not self._has(SESSIONS):
             return None
         query = SQL(
@@ -107,7 +108,7 @@ class PostgisEdit:
         return CRS.from_authority(row[0], row[1]) if row[0] else CRS.from_wkt(row[2])
 
     def sessions(self) -> list[KnownSession]:
-        """Those in the base, by time."""
+        """The sessions in order of time."""
         if not self._has(SESSIONS):
             return []
         query = SQL('SELECT {} FROM {} s JOIN {} p USING (session) ORDER BY s."start", s.session').format(
@@ -116,17 +117,17 @@ class PostgisEdit:
         return [row_of(row) for row in self._connection.execute(query).fetchall()]
 
     def remove(self, sessions: Sequence[str]) -> None:
-        """Take sessions out of all layers, by their identities."""
-        if sessions:  # what belongs to them follows
+        """Remove sessions, given by their identities, from all layers."""
+        if sessions:  # the rows of the other tables follow by their foreign keys
             query = SQL("DELETE FROM {} WHERE session = ANY(%s)").format(self._table(SESSIONS))
             self._connection.execute(query, (list(sessions),))
 
     def append(self, layer: Layer, crs: CRS) -> None:
-        """Add features to a layer, which is made where it is not there; columns that it lacks too."""
+        """Append features to a layer; a missing layer or column is created."""
         if layer.name in self.layers():
             self._add_columns(layer)
         else:
-            self._make(layer, crs)
+            self._create(layer, crs)
         names = [*([GEOMETRY] if layer.kind else []), *layer.columns]
         cells = [_cells(values) for values in layer.columns.values()]
         if layer.kind:
@@ -138,15 +139,15 @@ class PostgisEdit:
                 copy.write_row(row)
 
     def layers(self) -> dict[str, str]:
-        """Kind of geometry (as OGR calls it, empty for tables) of each layer of ours, by name."""
+        """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
         query = SQL(
             "SELECT substr(name, {}), value FROM {} JOIN information_schema.tables "
             "ON table_schema = %s AND name = {} || table_name"
-        ).format(len(_LAYER) + 1, self._table(SETTINGS), _LAYER)
+        ).format(len(LAYER_SETTING) + 1, self._table(SETTINGS), LAYER_SETTING)
         return dict(self._connection.execute(query, (self._schema,)).fetchall())
 
     def bounds(self) -> tuple[float, float, float, float]:
-        """Least easting and northing, greatest easting and northing of all sessions."""
+        """West, south, east and north bound of all sessions."""
         query = SQL(
             "SELECT min({0}.ST_XMin({1})), min({0}.ST_YMin({1})), max({0}.ST_XMax({1})), max({0}.ST_YMax({1})) FROM {2}"
         ).format(Identifier(self._extension), Identifier(GEOMETRY), self._table(SESSIONS))
@@ -156,7 +157,7 @@ class PostgisEdit:
         return west, south, east, north
 
     def source(self, layer: str, kind: str) -> tuple[str, str]:
-        """QGIS's provider of a layer, and where that finds it, as seen from the stored project."""
+        """QGIS's provider of a layer, and its data source as seen from the stored project."""
         known = {"dbname": self._connection.info.dbname} | self._parameters
         words = [f"{name}='{_escaped(value)}'" for name, value in known.items()]
         words.append("key='fid'")
@@ -169,7 +170,7 @@ class PostgisEdit:
         return "postgres", " ".join(words)
 
     def store_styles(self, styles: dict[str, str]) -> tuple[Notice, ...]:
-        """Keep the styles of layers where QGIS looks for them; one that a user has changed stays."""
+        """Store the styles of layers where QGIS looks for them; one that a user has changed stays."""
         try:
             with self._connection.transaction():
                 if self._one("SELECT to_regclass('layer_styles')") is None:
@@ -178,14 +179,14 @@ class PostgisEdit:
                     self._store_style(name, text)
         except psycopg.errors.InsufficientPrivilege:
             text = (
-                "You may not write the table layer_styles of this database, so layers opened one by one have no "
-                f"styles. The project '{PROJECT}' in the schema '{self._schema}' has them all the same."
+                "You lack the right to write the table layer_styles of this database, so layers opened one by one have "
+                f"no styles. The project '{PROJECT}' in the schema '{self._schema}' has them."
             )
             return (Notice("base-no-styles", text),)
         return ()
 
     def store_project(self, archive: bytes) -> None:
-        """Keep the project where QGIS looks for it; one that a user has changed stays."""
+        """Store the project where QGIS looks for it; one that a user has changed stays."""
         table = self._table("qgis_projects")
         columns = "(name text PRIMARY KEY, metadata jsonb, content bytea)"
         self._do(SQL("CREATE TABLE IF NOT EXISTS {} {}").format(table, SQL(columns)))
@@ -213,17 +214,17 @@ class PostgisEdit:
         if schema is None:
             raise InputError(
                 f"{self._name} is a PostgreSQL database without PostGIS.",
-                "It has no type for geometries, so nothing was done.",
+                "It has no type for geometries.",
                 "Let its administrator install PostGIS on the server and run CREATE EXTENSION postgis; in it.",
                 code="base-no-postgis",
             )
         return str(schema)
 
-    def _make(self, layer: Layer, crs: CRS) -> None:
+    def _create(self, layer: Layer, crs: CRS) -> None:
         if self._has(layer.name):
             raise RefusedError(
-                f"{self.shown()} has a table '{layer.name}' that furrowmap did not make.",
-                "It would be mixed with others, so nothing was done.",
+                f"{self.name()} has a table '{layer.name}' that furrowmap did not make.",
+                "Its rows would be mixed with others.",
                 "Choose another schema with --schema.",
                 code="base-clash",
             )
@@ -241,7 +242,7 @@ class PostgisEdit:
             self._do(SQL("CREATE INDEX ON {} USING gist ({})").format(table, Identifier(GEOMETRY)))
         if layer.name != SESSIONS:
             self._do(SQL("CREATE INDEX ON {} (session)").format(table))
-        self._set(f"{_LAYER}{layer.name}", layer.kind)
+        self._set(f"{LAYER_SETTING}{layer.name}", layer.kind)
 
     def _column(self, layer: Layer, name: str) -> Composable:
         column = SQL("{} {}").format(Identifier(name), SQL(_type_of(layer.columns[name])))
@@ -253,8 +254,8 @@ class PostgisEdit:
 
     def _add_columns(self, layer: Layer) -> None:
         query = "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = %s"
-        there = {row[0] for row in self._connection.execute(query, (self._schema, layer.name)).fetchall()}
-        for name in layer.columns.keys() - there:
+        existing = {row[0] for row in self._connection.execute(query, (self._schema, layer.name)).fetchall()}
+        for name in layer.columns.keys() - existing:
             self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
 
     def _store_style(self, name: str, text: str) -> None:
@@ -271,10 +272,10 @@ class PostgisEdit:
         self._set(f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode()))
 
     def _srid(self, crs: CRS) -> int:
-        """The number by which PostGIS knows a CRS.
+        """PostGIS's number of a CRS.
 
         Raises:
-            RefusedError: if it does not.
+            RefusedError: if PostGIS does not know it.
         """
         code = crs.to_epsg()
         known = SQL("SELECT srid FROM {}.spatial_ref_sys WHERE auth_name = 'EPSG' AND auth_srid = %s")
@@ -282,9 +283,8 @@ class PostgisEdit:
         if srid is None:
             raise RefusedError(
                 f"{self._name}: PostGIS does not know the CRS {name_of(crs)}.",
-                "Others could not tell where its geometries lie, so nothing was done.",
-                "Give the new base a CRS with an EPSG code that its table spatial_ref_sys has: --crs EPSG:6677, for "
-                "example.",
+                "Other programs could not locate its geometries.",
+                "Give the new farm map a CRS with an EPSG code of its table spatial_ref_sys, such as --crs EPSG:6677.",
                 code="base-crs",
             )
         return int(srid)
@@ -348,7 +348,7 @@ def _ewkb(layer: Layer, srid: int) -> list[str | None]:
 
 
 def _cells(values: NDArray[Any]) -> list[Any]:
-    """The values as Python's own; None where they are masked, not a number, or no time."""
+    """The values as Python objects; None for masked values, nan and NaT."""
     data = np.ma.getdata(values)
     missing = np.ma.getmaskarray(values).copy()
     if data.dtype.kind in "fM":
@@ -356,7 +356,7 @@ def _cells(values: NDArray[Any]) -> list[Any]:
     cells = data.tolist()
     if data.dtype == "datetime64[ms]":
         cells = [cell and cell.replace(tzinfo=dt.UTC) for cell in cells]
-    return [None if gone else cell for cell, gone in zip(cells, missing.tolist(), strict=True)]
+    return [None if empty else cell for cell, empty in zip(cells, missing.tolist(), strict=True)]
 
 
 def _escaped(value: str) -> str:

@@ -1,4 +1,4 @@
-"""A QGIS project over the layers of a base, written without QGIS and kept inside the base as QGIS itself keeps one."""
+"""The QGIS project of a farm map, written without QGIS and stored as QGIS itself stores one."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.farm.styling import DOCTYPE
 
 PROJECT: Final = "furrowmap"
-"""Its name in the base."""
-_TITLE: Final = "Farm base map"
+"""Its name in the farm map."""
+_TITLE: Final = "Farm map"
 _QGIS: Final = "3.34.0"
-"""The first version that knows all that is written here."""
+"""The first version that supports everything written here."""
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Sessions": (SESSIONS, TRACKS),
     "Work in detail": ("events", "tool_path", "misses", "overlaps", "passes"),
@@ -28,7 +28,7 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Tables": (PROVENANCE,),
 }
 _OTHERS: Final = "Field"
-"""The group of layers that no group names."""
+"""The group of all other layers."""
 _HIDDEN_AT_FIRST: Final = frozenset({TRACKS, "zones"})
 _MARGIN: Final = 0.05
 _PARTS: Final = ("renderer-v2", "labeling", "temporal", "mapTip", "layerOpacity", "blendMode")
@@ -41,9 +41,9 @@ class ProjectLayer:
     Attributes:
         name: of the layer.
         kind: of geometry, as OGR calls it; empty for a table of attributes.
-        source: where its provider finds it.
+        source: data source of its provider.
         provider: QGIS's name of it.
-        style: in QGIS's own form, if it has one.
+        style: QML; None for QGIS's default.
     """
 
     name: str
@@ -67,10 +67,10 @@ def project_archive(
     """The project as a `.qgz`.
 
     Args:
-        layers: those that the map shows on top first.
+        layers: the topmost of the map first.
         crs: of the map.
-        bounds: that it shows at first.
-        span: of the temporal controller, which goes through it day by day.
+        bounds: west, south, east and north of the first view.
+        span: of the temporal controller, in steps of a day.
     """
     archive = io.BytesIO()
     entry = zipfile.ZipInfo(f"{PROJECT}.qgs")  # dated 1980: the same project is the same archive

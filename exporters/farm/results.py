@@ -1,10 +1,11 @@
-"""A folder of products as a farm's base map takes it: one session with its layers."""
+"""The result of a run as a farm map takes it: one session with its layers."""
 
 from __future__ import annotations
 
 import datetime as dt
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -19,46 +20,50 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.values.errors import Notice
-from furrowmap.exporters.farm.products import TRAJECTORY, array_of, read_products
-from furrowmap.exporters.vectors.field_layers import Columns, Layer
+from furrowmap.exporters.files.ogr import pyogrio
+from furrowmap.exporters.files.result_folder import (
+    FIELD,
+    REPORT,
+    SESSION,
+    TRAJECTORY,
+    ResultFolder,
+    open_result,
+    unreadable,
+)
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
+from furrowmap.exporters.vectors.geopackage import read_layer
 
 SESSIONS: Final = "sessions"
 PROVENANCE: Final = "provenance"
 TRACKS: Final = "tracks"
 OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS})
-"""Tables that the base makes itself; all others are a run's layers with two columns more."""
-_DRAWN: Final = ("events", "tool_path", TRACKS, "misses", "overlaps", "passes", "coverage", "zones", SESSIONS)
-_GAP_S: Final = 1.0
-"""A track is not drawn over a longer time without positions."""
-_SIMPLER_M: Final = 0.02
-"""By how much a track's line may leave the positions."""
+"""Tables that only a farm map has; all others are a run's layers with two more columns."""
+_LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
+"""Layers with other names are not a run's."""
+_DRAWING_ORDER: Final = ("events", "tool_path", TRACKS, "misses", "overlaps", "passes", "coverage", "zones", SESSIONS)
+_MAX_GAP_S: Final = 1.0
+"""A track is interrupted where positions are missing for longer."""
+_SIMPLIFY_M: Final = 0.02
+"""Maximum distance of a simplified track from the positions."""
 _FIGURES: Final = (
-    "worked_area_m2",
-    "worked_area_ellipsoid_m2",
-    "worked_area_sigma_m2",
-    "overlap_area_m2",
-    "missed_area_m2",
-    "worked_length_m",
-    "working_speed_mps",
-    "work_rate_ha_h",
-    "distance_m",
-    "duration_s",
-)
+    "worked_area_m2", "worked_area_ellipsoid_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2",
+    "worked_length_m", "working_speed_mps", "work_rate_ha_h", "distance_m", "duration_s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """A session as the base keeps it.
+    """The result of a session.
 
     Attributes:
-        session: its identity, 16 hexadecimal digits of its name and of the content of its recordings: the session that
-            `furrowmap run` would replace.
+        session: its identity, 16 hexadecimal digits of a hash of its name and the content of its recordings: the
+            session that `furrowmap run` would replace.
         recordings: the same of the recordings alone.
-        digest: of the products that were read, so that the same need not be written twice.
-        name: as the session has it.
+        digest: of the products that were read, to detect an unchanged result.
+        name: of the session.
         date: the day at the place where it began.
         crs: of all layers.
-        heights: what they are heights above.
+        heights: name of the height system.
         folder: of the products, absolute.
         layers: `sessions` and `provenance` first (a row each), then all others.
     """
@@ -74,10 +79,10 @@ class SessionResult:
     layers: tuple[Layer, ...]
 
     def in_crs(self, target: CRS) -> tuple[SessionResult, tuple[Notice, ...]]:
-        """The session with its horizontal coordinates in another CRS; heights and figures stay what they are.
+        """The session with its horizontal coordinates in another CRS; heights and figures are unchanged.
 
         Raises:
-            RefusedError: if there is no way that PROJ can vouch for.
+            RefusedError: if PROJ has no reliable transformation.
         """
         if self.crs.equals(target, ignore_axis_order=True):
             return self, ()
@@ -95,86 +100,92 @@ class SessionResult:
 
 
 def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
-    """The products that `furrowmap run` left in `folder`.
+    """Read the result of a run, without its cloud.
 
     Args:
-        folder: of the products; its cloud is not read.
-        zone: by which the session's day is told; None for the nautical zone of the place (its longitude, in steps of
+        folder: of the products.
+        zone: time zone of the session's date; None for the nautical zone of the place (its longitude, in steps of
             15 degrees), which is the same on every computer.
 
     Raises:
-        InputError: if there are none, or they cannot be read.
-        RefusedError: if a run is writing them just now.
+        InputError: if there is no result, or it cannot be read.
+        RefusedError: if a run is writing to the folder.
     """
-    read = read_products(folder)
-    session, layers = read.report["session"], dict(read.layers)
-    name, driven = str(session["name"]), layers.pop(TRAJECTORY)
-    recordings = sorted([str(record["name"]), str(record["sha256"])] for record in read.report["inputs"])
+    result = open_result(folder)
+    path = folder / FIELD
+    try:
+        layers = {name: read_layer(path, name) for name in result.layer_names if _LAYER_NAME.fullmatch(name)}
+        driven = layers.pop(TRAJECTORY)
+        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+        start, end = driven.columns["time"][[0, -1]]
+    except (LookupError, TypeError, ValueError, RuntimeError) as error:  # pyogrio's own errors are RuntimeErrors
+        raise unreadable(path, error) from None
+    name = str(result.report["session"]["name"])
+    recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
     identity = {
         "session": _short_hash([name, recordings]),
         "recordings": _short_hash(recordings),
-        "digest": read.digest,
+        "digest": _digest(folder),
     }
-    start, end = driven.columns["time"][[0, -1]]
-    date = _day(start, driven.shapes[0], read.crs, zone)
-    context = {"session": identity["session"], "date": np.datetime64(date)}
+    date = _local_date(start, driven.shapes[0], crs, zone)
+    key = {"session": identity["session"], "date": np.datetime64(date)}
+    span = {"start": start, "end": end}
     if "coverage" in layers:
-        layers["coverage"] = _with(layers["coverage"], {"name": name, "start": start, "end": end})
-    own = [
+        layers["coverage"] = _with(layers["coverage"], {"name": name, **span})
+    own = (
         Layer(
             SESSIONS,
             "Polygon",
-            "Where each session took place: the hull of the way driven and of the ground worked",
-            array_of([_footprint(driven, layers.get("coverage"))]),
-            _row({**context, "name": name, "start": start, "end": end, **_facts(read.report, folder)}),
+            "Where each session took place: the hull of its trajectory and worked ground",
+            geometry_array([_footprint(driven, layers.get("coverage"))]),
+            _row({**key, "name": name, **span, **_facts(result)}),
         ),
-        Layer(
-            PROVENANCE,
-            "",
-            "What each session was made of and by: its report, and the session as it was understood",
-            array_of([None]),
-            _row(
-                {
-                    **identity,
-                    "furrowmap": str(read.report.get("furrowmap")),
-                    "base_by": version("furrowmap"),
-                    "added": np.datetime64("now", "ms"),
-                    "report": read.report_text,
-                    "session_toml": read.session_text,
-                }
-            ),
-        ),
+        _provenance(result, identity),
         Layer(
             TRACKS,
             "2.5D MultiLineString",
-            "The way of the vehicle",
-            array_of([_track(driven)]),
-            _row({**context, "start": start, "end": end}),
+            "The path of the vehicle",
+            geometry_array([_track(driven)]),
+            _row({**key, **span}),
         ),
-    ]
-    taken = [_with(layers[name], context) for name in drawing_order(list(layers)) if name not in OWN]
+    )
+    taken = [_with(layers[name], key) for name in drawing_order(list(layers)) if name not in OWN]
+    heights = str(result.report["session"]["crs"]["heights"])
     return SessionResult(
-        **identity,
-        name=name,
-        date=date,
-        crs=read.crs,
-        heights=str(session["crs"]["heights"]),
-        folder=folder.resolve(),
-        layers=(*own, *taken),
+        **identity, name=name, date=date, crs=crs, heights=heights, folder=folder.resolve(), layers=(*own, *taken)
     )
 
 
+def _digest(folder: Path) -> str:
+    """SHA-256 of the report and of that of the layers' file."""
+    digest = hashlib.sha256((folder / REPORT).read_bytes())
+    with (folder / FIELD).open("rb") as file:
+        digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()
+
+
+def _provenance(result: ResultFolder, identity: Mapping[str, str]) -> Layer:
+    session = result.folder / SESSION
+    row = {
+        **identity,
+        "furrowmap": str(result.report["furrowmap"]),
+        "base_by": version("furrowmap"),
+        "added": np.datetime64("now", "ms"),
+        "report": (result.folder / REPORT).read_text("utf-8"),
+        "session_toml": session.read_text("utf-8") if session.is_file() else None,
+    }
+    description = "The report of each session, and its session file with all defaults"
+    return Layer(PROVENANCE, "", description, geometry_array([None]), _row(row))
+
+
 def drawing_order(names: Sequence[str]) -> list[str]:
-    """Layers with those that a map shows on top first; such as nobody knows come last but the footprints."""
-    return sorted(names, key=_order)
-
-
-def _order(name: str) -> tuple[float, str]:
-    return (_DRAWN.index(name) if name in _DRAWN else len(_DRAWN) - 1.5, name)
+    """Layers with the topmost of a map first; unknown ones come last but for the footprints."""
+    last = len(_DRAWING_ORDER) - 1.5
+    return sorted(names, key=lambda name: (_DRAWING_ORDER.index(name) if name in _DRAWING_ORDER else last, name))
 
 
 def _with(layer: Layer, more: Mapping[str, Any]) -> Layer:
-    """The layer with columns that have the same value in every row, before its own."""
+    """The layer with additional columns of one value each, before its own."""
     n = len(layer.shapes)
     first: Columns = {name: np.repeat(column, n) for name, column in _row(more).items()}
     return replace(layer, columns=first | {name: v for name, v in layer.columns.items() if name not in first})
@@ -182,18 +193,16 @@ def _with(layer: Layer, more: Mapping[str, Any]) -> Layer:
 
 def _row(values: Mapping[str, Any]) -> Columns:
     """Columns of one row; None becomes NULL."""
-    return {name: value.reshape(1) if isinstance(value, np.generic) else _cell(value) for name, value in values.items()}
+    return {name: np.array([value], None if isinstance(value, _PLAIN) else object) for name, value in values.items()}
 
 
-def _cell(value: Any) -> NDArray[Any]:
-    if isinstance(value, float | int):
-        return np.array([value])
-    return np.array([value], dtype=object)
+_PLAIN: Final = (np.generic, float, int)
 
 
-def _facts(report: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """What of a report is worth a column; the rest stays in its text."""
-    session, figures = report["session"], report.get("figures") or {}
+def _facts(result: ResultFolder) -> dict[str, Any]:
+    """What of a report has a column of its own; the rest is in its text."""
+    report, figures = result.report, result.report["figures"]
+    session = report["session"]
     implement = session.get("implement") or {}
     return {
         **{name: _number(figures.get(name)) for name in _FIGURES},
@@ -202,10 +211,10 @@ def _facts(report: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         "implement": implement.get("kind"),
         "width_m": _number(implement.get("width_m")),
         "working_depth_m": _number(implement.get("working_depth_m")),
-        "crs": session["crs"].get("map") or figures.get("crs"),
+        "crs": session["crs"]["map"] or figures.get("crs"),
         "heights": session["crs"]["heights"],
-        "coordinates": session["crs"].get("coordinates"),
-        "folder": folder.resolve().as_posix(),
+        "coordinates": session["crs"]["coordinates"],
+        "folder": result.folder.resolve().as_posix(),
     }
 
 
@@ -222,19 +231,18 @@ def _footprint(driven: Layer, coverage: Layer | None) -> shapely.Geometry:
 def _track(driven: Layer) -> shapely.Geometry:
     """The positions as lines with heights, interrupted where positions are missing."""
     xyz = shapely.get_coordinates(driven.shapes, include_z=True)
-    t_s = driven.columns["t_s"]
-    parts = np.split(xyz, np.flatnonzero(np.diff(t_s) > _GAP_S) + 1)
+    parts = np.split(xyz, np.flatnonzero(np.diff(driven.columns["t_s"]) > _MAX_GAP_S) + 1)
     lines = [shapely.LineString(part) for part in parts if len(part) > 1]
-    return shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLER_M)))
+    return shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
 
 
-def _day(start: np.datetime64, place: shapely.Point, crs: CRS, zone: ZoneInfo | None) -> dt.date:
+def _local_date(start: np.datetime64, place: shapely.Point, crs: CRS, zone: ZoneInfo | None) -> dt.date:
     moment = dt.datetime.fromtimestamp(float(start.astype("datetime64[ms]").astype(np.int64)) / 1000.0, dt.UTC)
     if zone is not None:
         return moment.astimezone(zone).date()
-    base = crs.geodetic_crs
-    assert base is not None
-    longitude, _ = Transformer.from_crs(crs.to_2d(), base.to_2d(), always_xy=True).transform(place.x, place.y)
+    geodetic = crs.geodetic_crs
+    assert geodetic is not None
+    longitude, _ = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True).transform(place.x, place.y)
     return (moment + dt.timedelta(hours=round(longitude / 15.0))).date()
 
 

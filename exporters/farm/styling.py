@@ -1,4 +1,4 @@
-"""How QGIS draws the layers of a base: a run's own styles, and those of the layers that only a base has."""
+"""QGIS styles of the layers of a farm map: a run's own, and those of layers that only a farm map has."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 
 
 def styles(layers: Iterable[str], dates: Sequence[dt.date]) -> dict[str, str]:
-    """The styles of those layers that have one, in QGIS's own form.
+    """The styles (QML) of those layers that have one.
 
     Args:
         layers: by name.
-        dates: a colour each for the ground worked.
+        dates: each has a colour of its own in the layer of worked ground.
     """
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
@@ -38,7 +38,7 @@ def _packaged(name: str) -> str | None:
 
 
 def _by_date(text: str, dates: Sequence[dt.date]) -> str:
-    """The style with a category a day, and one for days that it does not know."""
+    """The style with a category for each day, and one for all other days."""
     root = ET.fromstring(text)  # noqa: S314 (a file of this package)
     categories, symbols = root.find(".//categories"), root.find(".//symbols")
     assert categories is not None

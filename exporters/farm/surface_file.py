@@ -1,4 +1,4 @@
-"""What a GeoTIFF of heights says of itself, as far as a mosaic asks."""
+"""The metadata of a surface's GeoTIFF that a mosaic needs."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.rasters.cog import Band
 
 _OFF_CELLS: Final = 1e-3
-"""By how much of a cell a raster's edge may be off the grid's lines, for its numbers are rounded."""
+"""Tolerance of a raster's bounds in cells, as its numbers are rounded."""
 
 
 @dataclass(frozen=True)
 class SurfaceFile:
-    """A surface of a session, as its file says.
+    """A surface of a session.
 
     Attributes:
         path: of the GeoTIFF.
-        crs: of its cells, with heights where the file tells them.
+        crs: of its cells, with heights where the file states them.
         cell_m: length of a cell's sides.
         bounds_m: west, south, east, north.
-        grid: its cells; None where they are not anchored to the CRS.
-        bands: what they hold, the height first.
-        nodata: of each band; None where there is none.
-        span_s: UTC of the first and the last measurement; None where it does not tell.
+        grid: its cells; None where their edges are not multiples of the cell size from the CRS's 0, 0.
+        bands: description and unit of each, the height first.
+        nodata: of each band; None for no such value.
+        span_s: UTC of the first and the last measurement; None where unknown.
     """
 
     path: Path
@@ -45,10 +45,10 @@ class SurfaceFile:
 
 
 def surface_file(path: Path) -> SurfaceFile:
-    """What the GeoTIFF at `path` says of its cells.
+    """Read the metadata of a surface.
 
     Raises:
-        InputError: if it is none, or has no CRS or cells that are not square and north-up.
+        InputError: if it is no GeoTIFF, has no CRS, or its cells are not square and north-up.
     """
     try:
         with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
@@ -73,7 +73,7 @@ def surface_file(path: Path) -> SurfaceFile:
 def _unusable(path: Path, why: str) -> InputError:
     return InputError(
         f"{path} {why}.",
-        "It is no surface that a mosaic could be made of, so nothing was done.",
+        "A mosaic cannot be made of it.",
         "Make it again with `furrowmap run` or `furrowmap surface`, or leave its folder out.",
         code="surface-unusable",
     )
@@ -105,5 +105,5 @@ def horizontal(crs: CRS) -> CRS:
 
 
 def same_map(one: CRS, other: CRS) -> bool:
-    """Whether two CRSs have the same coordinates, whatever their heights."""
+    """Whether two CRSs are horizontally the same."""
     return horizontal(one).equals(horizontal(other), ignore_axis_order=True)

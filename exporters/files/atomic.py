@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Files that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ _UNFINISHED: Final = re.compile(r"\.furrowmap-(?P<host>[0-9a-f]{8})-(?P<process>
 
 @contextmanager
 def atomic_output(path: Path) -> Iterator[Path]:
-    """Write a file beside `path` and put it there once it is whole.
+    """Write a file beside `path` and rename it to `path` at the end.
 
-    What is written under the name that is given out is flushed to the disk and renamed to `path`, taking the place of
-    an older file in one step. If anything interrupts the work, it is removed and `path` stays as it was. Files that a
-    killed process of this machine left in the same folder are removed first.
+    The file is flushed to the disk and replaces an older one in one step. If the work is interrupted, it is removed and
+    `path` is unchanged. Files that a killed process of this machine left in the folder are removed first.
 
     Yields:
-        The name to write to: hidden, in the same folder, short, with the last suffix of `path`. Whatever else a
-        library puts beside it, under a name that begins the same, is removed in the end.
+        The path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
+        library creates under a name that begins the same are removed at the end.
 
     Raises:
-        OSError: if the file cannot be written, or cannot take its place (another program may hold it open).
+        OSError: if the file cannot be written or renamed (another program may have it open).
     """
     remove_abandoned(path.parent)
     unfinished = path.with_name(f".furrowmap-{_host()}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix[:16]}")
@@ -41,7 +40,7 @@ def atomic_output(path: Path) -> Iterator[Path]:
         unfinished.replace(path)
         _flush_folder(path.parent)
     except OSError as error:
-        error.filename = error.filename or str(path)  # a full disk does not say which file it had no room for
+        error.filename = error.filename or str(path)  # a full disk does not name the file
         raise
     finally:
         for left in path.parent.iterdir():
@@ -51,22 +50,30 @@ def atomic_output(path: Path) -> Iterator[Path]:
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Keep what is there, unless it was asked to go; to be called before the work.
+    """Check, before the work, that the output does not exist or may be replaced.
 
     Raises:
-        RefusedError: if there is something, and nobody said `overwrite`.
+        RefusedError: if it exists and `overwrite` is not given.
     """
     if path.exists() and not overwrite:
         raise RefusedError(
-            f"{path} is there already.",
-            "It would be replaced, so nothing was done.",
+            f"{path} exists already.",
+            "It would be replaced.",
             "Choose another name, or replace it with --overwrite.",
             code="output-exists",
         )
 
 
+def relative_path(path: Path, start: Path) -> str | None:
+    """`path` relative to the folder `start`, with slashes; None where it is on another drive of Windows."""
+    try:
+        return Path(os.path.relpath(path.resolve(), start.resolve())).as_posix()
+    except ValueError:
+        return None
+
+
 def remove_abandoned(folder: Path) -> None:
-    """Remove the unfinished files in `folder` whose process, on this machine, is no more."""
+    """Remove the unfinished files in `folder` whose process, on this machine, has ended."""
     for left in folder.iterdir():
         match = _UNFINISHED.fullmatch(left.name)
         if match and match["host"] == _host() and not is_running(int(match["process"])):
@@ -79,16 +86,16 @@ def _host() -> str:
 
 
 def is_running(process: int) -> bool:
-    """Whether a process of this machine with that number is at work, as far as the system tells."""
+    """Whether a process of that number runs on this machine, as far as the system reports."""
     if process == os.getpid():
         return True
-    if sys.platform == "win32":  # where a signal 0 would end it; but a file that somebody writes is not removed there
+    if sys.platform == "win32":  # signal 0 would end it; but open files are not removed there
         return False
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):  # it belongs to somebody else, or is no number of a process: not ours to judge
+    except (OSError, OverflowError):  # of another user, or not a process number
         return True
     return True
 
@@ -99,7 +106,7 @@ def _flush(path: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Let the new name itself survive a loss of power; only POSIX opens folders."""
+    """Let the new name survive a loss of power; only POSIX opens folders."""
     if sys.platform != "win32":
         descriptor = os.open(folder, os.O_RDONLY)
         try:

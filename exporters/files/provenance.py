@@ -1,4 +1,4 @@
-"""Where a product comes from, as it is told inside the product itself, or beside those that have no room for it."""
+"""Provenance of products, written into their metadata or into a file beside them."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ BESIDE: Final = "provenance.json"
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a product comes from.
+    """Provenance of a product.
 
     Attributes:
-        title: what it shows.
-        session: name of the session; empty where there is none.
-        inputs: name and SHA-256 of each file that went into it.
+        title: of the product.
+        session: name of the session; empty for none.
+        inputs: name and SHA-256 of each input file.
         span_s: UTC of the first and the last measurement; None where unknown.
-        parameters: what it was made with, such as the statistic.
+        parameters: of the processing, such as the statistic.
     """
 
     title: str
@@ -34,29 +34,29 @@ class Origin:
 
     @property
     def measured_epoch(self) -> str | None:
-        """When the first measurement was made, as a decimal year; None where unknown."""
+        """Time of the first measurement as a decimal year; None where unknown."""
         return f"{decimal_year(self.span_s[0]):.3f}" if self.span_s is not None else None
 
     @property
-    def told(self) -> dict[str, str]:
+    def metadata(self) -> dict[str, str]:
         """Names, in capitals, and texts: title, software, session, times and epoch, parameters, inputs."""
-        told = {"TITLE": self.title, "SOFTWARE": f"furrowmap {version('furrowmap')}"}
+        known = {"TITLE": self.title, "SOFTWARE": f"furrowmap {version('furrowmap')}"}
         if self.session:
-            told["SESSION"] = self.session
+            known["SESSION"] = self.session
         if self.span_s is not None:
-            told["TIME_START"], told["TIME_END"] = map(iso_utc, self.span_s)
-            told["MEASURED_EPOCH"] = str(self.measured_epoch)
-        told |= {key.upper(): value for key, value in self.parameters.items()}
-        return told | {
+            known["TIME_START"], known["TIME_END"] = map(iso_utc, self.span_s)
+            known["MEASURED_EPOCH"] = str(self.measured_epoch)
+        known |= {key.upper(): value for key, value in self.parameters.items()}
+        return known | {
             f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)
         }
 
     @property
     def text(self) -> str:
-        """The same, a line each."""
-        return "\n".join(f"{name}: {text}" for name, text in self.told.items())
+        """The metadata, one a line."""
+        return "\n".join(f"{name}: {text}" for name, text in self.metadata.items())
 
-    def tell_beside(self, folder: Path) -> None:
-        """Write `provenance.json` beside the files in a folder, whose names it lists."""
+    def write_beside(self, folder: Path) -> None:
+        """Write `provenance.json` into a folder, with the names of the files there."""
         names = sorted({BESIDE, *(path.name for path in folder.iterdir())})
-        (folder / BESIDE).write_text(json_text({**self.told, "products": names}), encoding="utf-8")
+        (folder / BESIDE).write_text(json_text({**self.metadata, "products": names}), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A folder that holds the products of one run or of another, never some of each."""
+"""Writing a folder of products: it holds those of one run or of another, never a mixture."""
 
 from __future__ import annotations
 
@@ -17,21 +17,19 @@ from furrowmap.exporters.files.atomic import is_running
 STAGING: Final = ".furrowmap-run"
 _OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
-_ACCOUNTS: Final = ("report.json", "preview.json", "surfaces.json", "provenance.json")
-"""Files that list the products they belong to, themselves among them, under "products"."""
 
 
 def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
-    """Keep the products of others in a folder, unless they were asked to go; to be called before the work.
+    """Check, before the work, that a folder has no products of these names, or that they may be replaced.
 
     Raises:
-        RefusedError: if there are any of that name, and nobody said `overwrite`.
+        RefusedError: if there are any and `overwrite` is not given.
     """
     there = [name for name in products if (folder / name).exists()]
     if there and not overwrite:
         raise RefusedError(
-            f"{folder} holds {', '.join(there)} already.",
-            "They would be lost, so nothing was done.",
+            f"{folder} already contains {', '.join(there)}.",
+            "They would be replaced.",
             "Choose another folder with -o, or replace them with --overwrite.",
             code="output-exists",
         )
@@ -39,17 +37,18 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
 
 @contextmanager
 def staged_folder(folder: Path) -> Iterator[Path]:
-    """Write products into a folder of their own, which take their places in `folder` together at the end.
+    """Write products into a staging folder and move them to `folder` together at the end.
 
-    If anything interrupts the work, `folder` is as it was. If the process is killed while the finished products take
-    their places (an instant of renaming), the next run or :func:`recover` finishes that. Two runs at once are refused.
+    If the work is interrupted, `folder` is unchanged. If the process is killed while it moves the finished products,
+    the next run or :func:`recover` completes that. Products that an earlier report of the same name lists, and that
+    have no successor, are removed.
 
     Yields:
-        The folder to write to; every file in it becomes a product of `folder` under its own name.
+        The folder to write to; every file in it becomes a product under its own name.
 
     Raises:
         InputError: if `folder` cannot be written to.
-        RefusedError: if another run is at work in it.
+        RefusedError: if another run is writing to it.
     """
     created = not folder.exists()
     try:
@@ -62,7 +61,7 @@ def staged_folder(folder: Path) -> Iterator[Path]:
     except OSError as error:
         raise InputError(
             f"{folder}: {error.strerror or error}.",
-            "The products could not be written there, so the work did not start.",
+            "The products cannot be written there.",
             "Choose a folder that you may write to with -o.",
             code="output-unwritable",
         ) from None
@@ -80,10 +79,10 @@ def staged_folder(folder: Path) -> Iterator[Path]:
 
 
 def recover(folder: Path) -> None:
-    """Finish what a killed run had finished, and remove what it had not.
+    """Complete the move of a killed run's finished products, or remove unfinished ones.
 
     Raises:
-        RefusedError: if the run is still at work.
+        RefusedError: if the run is still writing.
     """
     staging = folder / STAGING
     if not staging.is_dir():
@@ -109,7 +108,7 @@ def _claim(staging: Path) -> None:
         staging.mkdir()
     except FileExistsError:
         raise RefusedError(
-            f"{staging.parent}: another run has just begun to write there.",
+            f"{staging.parent}: another run has just started to write there.",
             "Two runs into one folder would mix their products.",
             "Wait for the other run, or choose another folder with -o.",
             code="output-busy",
@@ -118,14 +117,14 @@ def _claim(staging: Path) -> None:
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
-    """The products that the new ones take the place of: those that an earlier account of the same kind lists."""
-    listed = [_read(folder / account).get("products") for account in _ACCOUNTS if account in names]
+    """The products that an earlier report with the name of a new one lists under "products"."""
+    listed = [_read(folder / name).get("products") for name in names if name.endswith(".json")]
     found = [name for products in listed if isinstance(products, list) for name in products]
     return {name for name in found if isinstance(name, str) and Path(name).name == name and (folder / name).is_file()}
 
 
 def _mark_complete(staging: Path, names: list[str], gone: list[str]) -> None:
-    """From here on the new products are the folder's, and those without a successor are not, whatever happens."""
+    """Commit: from here on the new products replace the earlier ones, even if the process is killed."""
     unfinished = staging / "complete.part"
     with unfinished.open("w") as file:
         json.dump({"products": names, "gone": gone}, file)
@@ -135,7 +134,7 @@ def _mark_complete(staging: Path, names: list[str], gone: list[str]) -> None:
 
 
 def _move_in(folder: Path) -> None:
-    """Put the products in their places, and remove the earlier ones that have no successor."""
+    """Move the products to their places, and remove earlier ones without a successor."""
     staging = folder / STAGING
     complete = json.loads((staging / _COMPLETE).read_text())
     for name in complete["products"]:
@@ -147,7 +146,7 @@ def _move_in(folder: Path) -> None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """A JSON object; empty if there is none."""
+    """A JSON object; empty for a missing or damaged file."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

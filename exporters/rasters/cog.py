@@ -22,6 +22,7 @@ from rasterio.windows import Window
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.windows import common
 
 Bands = Sequence[NDArray[Any]]
 """One array for each band, of the shape of the grid that they are over; written as float32, nan where unknown."""
@@ -85,7 +86,7 @@ def cog_output(
     Args:
         path: of the file; an older one is replaced.
         grid: of the raster.
-        crs: of the map, with or without heights; GDAL then tells :func:`told_crs` of it.
+        crs: of the map, with or without heights; GDAL then tells :func:`reported_crs` of it.
         bands: what they hold.
         origin: where the raster comes from.
 
@@ -122,17 +123,18 @@ def cog_output(
             sums = [_Statistics() for _ in bands]
 
             def write(tile: Grid, arrays: Bands) -> None:
-                window, part = _overlap(tile, grid)
-                if window is not None:
+                shared = common(tile, grid)
+                if shared is not None:
+                    part, place = shared.window_in(tile), shared.window_in(grid)
                     values = [_rounded(array[part], band) for array, band in zip(arrays, bands, strict=True)]
-                    raster.write(np.stack(values), window=window)
+                    raster.write(np.stack(values), window=Window.from_slices(*place))
                     for band_sums, band_values in zip(sums, values, strict=True):
                         band_sums.add(band_values)
 
             yield write
             for number, band_sums in enumerate(sums, start=1):
                 raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        copy(scratch, unfinished, GEOTIFF_VERSION="AUTO" if told_crs(crs) == crs else "1.0", **_OPTIONS)
+        copy(scratch, unfinished, GEOTIFF_VERSION="AUTO" if reported_crs(crs) == crs else "1.0", **_OPTIONS)
 
 
 def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
@@ -161,7 +163,7 @@ def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
         return crs
 
 
-def told_crs(crs: CRS) -> CRS:
+def reported_crs(crs: CRS) -> CRS:
     """What GDAL tells of a raster in `crs`: the map's part of a compound that has no code of its own, else the whole.
 
     QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by
@@ -178,7 +180,7 @@ _COMPOUND: Final = (
 
 def _tags(origin: Origin) -> dict[str, str]:
     """As a GeoTIFF's metadata; TIFF has tags of its own for some."""
-    tags = origin.told
+    tags = origin.metadata
     own = {"TIFFTAG_SOFTWARE": tags.pop("SOFTWARE"), "TIFFTAG_IMAGEDESCRIPTION": tags.pop("TITLE")}
     if "TIME_END" in tags:
         own["TIFFTAG_DATETIME"] = tags["TIME_END"][:19].replace("-", ":").replace("T", " ")
@@ -196,19 +198,6 @@ def _raster_crs(crs: CRS) -> rasterio.CRS:
         return rasterio.CRS.from_wkt(crs.to_wkt("WKT1_GDAL"))
     except (ProjError, CRSError):
         return rasterio.CRS.from_wkt(crs.to_wkt("WKT2_2019"))
-
-
-def _overlap(tile: Grid, whole: Grid) -> tuple[Window | None, tuple[slice, slice]]:
-    """Where a tile lies in the raster, and which part of it does; no window where it lies outside."""
-    if tile.cell_m != whole.cell_m:
-        raise ValueError(f"cells of {tile.cell_m} m in a raster of {whole.cell_m} m")
-    row, column = whole.north - tile.north, tile.west - whole.west
-    top, left = max(row, 0), max(column, 0)
-    bottom, right = min(row + tile.rows, whole.rows), min(column + tile.columns, whole.columns)
-    part = slice(top - row, max(bottom, top) - row), slice(left - column, max(right, left) - column)
-    if bottom <= top or right <= left:
-        return None, part
-    return Window(left, top, right - left, bottom - top), part
 
 
 class _Statistics:

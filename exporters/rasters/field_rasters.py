@@ -16,6 +16,7 @@ from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_pass
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import CHANGE, DSM, DSM_BEFORE, SWATHS, style_of
 from furrowmap.exporters.rasters.cog import (
     STANDARD_ERROR,
     SURFACE_BANDS,
@@ -26,17 +27,12 @@ from furrowmap.exporters.rasters.cog import (
     with_heights,
 )
 
-DSM: Final = "dsm.tif"
-BEFORE: Final = "dsm_before.tif"
-CHANGE: Final = "change.tif"
-SWATHS: Final = "swaths.tif"
-STYLES: Final = {DSM: "dsm.qml", BEFORE: "dsm.qml", CHANGE: "change.qml", SWATHS: "swaths.qml"}
-"""QGIS takes the style beside a raster for the raster's own."""
+STYLES: Final = {DSM: "dsm.qml", DSM_BEFORE: "dsm.qml", CHANGE: "change.qml", SWATHS: "swaths.qml"}
 CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
 SWATH_BANDS: Final = (Band("difference of swaths"),)
 _TITLES: Final = {
     DSM: "Surface as left at the end",
-    BEFORE: "Surface before the implement passed",
+    DSM_BEFORE: "Surface before the implement passed",
     CHANGE: "Change of the surface: after less before",
     SWATHS: "Agreement of swaths: height in a swath less that in the one before it",
 }
@@ -87,7 +83,7 @@ def write_rasters(
     if grid is None:
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
-    bands = {DSM: SURFACE_BANDS} | ({BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
+    bands = {DSM: SURFACE_BANDS} | ({DSM_BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
     blocks = block_grid(grid)
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, seen = SoilSums(), SwathSums(), 0
@@ -114,15 +110,10 @@ def write_rasters(
     return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, differences)
 
 
-def style_of(name: str) -> str:
-    """Name of the style that lies beside a raster."""
-    return str(Path(name).with_suffix(".qml"))
-
-
 def _arrays(tile: FieldTile) -> dict[str, Bands]:
     return {
         DSM: surface_arrays(tile.after),
-        BEFORE: surface_arrays(tile.before),
+        DSM_BEFORE: surface_arrays(tile.before),
         CHANGE: (tile.change_m, tile.change_error_m),
     }
 

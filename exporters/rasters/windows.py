@@ -1,4 +1,4 @@
-"""A large raster in squares, each with what lies round it, so that memory does not grow with the land."""
+"""A large raster in square windows with margins, so that memory does not grow with the area."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rasterio.windows import Window
 from furrowmap.core.surfaces.grid import Grid
 
 WINDOW: Final = 1024
-"""Cells a side of the squares."""
+"""Side length of the windows in cells."""
 
 
 def windows(grid: Grid, margin: int) -> Iterator[tuple[Grid, Grid]]:
-    """Squares of a grid, and the same with a margin as far as the grid reaches; north first, then west."""
+    """Windows of a grid, each without and with a margin (clipped to the grid); from north to south, west to east."""
     for row in range(0, grid.rows, WINDOW):
         for column in range(0, grid.columns, WINDOW):
             rows, columns = min(WINDOW, grid.rows - row), min(WINDOW, grid.columns - column)
@@ -26,12 +26,12 @@ def windows(grid: Grid, margin: int) -> Iterator[tuple[Grid, Grid]]:
 
 
 def window(part: Grid, whole: Grid) -> Window:
-    """Where a part of a grid lies in its raster."""
+    """The window of a part of a grid in the raster of the whole."""
     return Window(part.west - whole.west, whole.north - part.north, part.columns, part.rows)
 
 
 def share(inner: Grid, whole: Grid) -> float:
-    """How much of the work is done after a window (0 to 1)."""
+    """Share of the work that is done after a window (0 to 1)."""
     return (whole.north - inner.north + inner.rows) / whole.rows
 
 
@@ -42,7 +42,7 @@ def is_last(inner: Grid, whole: Grid) -> tuple[bool, bool]:
 
 
 def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
-    """The plots whose north-west corner lies in a window, so that each is one window's; None where there are none."""
+    """The plots whose north-west corner lies in a window, so that each belongs to one; None for no plot."""
     cell = inner.cell_m / plots.cell_m
     west, east = np.floor(inner.west * cell), np.floor((inner.west + inner.columns) * cell)
     north, south = np.ceil(inner.north * cell), np.ceil((inner.north - inner.rows) * cell)
@@ -52,9 +52,9 @@ def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
     return Grid(plots.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None
 
 
-def common(own: Grid, there: Grid) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Rows, and columns, that two grids have in common, in the first and in the second."""
-    top, bottom = min(own.north, there.north), max(own.north - own.rows, there.north - there.rows)
-    left, right = max(own.west, there.west), min(own.west + own.columns, there.west + there.columns)
-    rows = slice(own.north - top, own.north - bottom), slice(there.north - top, there.north - bottom)
-    return rows, (slice(left - own.west, right - own.west), slice(left - there.west, right - there.west))
+def common(one: Grid, other: Grid) -> Grid | None:
+    """The cells that two grids of one cell size share; None for no cell."""
+    west, north = max(one.west, other.west), min(one.north, other.north)
+    east = min(one.west + one.columns, other.west + other.columns)
+    south = max(one.north - one.rows, other.north - other.rows)
+    return Grid(one.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -33,7 +33,7 @@ class Layer:
         kind: of geometry, as OGR calls it.
         description: for its readers.
         shapes: (n,) geometries; None where there is none.
-        columns: (n,) values of each field; times as datetime64[ms] in UTC, what is masked or nan becomes NULL.
+        columns: (n,) values of each field; times as datetime64[ms] in UTC; masked values and nan become NULL.
     """
 
     name: str
@@ -42,6 +42,31 @@ class Layer:
     shapes: ObjectArray
     columns: Columns
 
+    @property
+    def fields(self) -> tuple[tuple[str, str], ...]:
+        """Name and numpy type of each field."""
+        return tuple((name, values.dtype.str) for name, values in self.columns.items())
+
+
+def concatenated(layers: Sequence[Layer]) -> Layer:
+    """One layer with the features of several that have the same fields."""
+    columns = {name: _concatenated([layer.columns[name] for layer in layers]) for name in layers[0].columns}
+    return replace(layers[0], shapes=np.concatenate([layer.shapes for layer in layers]), columns=columns)
+
+
+def _concatenated(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    values = np.concatenate([np.ma.getdata(part) for part in parts])
+    if not any(np.ma.isMA(part) for part in parts):
+        return values
+    return np.ma.MaskedArray(values, np.concatenate([np.ma.getmaskarray(part) for part in parts]))
+
+
+def geometry_array(shapes: Any) -> ObjectArray:
+    """Geometries or None (n,) as an array of objects."""
+    out = np.empty(len(shapes), object)
+    out[:] = shapes
+    return out
+
 
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     """All layers there are: `trajectory` always, the others where ground worked is known.
@@ -49,7 +74,7 @@ def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     Those that a map shows on top come first.
     """
     trajectory = Layer(
-        "trajectory", "2.5D Point", _TRAJECTORY, _objects(shapely.points(poses.xyz_m)), _of_scans(poses, work)
+        "trajectory", "2.5D Point", _TRAJECTORY, geometry_array(shapely.points(poses.xyz_m)), _of_scans(poses, work)
     )
     if work.ground is None:
         return [trajectory]
@@ -94,14 +119,14 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             "misses",
             "Polygon",
             "Strips narrower than the tool that were not worked",
-            _objects([place.ground for place in ground.misses]),
+            geometry_array([place.ground for place in ground.misses]),
             {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
         ),
         Layer(
             "overlaps",
             "Polygon",
             "Ground that two passes worked, or one pass twice",
-            _objects([overlap.ground for overlap in ground.overlaps]),
+            geometry_array([overlap.ground for overlap in ground.overlaps]),
             {
                 "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
                 "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
@@ -113,14 +138,14 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             "coverage",
             "MultiPolygon",
             "All ground worked, once however often",
-            _objects([] if ground.coverage.is_empty else [ground.coverage]),
+            geometry_array([] if ground.coverage.is_empty else [ground.coverage]),
             _areas([] if ground.coverage.is_empty else [ground.figures.worked]),
         ),
         Layer(
             "passes",
             "MultiPolygon",
             "The ground worked from one lowering of the tool to its lifting",
-            _objects([p.ground for p in ground.passes]),
+            geometry_array([p.ground for p in ground.passes]),
             {
                 "pass": np.array([p.number for p in ground.passes], np.int64),
                 "start": _times([p.times.begin_s for p in ground.passes]),
@@ -137,7 +162,7 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             "zones",
             "Polygon",
             "Headland, where turns take place, and the field's body",
-            _objects([place.ground for place in ground.zones]),
+            geometry_array([place.ground for place in ground.zones]),
             {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
         ),
     ]
@@ -148,7 +173,7 @@ def _of_paths(paths: Sequence[ToolPath]) -> Layer:
         "tool_path",
         "2.5D LineString",
         "The way of the middle of the tool's line, a line for each state of the tool",
-        _objects([path.line for path in paths]),
+        geometry_array([path.line for path in paths]),
         {
             "implement": _words(path.state.label for path in paths),
             "pass": _numbers([path.pass_number or 0 for path in paths]),
@@ -164,7 +189,7 @@ def _of_events(found: Sequence[Event]) -> Layer:
         "events",
         "2.5D Point",
         "Where the tool went down or up, where the vehicle stopped, started or reversed, where positions end",
-        _objects([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in found]),
+        geometry_array([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in found]),
         {
             "kind": _words(event.kind for event in found),
             "time": _times([event.t_s for event in found]),
@@ -187,13 +212,6 @@ def _labels(codes: NDArray[np.int8], words: Mapping[int, str]) -> ObjectArray:
     """The word of each code; None (NULL in the file) where it has none."""
     known, index = np.unique(codes, return_inverse=True)
     return np.array([words.get(int(code)) for code in known], dtype=object)[index]
-
-
-def _objects(shapes: Any) -> ObjectArray:
-    """Geometries (n,), of which None are none."""
-    out = np.empty(len(shapes), object)
-    out[:] = shapes
-    return out
 
 
 def _words(words: Iterable[str]) -> ObjectArray:

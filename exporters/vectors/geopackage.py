@@ -18,9 +18,9 @@ from pyproj import CRS
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.vectors.field_layers import Layer, field_layers
-from furrowmap.exporters.vectors.ogr import pyogrio
+from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 
 _UTC_OFFSET: Final = 100
 """How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
@@ -104,8 +104,31 @@ def write_layer(
         append=append,
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
         layer_options={} if append else _options(layer, indexed=indexed),
-        dataset_metadata=origin.told if origin is not None else None,
+        dataset_metadata=origin.metadata if origin is not None else None,
     )
+
+
+def read_layer(path: Path, name: str) -> Layer:
+    """A layer of a GeoPackage as :func:`write_layer` takes it.
+
+    Raises:
+        RuntimeError: (pyogrio's own errors) if it cannot be read.
+    """
+    meta, _, shapes, data = pyogrio.raw.read(path, layer=name)
+    kind = str(meta["geometry_type"])
+    kind = f"2.5D {kind.removesuffix(' Z')}" if kind.endswith(" Z") else kind
+    description = (pyogrio.read_info(path, layer=name).get("layer_metadata") or {}).get("DESCRIPTION", "")
+    fields = zip(meta["fields"], meta["dtypes"], data, strict=True)
+    columns = {str(field): _typed(values, str(dtype)) for field, dtype, values in fields}
+    return Layer(name, kind, str(description), geometry_array(shapely.from_wkb(shapes)), columns)
+
+
+def _typed(values: NDArray[Any], dtype: str) -> NDArray[Any]:
+    """A column in its type in the file: pyogrio reads integers as floats where some are NULL."""
+    if dtype.startswith("int") and values.dtype.kind == "f":
+        missing = np.isnan(values)
+        return np.ma.MaskedArray(np.where(missing, 0, values).astype(dtype), missing)
+    return values
 
 
 def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:

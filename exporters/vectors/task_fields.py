@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.task_work import TaskWork, TaskWorks
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.vectors.field_layers import Layer, field_layers
+from furrowmap.exporters.vectors.field_layers import Layer, concatenated, field_layers, geometry_array
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 
 FIELDS: Final = "fields"
@@ -76,40 +77,28 @@ def write_fields(path: Path, works: TaskWorks) -> None:
     Raises:
         OSError: if the file cannot be written there.
     """
-    by_name: dict[str, list[tuple[TaskWork, Layer]]] = {}
+    by_name: dict[str, list[Layer]] = {}
     for work in works.works:
         for layer in field_layers(ScanPoses.at_knots(work.course.trajectory), work.work):
-            by_name.setdefault(layer.name, []).append((work, layer))
-    order = sorted(by_name, key=lambda name: name == "trajectory")  # which stands first where nothing was worked
-    layers = [*(_joined(by_name[name]) for name in order), _fields(works.works)]
+            by_name.setdefault(layer.name, []).append(_of_task(layer, work))
+    order = sorted(by_name, key=lambda name: name == "trajectory")  # which comes first where nothing was worked
+    layers = [*(concatenated(by_name[name]) for name in order), _fields(works.works)]
     with atomic_output(path) as unfinished:
         for layer in layers:
             write_layer(unfinished, layer, works.frame.crs, indexed=len(layer.shapes) > INDEXED_FROM)
         write_styles(unfinished, [layer.name for layer in layers])
 
 
-def _joined(parts: Sequence[tuple[TaskWork, Layer]]) -> Layer:
-    """One layer of those of each task, with columns that say which."""
-    first = parts[0][1]
-    columns: dict[str, Any] = {
-        "task": np.concatenate([np.full(len(layer.shapes), work.task.id, object) for work, layer in parts]),
-        "field": np.concatenate([np.full(len(layer.shapes), _field_name(work), object) for work, layer in parts]),
-    }
-    for name in first.columns:
-        values = [layer.columns[name] for _, layer in parts]
-        data = np.concatenate([np.ma.getdata(value) for value in values])
-        masked = any(np.ma.isMA(value) for value in values)
-        columns[name] = (
-            np.ma.array(data, mask=np.concatenate([np.ma.getmaskarray(v) for v in values])) if masked else data
-        )
-    shapes = np.concatenate([layer.shapes for _, layer in parts])
-    return Layer(first.name, first.kind, first.description, shapes, columns)
+def _of_task(layer: Layer, work: TaskWork) -> Layer:
+    """The layer with two columns that name its task and field."""
+    name = work.task.field.name if work.task.field is not None else ""
+    own = {"task": np.full(len(layer.shapes), work.task.id, object), "field": np.full(len(layer.shapes), name, object)}
+    return replace(layer, columns=own | layer.columns)
 
 
 def _fields(works: Sequence[TaskWork]) -> Layer:
     rows = [task_figures(work) for work in works]
-    shapes = np.empty(len(works), object)
-    shapes[:] = [_outline(work) for work in works]
+    shapes = geometry_array([_outline(work) for work in works])
     columns: dict[str, Any] = {
         "task": np.array([row["task"] for row in rows], object),
         "task_name": np.array([row["task_name"] for row in rows], object),
@@ -127,7 +116,3 @@ def _outline(work: TaskWork) -> shapely.MultiPolygon | None:
         return None
     polygons = [part for part in shapely.get_parts(work.work.boundary) if isinstance(part, shapely.Polygon)]
     return shapely.MultiPolygon(polygons) if polygons else None
-
-
-def _field_name(work: TaskWork) -> str:
-    return work.task.field.name if work.task.field is not None else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`furrowmap base add` as an algorithm."""
+"""`furrowmap farm add` as an algorithm."""
 
 from qgis.core import (
     QgsProcessingOutputNumber,
@@ -16,7 +16,7 @@ from .shared import BASE, OPEN, TakesBase, TakesResults, add_open
 class BaseAdd(TakesBase, TakesResults):
     """Results of runs into a farm's base map."""
 
-    ID, VERB = "base_add", ("base", "add")
+    ID, VERB = "base_add", ("farm", "add")
     CRS, SAME_CRS, ZONE = "CRS", "SAME_CRS", "TIME_ZONE"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's

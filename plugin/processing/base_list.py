@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`furrowmap base list` as an algorithm."""
+"""`furrowmap farm list` as an algorithm."""
 
 import json
 
@@ -11,7 +11,7 @@ from .shared import TakesBase
 class BaseList(TakesBase):
     """Which sessions a base map has."""
 
-    ID, VERB = "base_list", ("base", "list")
+    ID, VERB = "base_list", ("farm", "list")
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the toolbox shows it."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`furrowmap base mosaic` as an algorithm."""
+"""`furrowmap farm mosaic` as an algorithm."""
 
 from qgis.core import (
     QgsProcessingOutputNumber,
@@ -18,7 +18,7 @@ PRODUCTS = ("dsm", "dsm_before", "change")
 class BaseMosaic(TakesBase):
     """The surfaces of a base map's sessions in one raster."""
 
-    ID, VERB = "base_mosaic", ("base", "mosaic")
+    ID, VERB = "base_mosaic", ("farm", "mosaic")
     PRODUCT, DST_CRS, CELL, MEAN, OUTPUT = "PRODUCT", "DST_CRS", "CELL", "MEAN", "OUTPUT"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`furrowmap base remove` as an algorithm."""
+"""`furrowmap farm remove` as an algorithm."""
 
 from qgis.core import QgsProcessingOutputNumber, QgsProcessingParameterString
 
@@ -10,7 +10,7 @@ from .shared import TakesBase
 class BaseRemove(TakesBase):
     """Sessions out of a base map."""
 
-    ID, VERB = "base_remove", ("base", "remove")
+    ID, VERB = "base_remove", ("farm", "remove")
     SESSION = "SESSION"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's

@@ -13,8 +13,8 @@ import rasterio
 from numpy.typing import NDArray
 
 from furrowmap.core.values.errors import InputError
-from furrowmap.workflows.preview import ACCOUNT, SURFACE, TRACK, write_preview
-from furrowmap.workflows.run import PRODUCTS
+from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, RUN_PRODUCTS
+from furrowmap.workflows.preview import write_preview
 
 _EN = ("e_m", "n_m")
 
@@ -32,10 +32,10 @@ def folder(loop: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_preview__is_a_track_and_a_surface(folder: Path) -> None:
-    account = json.loads((folder / ACCOUNT).read_text(encoding="utf-8"))
+    account = json.loads((folder / PREVIEW_REPORT).read_text(encoding="utf-8"))
     assert account["products"] == sorted(path.name for path in folder.iterdir())
-    assert set(account["products"]) == {ACCOUNT, SURFACE, "preview_dsm.qml", TRACK}
-    assert set(account["products"]).isdisjoint(PRODUCTS)
+    assert set(account["products"]) == {PREVIEW_REPORT, PREVIEW_DSM, "preview_dsm.qml", PREVIEW_TRACK}
+    assert set(account["products"]).isdisjoint(RUN_PRODUCTS)
     assert account["figures"]["duration_s"] == pytest.approx(60.4, abs=0.2)
     assert "level-assumed" in {warning["code"] for warning in account["warnings"]}
 
@@ -43,7 +43,7 @@ def test_preview__is_a_track_and_a_surface(folder: Path) -> None:
 def test_track__is_the_vehicles_within_its_lean(folder: Path, loop: Path) -> None:
     """Up to 3° of lean move a point 1.6 m below the antenna by 8 cm, which a preview does not know."""
     truth = np.genfromtxt(loop / "truth" / "trajectory.csv", delimiter=",", names=True)
-    _, _, shapes, (t_s,) = pyogrio.raw.read(folder / TRACK, layer="trajectory", columns=["t_s"])
+    _, _, shapes, (t_s,) = pyogrio.raw.read(folder / PREVIEW_TRACK, layer="trajectory", columns=["t_s"])
     en_m = np.array([np.frombuffer(shape[5:21], "<f8") for shape in shapes])
     apart_m = np.hypot(*(en_m[:, k] - np.interp(t_s, truth["time_unix_s"], truth[c]) for k, c in enumerate(_EN)))
     assert len(t_s) > 500
@@ -53,7 +53,7 @@ def test_track__is_the_vehicles_within_its_lean(folder: Path, loop: Path) -> Non
 
 def test_surface__is_the_soils_within_decimetres(folder: Path, loop: Path) -> None:
     """The vehicle is taken to stand level: 2° of it are 0.35 m at 10 m."""
-    with rasterio.open(folder / SURFACE) as raster:
+    with rasterio.open(folder / PREVIEW_DSM) as raster:
         height_m: NDArray[np.float32] = raster.read(1)
         rows, columns = np.nonzero(np.isfinite(height_m))
         e_m, n_m = raster.xy(rows, columns)
@@ -72,10 +72,10 @@ def test_surface__is_the_soils_within_decimetres(folder: Path, loop: Path) -> No
 
 
 def test_preview__leaves_what_else_is_in_the_folder(loop: Path, tmp_path: Path) -> None:
-    for name in PRODUCTS:
+    for name in RUN_PRODUCTS:
         (tmp_path / name).write_text(f"of a run: {name}")
     write_preview(loop / "session.toml", tmp_path)
-    assert [name for name in PRODUCTS if (tmp_path / name).read_text() != f"of a run: {name}"] == []
+    assert [name for name in RUN_PRODUCTS if (tmp_path / name).read_text() != f"of a run: {name}"] == []
 
 
 def test_preview__of_a_session_without_a_scanner_is_its_track(shared_data: Path, tmp_path: Path) -> None:
@@ -87,10 +87,10 @@ def test_preview__of_a_session_without_a_scanner_is_its_track(shared_data: Path,
     )
     folder = tmp_path / "preview"
     folder.mkdir()
-    (folder / ACCOUNT).write_text(json.dumps({"products": [ACCOUNT, SURFACE]}))
-    (folder / SURFACE).touch()
+    (folder / PREVIEW_REPORT).write_text(json.dumps({"products": [PREVIEW_REPORT, PREVIEW_DSM]}))
+    (folder / PREVIEW_DSM).touch()
     account = write_preview(tmp_path / "session.toml", folder)
-    assert account["products"] == [ACCOUNT, TRACK] == sorted(path.name for path in folder.iterdir())
+    assert account["products"] == [PREVIEW_REPORT, PREVIEW_TRACK] == sorted(path.name for path in folder.iterdir())
 
 
 def test_preview__fails_where_the_run_would(loop: Path, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from furrowmap.core.values.json_text import json_text
 from furrowmap.core.values.session import Crs
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.task_data import write_task_data
+from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import TILLER, worked_field
@@ -66,7 +67,7 @@ def products(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def written(products: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("out") / "TASKDATA"
-    notices = write_task_data(products, target)
+    notices = write_task_data(open_result(products), target)
     assert "boundary-from-work" in {notice.code for notice in notices}
     return target
 
@@ -152,7 +153,7 @@ def test_our_own_reader__gives_the_same_ground(products: Path, written: Path) ->
 
 
 def test_archive__holds_the_same_in_a_folder(products: Path, written: Path, tmp_path: Path) -> None:
-    write_task_data(products, tmp_path / "task.zip")
+    write_task_data(open_result(products), tmp_path / "task.zip")
     shutil.unpack_archive(tmp_path / "task.zip", tmp_path / "out")
     same = {path.name: path.read_bytes() for path in written.iterdir()}
     assert {path.name: path.read_bytes() for path in (tmp_path / "out" / "TASKDATA").iterdir()} == same

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from furrowmap.exporters.farm.farm_map import add_results
+from furrowmap.workflows.farm import add_results
 
 for line in sys.stdin:
     base, *folders = json.loads(line)

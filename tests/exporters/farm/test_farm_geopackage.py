@@ -28,7 +28,7 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.farm import lock
-from furrowmap.exporters.farm.farm_map import add_results, known_sessions, remove_sessions
+from furrowmap.workflows.farm import add_results, known_sessions, remove_sessions
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result
 

@@ -23,7 +23,7 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm import postgis
-from furrowmap.exporters.farm.farm_map import add_results, known_sessions, remove_sessions
+from furrowmap.workflows.farm import add_results, known_sessions, remove_sessions
 from tests.exporters.farm.processes import adders, ended
 from tests.exporters.farm.processes import ask as order
 from tests.exporters.farm.result_folders import write_result

@@ -17,14 +17,11 @@ from pyproj import CRS, Transformer
 from rio_cogeo import cog_validate
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
-from furrowmap.exporters.farm import mosaic as module
-from furrowmap.exporters.farm.farm_map import add_results
-from furrowmap.exporters.farm.mosaic import mosaic
-from furrowmap.exporters.farm.surfaces import find_surfaces, refuse_output
+from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.exporters.farm.mosaic import MosaicSettings, write_mosaic
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters import windows
 from furrowmap.exporters.rasters.cog import COUNT, HEIGHT, with_heights, write_cog
-from tests.exporters.farm.result_folders import write_result
 
 JAPAN = CRS.from_epsg(6677)
 UTM = CRS.from_epsg(6691)
@@ -97,7 +94,7 @@ def test_latest__covers_the_earlier_cell_by_cell(
     shifted = [(height, east - left, south - top) for height, east, south in parts]
     expected = pasted(shifted, (bottom - top, right - left))
     for name in ("farm.tif", "farm.vrt"):
-        made = mosaic(paths, tmp_path / name)
+        made = write_mosaic(paths, tmp_path / name)
         assert (made.rows, made.columns) == expected.shape
         found = read(tmp_path / name)
         np.testing.assert_array_equal(found[0], expected)
@@ -108,7 +105,7 @@ def test_latest__covers_the_earlier_cell_by_cell(
 
 def test_bands_of_a_cell__come_from_one_session(write: Write, tmp_path: Path) -> None:
     height_m = eighths((20, 30), 1)
-    mosaic([write("a", eighths((20, 30), 0, 0.0)), write("b", height_m)], tmp_path / "farm.tif")
+    write_mosaic([write("a", eighths((20, 30), 0, 0.0)), write("b", height_m)], tmp_path / "farm.tif")
     with rasterio.open(tmp_path / "farm.tif") as raster:
         assert raster.descriptions == ("height", "returns")
         digest = hashlib.sha256((tmp_path / "b.tif").read_bytes()).hexdigest()
@@ -119,14 +116,18 @@ def test_bands_of_a_cell__come_from_one_session(write: Write, tmp_path: Path) ->
 def test_tiles__join_without_a_seam(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = [(eighths((60, 50), 0), 0, 0), (eighths((40, 70), 1), 13, 17)]
     paths = [write(f"s{i}", *part) for i, part in enumerate(parts)]
-    monkeypatch.setattr(module, "_TILE", 16)
-    mosaic(paths, tmp_path / "farm.tif")
+    monkeypatch.setattr(windows, "WINDOW", 16)
+    write_mosaic(paths, tmp_path / "farm.tif")
     np.testing.assert_array_equal(read(tmp_path / "farm.tif")[0], pasted(parts, (60, 83)))
 
 
 def test_mean__is_numpys_with_the_number_of_sessions(write: Write, tmp_path: Path) -> None:
     heights = [eighths((20, 30), seed, 0.5) for seed in range(3)]
-    mosaic([write(f"s{i}", height_m) for i, height_m in enumerate(heights)], tmp_path / "farm.tif", mean=True)
+    write_mosaic(
+        [write(f"s{i}", height_m) for i, height_m in enumerate(heights)],
+        tmp_path / "farm.tif",
+        MosaicSettings(mean=True),
+    )
     mean_m, number = read(tmp_path / "farm.tif")
     known = np.isfinite(heights).any(axis=0)
     np.testing.assert_allclose(mean_m[known], np.nanmean(np.array(heights)[:, known], axis=0), rtol=1e-7)
@@ -136,8 +137,8 @@ def test_mean__is_numpys_with_the_number_of_sessions(write: Write, tmp_path: Pat
 
 def test_geotiff__is_a_valid_cog_in_the_crs_of_the_surfaces(write: Write, tmp_path: Path) -> None:
     path = write("a", eighths((20, 30), 0))
-    mosaic([path], tmp_path / "farm.tif")
-    mosaic([path], tmp_path / "farm.vrt")
+    write_mosaic([path], tmp_path / "farm.tif")
+    write_mosaic([path], tmp_path / "farm.vrt")
     assert cog_validate(tmp_path / "farm.tif", strict=True, quiet=True)[:2] == (True, [])
     with (
         rasterio.open(tmp_path / "farm.tif") as tif,
@@ -153,7 +154,7 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
     rows, columns = np.mgrid[0:80, 0:100]
     plane_m = (250.0 + 0.05 * columns * CELL_M - 0.02 * rows * CELL_M).astype(np.float32)
     plane_m[:, 60:64] = np.nan
-    made = mosaic([write("a", plane_m)], tmp_path / "farm.tif", crs=UTM)
+    made = write_mosaic([write("a", plane_m)], tmp_path / "farm.tif", MosaicSettings(crs=UTM))
     assert made.cell_m == CELL_M
     with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(tmp_path / "farm.tif") as raster:
         heights = raster.read(1)
@@ -174,7 +175,7 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
 def test_other_crs__keeps_the_ground_that_was_seen(write: Write, tmp_path: Path) -> None:
     """Of a surface full of holes neither more nor less is left than there was."""
     height_m = eighths((200, 200), 3, holes=0.4)
-    mosaic([write("a", height_m)], tmp_path / "farm.tif", crs=UTM)
+    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", MosaicSettings(crs=UTM))
     found, number = read(tmp_path / "farm.tif")
     assert np.isfinite(found).sum() == pytest.approx(np.isfinite(height_m).sum(), rel=0.01)
     assert np.array_equal(np.isfinite(found), np.isfinite(number))
@@ -184,7 +185,7 @@ def test_other_crs__keeps_the_ground_that_was_seen(write: Write, tmp_path: Path)
 
 def test_coarser_cells__have_the_mean_of_the_seen_ones(write: Write, tmp_path: Path) -> None:
     height_m = eighths((40, 40), 5, holes=0.7)
-    mosaic([write("a", height_m)], tmp_path / "farm.tif", cell_m=4 * CELL_M)
+    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", MosaicSettings(cell_m=4 * CELL_M))
     with np.errstate(invalid="ignore"):
         blocks = height_m.reshape(10, 4, 10, 4).transpose(0, 2, 1, 3).reshape(10, 10, 16).astype(np.float64)
         expected = np.nansum(blocks, axis=2) / np.isfinite(blocks).sum(axis=2)
@@ -193,16 +194,18 @@ def test_coarser_cells__have_the_mean_of_the_seen_ones(write: Write, tmp_path: P
 
 def test_surfaces_of_two_crs__go_into_the_one_that_is_named(write: Write, tmp_path: Path) -> None:
     here = write("here", np.full((40, 40), 250.0, np.float32))
-    mosaic([here], tmp_path / "there.tif", crs=UTM)
+    write_mosaic([here], tmp_path / "there.tif", MosaicSettings(crs=UTM))
     with pytest.raises(RefusedError) as refused:
-        mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif")
+        write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif")
     assert refused.value.code == "mosaic-crs"
-    mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif", crs=JAPAN)
+    write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif", MosaicSettings(crs=JAPAN))
     np.testing.assert_allclose(read(tmp_path / "farm.tif")[0][5:35, 5:35], 250.0, atol=1e-4)
 
 
 def test_coarser_cells__are_asked_for(write: Write, tmp_path: Path) -> None:
-    made = mosaic([write("a", np.full((40, 40), 250.0, np.float32))], tmp_path / "farm.tif", cell_m=1.0)
+    made = write_mosaic(
+        [write("a", np.full((40, 40), 250.0, np.float32))], tmp_path / "farm.tif", MosaicSettings(cell_m=1.0)
+    )
     assert (made.cell_m, made.rows, made.columns) == (1.0, 10, 10)
     assert np.nanmax(np.abs(read(tmp_path / "farm.tif")[0] - 250.0)) == 0.0
 
@@ -210,14 +213,14 @@ def test_coarser_cells__are_asked_for(write: Write, tmp_path: Path) -> None:
 @pytest.mark.parametrize("options", [{"mean": True}, {"crs": UTM}, {"cell_m": 1.0}])
 def test_virtual_raster__computes_nothing(write: Write, tmp_path: Path, options: dict[str, object]) -> None:
     with pytest.raises(RefusedError) as refused:
-        mosaic([write("a", eighths((4, 4), 0))], tmp_path / "farm.vrt", **options)
+        write_mosaic([write("a", eighths((4, 4), 0))], tmp_path / "farm.vrt", MosaicSettings(**options))
     assert refused.value.code == "mosaic-virtual"
     assert not (tmp_path / "farm.vrt").exists()
 
 
 def test_virtual_raster__moves_with_its_surfaces(write: Write, tmp_path: Path) -> None:
     path = write("a & b", eighths((4, 4), 0))
-    mosaic([path], tmp_path / "farm.vrt")
+    write_mosaic([path], tmp_path / "farm.vrt")
     moved = tmp_path / "圃 場"
     moved.mkdir()
     for name in (path.name, "farm.vrt"):
@@ -228,14 +231,14 @@ def test_virtual_raster__moves_with_its_surfaces(write: Write, tmp_path: Path) -
 def test_heights_of_two_kinds__are_not_mixed(write: Write, tmp_path: Path) -> None:
     paths = [write("a", eighths((4, 4), 0)), write("b", eighths((4, 4), 0), crs=CRS.from_user_input("EPSG:6677+6695"))]
     with pytest.raises(RefusedError) as refused:
-        mosaic(paths, tmp_path / "farm.tif")
+        write_mosaic(paths, tmp_path / "farm.tif")
     assert refused.value.code == "mosaic-heights"
 
 
 def test_surface_itself__is_not_overwritten(write: Write) -> None:
     path = write("a", eighths((4, 4), 0))
     with pytest.raises(RefusedError) as refused:
-        mosaic([path], path)
+        write_mosaic([path], path)
     assert refused.value.code == "output-is-input"
 
 
@@ -248,32 +251,5 @@ def test_what_is_no_surface__is_told(write: Write, tmp_path: Path) -> None:
         pass
     for path in (tmp_path / "none.tif", text, turned):
         with pytest.raises(InputError) as refused:
-            mosaic([write("a", eighths((4, 4), 0)), path], tmp_path / "farm.tif")
+            write_mosaic([write("a", eighths((4, 4), 0)), path], tmp_path / "farm.tif")
         assert refused.value.code == "surface-unusable"
-
-
-def test_surfaces__are_those_of_the_sessions_in_their_order(write: Write, tmp_path: Path) -> None:
-    later = write_result(tmp_path / "later", name="Later", recording="b" * 64, day=9)
-    earlier, bare = write_result(tmp_path / "earlier"), write_result(tmp_path / "bare", name="Bare", day=5)
-    for folder in (later, earlier):
-        shutil.move(write("dsm", eighths((4, 4), 0)), folder / "dsm.tif")
-    add_results(str(tmp_path / "farm.gpkg"), [later, earlier, bare])
-    for sources in ([str(tmp_path / "farm.gpkg")], [str(later), str(bare), str(earlier)]):
-        paths, notices = find_surfaces(sources, "dsm")
-        assert paths == [earlier / "dsm.tif", later / "dsm.tif"]
-        assert [notice.code for notice in notices] == ["surfaces-missing"]
-    with pytest.raises(InputError) as refused:
-        find_surfaces([str(tmp_path / "farm.gpkg")], "dtm")
-    assert refused.value.code == "no-surfaces"
-    with pytest.raises(UsageError):
-        find_surfaces([str(tmp_path / "farm.gpkg")], "../../etc/passwd")
-
-
-def test_output__has_a_known_suffix_and_replaces_nothing_unasked(tmp_path: Path) -> None:
-    with pytest.raises(UsageError):
-        refuse_output(tmp_path / "farm.png", overwrite=True)
-    (tmp_path / "farm.tif").write_text("mine")
-    with pytest.raises(RefusedError) as refused:
-        refuse_output(tmp_path / "farm.tif", overwrite=False)
-    assert refused.value.code == "output-exists"
-    refuse_output(tmp_path / "farm.tif", overwrite=True)

@@ -1,4 +1,4 @@
-"""`furrowmap base` from end to end, called as a user calls it."""
+"""`furrowmap farm` from end to end, called as a user calls it."""
 
 from __future__ import annotations
 
@@ -36,49 +36,50 @@ def call(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[in
     return status, captured.out, captured.err
 
 
-def test_base__is_filled_listed_emptied(
+def test_farm__is_filled_listed_emptied(
     folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    base = tmp_path / "farm.gpkg"
-    assert call(capsys, "base", "add", *folders, base)[:2] == (
+    farm = tmp_path / "farm.gpkg"
+    assert call(capsys, "farm", "add", *folders, farm)[:2] == (
         0,
-        f"{base}: 2 added; now 2 sessions in EPSG:6677.\n",
+        f"{farm}: 2 added; now 2 sessions in EPSG:6677.\n",
     )
-    status, out, _ = call(capsys, "base", "add", folders[0], base, "--json")
+    status, out, _ = call(capsys, "farm", "add", folders[0], farm, "--json")
     assert status == 0
     assert [len(json.loads(out)[deed]) for deed in ("added", "replaced", "unchanged")] == [0, 0, 1]
-    status, out, _ = call(capsys, "base", "list", base)
+    status, out, _ = call(capsys, "farm", "list", farm)
     assert [line.split()[1] for line in out.splitlines()] == ["2026-06-12", "2026-06-19"]
     assert "\x1b" not in out
-    sessions = json.loads(call(capsys, "base", "list", base, "--json")[1])["sessions"]
+    sessions = json.loads(call(capsys, "farm", "list", farm, "--json")[1])["sessions"]
     assert sessions[0]["start"].startswith("2026-06-11T15:00:00")
-    status, out, _ = call(capsys, "base", "remove", base, sessions[1]["session"], "North field")
-    assert (status, out) == (0, f"{base}: 2 removed; now 0 sessions in EPSG:6677.\n")
-    assert call(capsys, "base", "list", base)[1] == "No sessions.\n"
+    status, out, _ = call(capsys, "farm", "remove", farm, sessions[1]["session"], "North field")
+    assert (status, out) == (0, f"{farm}: 2 removed; now 0 sessions in EPSG:6677.\n")
+    assert call(capsys, "farm", "list", farm)[1] == "No sessions.\n"
 
 
 def test_mosaic__has_the_latest_on_top(folders: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    call(capsys, "base", "add", *reversed(folders), tmp_path / "farm.gpkg")
-    status, out, err = call(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")
+    call(capsys, "farm", "add", *reversed(folders), tmp_path / "farm.gpkg")
+    status, out, err = call(capsys, "farm", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")
     assert (status, err) == (0, "")
     assert out.endswith("2 surfaces, 6 × 4 cells of 0.5 m, EPSG:6677.\n")
     with rasterio.open(tmp_path / "farm.vrt") as raster:
         assert raster.read(1).tolist() == [[250.0, 250.0, 251.0, 251.0, 251.0, 251.0]] * 4
-    assert call(capsys, "base", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")[0] == 4
-    assert call(capsys, "base", "mosaic", *folders, "-o", tmp_path / "farm.tif", "--mean", "-q")[0] == 0
+    assert call(capsys, "farm", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt")[0] == 4
+    assert call(capsys, "farm", "mosaic", tmp_path / "farm.gpkg", "-o", tmp_path / "farm.vrt", "--overwrite")[0] == 0
+    assert call(capsys, "farm", "mosaic", *folders, "-o", tmp_path / "farm.tif", "--mean", "-q")[0] == 0
 
 
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (["base"], 2, "Missing command"),
-        (["base", "ad"], 2, "furrowmap base add"),
-        (["base", "add", "nowhere", "farm.gpkg"], 3, "nowhere"),
-        (["base", "list", "nowhere.gpkg"], 3, "nowhere.gpkg"),
-        (["base", "add", "x", "farm.gpkg", "--crs", "EPSG:0"], 2, "--crs"),
-        (["base", "add", "x", "farm.gpkg", "--time-zone", "Mars/../Base"], 2, "--time-zone"),
-        (["base", "mosaic", "nowhere", "-o", "farm.png"], 2, "farm.png"),
-        (["base", "list", "postgresql://me:s3cret@127.0.0.1:1/farm"], 3, "127.0.0.1"),
+        (["farm"], 2, "Missing command"),
+        (["farm", "ad"], 2, "furrowmap farm add"),
+        (["farm", "add", "nowhere", "farm.gpkg"], 3, "nowhere"),
+        (["farm", "list", "nowhere.gpkg"], 3, "nowhere.gpkg"),
+        (["farm", "add", "x", "farm.gpkg", "--crs", "EPSG:0"], 2, "--crs"),
+        (["farm", "add", "x", "farm.gpkg", "--time-zone", "Mars/../Base"], 2, "--time-zone"),
+        (["farm", "mosaic", "nowhere", "-o", "farm.png"], 2, "farm.png"),
+        (["farm", "list", "postgresql://me:s3cret@127.0.0.1:1/farm"], 3, "127.0.0.1"),
     ],
 )
 def test_mistake__is_three_lines_and_a_status(

@@ -1,4 +1,4 @@
-"""`furrowmap base`: the farm map, the sessions of a farm in one GeoPackage or in PostGIS."""
+"""`furrowmap farm`: the farm map, the sessions of a farm in one GeoPackage or in PostGIS."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from pyproj import CRS
 
-    from furrowmap.exporters.farm.farm_map import Change
+    from furrowmap.exporters.farm.edit import KnownSession
+    from furrowmap.workflows.farm import Change
 
 _DB_SCHEMA: Final = "furrowmap"
 
@@ -28,9 +29,9 @@ _DB_SCHEMA: Final = "furrowmap"
     short_help="Collect the sessions of a farm in a farm map.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap base add result farm.gpkg\n  furrowmap base list farm.gpkg",
+    epilog="\b\nExample:\n  furrowmap farm add result farm.gpkg\n  furrowmap farm list farm.gpkg",
 )
-def base() -> None:
+def farm() -> None:
     """The farm map: the sessions of a farm in one GeoPackage, or in PostGIS to share them."""
 
 
@@ -39,10 +40,10 @@ _schema = click.option(
 )
 
 
-@base.command(
+@farm.command(
     short_help="Add the results of runs to a farm map.",
-    epilog="\b\nExample:\n  furrowmap base add results/* farm.gpkg\n"
-    "  furrowmap base add result postgresql://me@server/farm",
+    epilog="\b\nExample:\n  furrowmap farm add results/* farm.gpkg\n"
+    "  furrowmap farm add result postgresql://me@server/farm",
 )
 @click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=FILE)
 @click.argument("target", metavar="MAP")
@@ -56,24 +57,15 @@ _schema = click.option(
 )
 @_schema
 @common_options
-def add(
-    console: Console,
-    folders: tuple[Path, ...],
-    target: str,
-    *,
-    crs: str | None,
-    same_crs: bool,
-    zone: str | None,
-    schema: str,
-) -> None:
+def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any) -> None:
     """Add the results of `furrowmap run` in each DIR to MAP, a GeoPackage or a PostGIS database.
 
     MAP is created if it does not exist. A session that it already holds is replaced. Either all DIRs are added or none;
     an interruption leaves MAP unchanged.
     """
-    from furrowmap.exporters.farm.farm_map import add_results
+    from furrowmap.workflows.farm import add_results
 
-    options: dict[str, Any] = {"crs": _crs(crs), "same_crs": same_crs, "zone": _zone(zone), "schema": schema}
+    options |= {"crs": _crs(options["crs"]), "zone": _zone(options["zone"])}
     with console.work(passing=True) as progress:
         change = add_results(target, folders, **options, progress=progress)
     for notice in change.notices:
@@ -81,18 +73,17 @@ def add(
     console.answer(change, _words(change))
 
 
-@base.command(
+@farm.command(
     "list",
     short_help="List the sessions in a farm map.",
-    epilog="\b\nExample:\n  furrowmap base list farm.gpkg",
+    epilog="\b\nExample:\n  furrowmap farm list farm.gpkg",
 )
 @click.argument("target", metavar="MAP")
 @_schema
 @common_options
 def list_sessions(console: Console, target: str, *, schema: str) -> None:
     """List the sessions in MAP: identifier, date, worked area, name."""
-    from furrowmap.exporters.farm.edit import KnownSession
-    from furrowmap.exporters.farm.farm_map import known_sessions
+    from furrowmap.workflows.farm import known_sessions
 
     def row(session: KnownSession) -> tuple[str, str]:
         area_m2 = session.worked_area_m2
@@ -100,14 +91,14 @@ def list_sessions(console: Console, target: str, *, schema: str) -> None:
         return session.session, f"{session.date}  {area}  {printable(session.name)}"
 
     with console.work(passing=True) as progress:
-        shown, crs, sessions = known_sessions(target, schema=schema, progress=progress)
-    answer = {"base": shown, "crs": crs and crs.to_string(), "sessions": [session.told() for session in sessions]}
+        name, crs, sessions = known_sessions(target, schema=schema, progress=progress)
+    answer = {"farm_map": name, "crs": crs and crs.to_string(), "sessions": [session.plain() for session in sessions]}
     console.answer(answer, table(row(session) for session in sessions) if sessions else "No sessions.")
 
 
-@base.command(
+@farm.command(
     short_help="Remove sessions from a farm map.",
-    epilog="\b\nExample:\n  furrowmap base remove farm.gpkg c67f3212",
+    epilog="\b\nExample:\n  furrowmap farm remove farm.gpkg c67f3212",
 )
 @click.argument("target", metavar="MAP")
 @click.argument("sessions", metavar="SESSION...", nargs=-1, required=True)
@@ -118,17 +109,17 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
 
     The result folders are not touched.
     """
-    from furrowmap.exporters.farm.farm_map import remove_sessions
+    from furrowmap.workflows.farm import remove_sessions
 
     with console.work(passing=True) as progress:
         change = remove_sessions(target, sessions, schema=schema, progress=progress)
     console.answer(change, _words(change))
 
 
-@base.command(
+@farm.command(
     short_help="Merge the surfaces of sessions into one raster.",
-    epilog="\b\nExample:\n  furrowmap base mosaic farm.gpkg -o farm.vrt\n"
-    "  furrowmap base mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
+    epilog="\b\nExample:\n  furrowmap farm mosaic farm.gpkg -o farm.vrt\n"
+    "  furrowmap farm mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
 )
 @click.argument("sources", metavar="MAP...", nargs=-1, required=True)
 @click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Output raster: .vrt or .tif.")
@@ -139,41 +130,29 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
 @click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
 @_schema
 @common_options
-def mosaic(
-    console: Console,
-    sources: tuple[str, ...],
-    output: Path,
-    *,
-    product: str,
-    crs: str | None,
-    cell_m: float | None,
-    mean: bool,
-    overwrite: bool,
-    schema: str,
-) -> None:
+def mosaic(console: Console, sources: tuple[str, ...], output: Path, **options: Any) -> None:
     """Merge the surfaces of the sessions in each MAP, or of the result in a folder, into one raster.
 
     Where sessions overlap, the latest is used. A .vrt is a small file that refers to the heights in the surfaces'
     files; a .tif is a Cloud Optimized GeoTIFF with all bands.
     """
-    from furrowmap.exporters.farm.mosaic import mosaic as put_together
-    from furrowmap.exporters.farm.surfaces import find_surfaces, refuse_output
+    from furrowmap.exporters.farm.mosaic import MosaicSettings
+    from furrowmap.workflows.mosaic import mosaic as merge
 
-    refuse_output(output, overwrite=overwrite)
+    settings = MosaicSettings(_crs(options.pop("crs"), "--dst-crs"), options.pop("cell_m"), options.pop("mean"))
     with console.work(passing=True) as progress:
-        paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
-        made = put_together(paths, output, crs=_crs(crs, "--dst-crs"), cell_m=cell_m, mean=mean, progress=progress)
-    for notice in (*missing, *made.notices):
+        made = merge(sources, output, settings, **options, progress=progress)
+    for notice in made.notices:
         console.warn(notice)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
     console.answer(made, f"{printable(str(output))}: {made.surfaces} surfaces, {size}, {made.crs}.")
 
 
 def _words(change: Change) -> str:
-    deeds = ("added", "replaced", "unchanged", "removed")
-    done = [f"{len(getattr(change, deed))} {deed}" for deed in deeds if getattr(change, deed)]
+    counts = [(len(getattr(change, verb)), verb) for verb in ("added", "replaced", "unchanged", "removed")]
+    done = ", ".join(f"{count} {verb}" for count, verb in counts if count)
     number = "1 session" if change.sessions == 1 else f"{change.sessions} sessions"
-    return f"{printable(change.base)}: {', '.join(done) or 'nothing changed'}; now {number} in {change.crs}."
+    return f"{printable(change.farm_map)}: {done or 'nothing changed'}; now {number} in {change.crs}."
 
 
 def _crs(text: str | None, option: str = "--crs") -> CRS | None:

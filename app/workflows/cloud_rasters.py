@@ -1,4 +1,4 @@
-"""The rasters of clouds: surfaces of their points, tile by tile, and what comes from those, window by window."""
+"""The rasters of clouds: surfaces of their points, tile by tile, and rasters derived from these, window by window."""
 
 from __future__ import annotations
 
@@ -26,42 +26,43 @@ from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness,
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import (
+    DSM,
+    DTM,
+    HEIGHT_ABOVE_GROUND,
+    HILLSHADE,
+    LOW_SPOT_OUTLINES,
+    LOW_SPOTS,
+    ROUGHNESS,
+    SLOPE,
+)
 from furrowmap.exporters.rasters.cog import FILLED, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
 from furrowmap.exporters.reports.report import FileRecord
 
-DSM: Final = "dsm.tif"
-DTM: Final = "dtm.tif"
-ABOVE: Final = "height_above_ground.tif"
-HILLSHADE: Final = "hillshade.tif"
-SLOPE: Final = "slope.tif"
-ROUGHNESS: Final = "roughness.tif"
-LOW_SPOTS: Final = "low_spots.tif"
-LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
-RASTER_PRODUCTS: Final = (DSM, DTM, ABOVE, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES)
 SURFACE: Final = "surface"
-"""Title of the raster whose statistic is of the user's choice."""
+"""Title of the raster whose statistic the user chooses."""
 MOST_LOW_SPOT_CELLS: Final = 2_000_000
-"""Water finds its way over the whole land at once: larger surfaces are coarsened for it."""
+"""Low spots need the whole surface in memory: larger ones are coarsened."""
 BRIDGED_M: Final = 1.0
-"""Gaps up to so far from seen heights let no water through."""
+"""Gaps up to this distance from seen heights are interpolated, so that no water runs off through them."""
 CELLS_A_PLOT: Final = 5
-"""Random roughness needs cells of a fifth of its plots at most."""
+"""Random roughness needs at least this many cells along a plot's side."""
 
 
 @dataclass(frozen=True)
 class CloudRasters:
-    """The rasters of clouds in the making, and what is told of them.
+    """Computes and writes the rasters of clouds.
 
     Attributes:
-        folder: takes the files.
-        clouds: whose points they show.
+        folder: of the files.
+        clouds: their points.
         grid: of all surfaces.
-        settings: what is asked for.
+        settings: as given by the user.
         box: of the points, in the CRS of the surfaces; None for all.
-        method: how the ground is told.
+        method: classification of the ground.
         records: of the clouds' files.
-        span_s: earliest and latest UTC of the points; None where no file tells it.
+        span_s: earliest and latest UTC of the points; None where unknown.
     """
 
     folder: Path
@@ -75,7 +76,7 @@ class CloudRasters:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """What the surfaces were made by, as the account tells it."""
+        """Parameters of the surfaces, as `surfaces.json` has them."""
         settings = self.settings
         return {
             "cell_m": self.grid.cell_m,
@@ -91,18 +92,18 @@ class CloudRasters:
 
     @property
     def ground_name(self) -> str:
-        """The surface that is shaded, measured and flooded: the ground, or all where that is not told."""
+        """The input of derived rasters: the ground, or the surface where the ground is not classified."""
         return DSM if self.method == "none" else DTM
 
     def surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
-        """The surfaces that come from the points themselves."""
+        """Write the surfaces of the points."""
         settings = self.settings
         with ExitStack() as stack:
             put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, SURFACE_BANDS))
             if self.method != "none":
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
-                put_above = stack.enter_context(self._output(ABOVE, "height above ground", [above]))
+                put_above = stack.enter_context(self._output(HEIGHT_ABOVE_GROUND, "height above ground", [above]))
             for tile in cloud_tiles(spooled, self.method, settings.statistic, settings.outliers, progress):
                 put_dsm(tile.grid, surface_arrays(tile.dsm))
                 if tile.dtm is not None and tile.above_m is not None:
@@ -113,7 +114,7 @@ class CloudRasters:
                 self._fill(name, progress)
 
     def derived(self, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
-        """The surfaces that come from finished ones; figures and notices of them."""
+        """Write the rasters derived from the surfaces; returns their figures and notices."""
         grid, cell_m = self.grid, self.grid.cell_m
         notices: list[Notice] = []
         shade, steep = Band("hillshade", "1", 0), Band("slope", "degree", 1024)
@@ -131,8 +132,8 @@ class CloudRasters:
             self._roughness(progress)
         else:
             text = (
-                f"Cells of {cell_m:g} m are too coarse for random roughness, which is told of plots of {PLOT_M:g} m: "
-                f"there is none. It takes cells of {PLOT_M / CELLS_A_PLOT:g} m or less."
+                f"Cells of {cell_m:g} m are too coarse for random roughness in plots of {PLOT_M:g} m, which was not "
+                f"computed. It needs cells of {PLOT_M / CELLS_A_PLOT:g} m or less."
             )
             notices.append(Notice("roughness-too-coarse", text))
         spots, coarse = self._low_spots(progress)
@@ -151,7 +152,7 @@ class CloudRasters:
         return cog_output(self.folder / name, self.grid, self.clouds.crs, bands, self._origin(title))
 
     def _origin(self, title: str) -> Origin:
-        """What is told inside a raster."""
+        """Provenance of a raster."""
         stated = {name: _text(value) for name, value in self.parameters.items() if value is not None}
         statistic = self.settings.statistic if title == SURFACE or self.method == "none" else MEDIAN
         parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
@@ -161,7 +162,7 @@ class CloudRasters:
         return Origin(title, inputs=inputs, span_s=self.span_s, parameters=parameters)
 
     def _fill(self, name: str, progress: Progress) -> None:
-        """Fill the gaps of a surface, window by window, each with what lies round it."""
+        """Fill the gaps of a surface, window by window with a margin."""
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
         title = SURFACE if name == DSM else "ground"
@@ -177,7 +178,7 @@ class CloudRasters:
         source.unlink()
 
     def _roughness(self, progress: Progress) -> None:
-        """Random roughness, each plot by the window in which its corner lies."""
+        """Write random roughness; a plot belongs to the window that contains its corner."""
         west, south, east, north = self.grid.bounds_m
         inset = 0.5 * self.grid.cell_m
         plots = Grid.of_bounds(PLOT_M, (west + inset, south + inset, east - inset, north - inset))
@@ -190,13 +191,13 @@ class CloudRasters:
                 there, rough = random_roughness(surface, tillage_heading_deg=self.settings.tillage_heading_deg)
                 own = plots_of(inner, plots, last=is_last(inner, self.grid))
                 if own is not None:
-                    rows, columns = common(own, there)
                     whole = np.full(own.shape, np.nan, np.float32)
-                    whole[rows[0], columns[0]] = rough[rows[1], columns[1]]
+                    if (shared := common(own, there)) is not None:
+                        whole[shared.window_in(own)] = rough[shared.window_in(there)]
                     put(own, [whole])
 
     def _low_spots(self, progress: Progress) -> tuple[Depressions, Notice | None]:
-        """Low spots of the ground, in cells of which memory holds all, and what is to be said of these."""
+        """Write the low spots of the ground; returns them, and a notice where the surface was coarsened."""
         grid = self.grid
         factor = 1
         while (grid.rows // factor + 1) * (grid.columns // factor + 1) > MOST_LOW_SPOT_CELLS:
@@ -205,7 +206,7 @@ class CloudRasters:
         total, count = np.zeros(coarse.shape), np.zeros(coarse.shape, np.uint32)
         reach = max(self.settings.fill_m, BRIDGED_M) / grid.cell_m
         for inner, outer, found in self._windows(self.ground_name, int(2 * reach) + 1, progress, "finding low spots"):
-            # Water would run off through every cell that happens to have no point in it.
+            # Water would run off through every cell without a point.
             height = bridged(found.astype(np.float64), reach)[inner.window_in(outer)]
             row = coarse.north - 1 - (inner.north - 1 - np.arange(inner.rows)) // factor
             column = (inner.west + np.arange(inner.columns)) // factor - coarse.west
@@ -223,22 +224,22 @@ class CloudRasters:
         if factor == 1:
             return spots, None
         text = (
-            f"Low spots are looked for in cells of {coarse.cell_m:g} m, means of {factor} x {factor} of the surface's: "
-            "water finds its way over the whole land at once, which must fit into memory."
+            f"Low spots are computed in cells of {coarse.cell_m:g} m, means of {factor} x {factor} of the surface: "
+            "all of them must fit into memory."
         )
         return spots, Notice("low-spots-coarser", text)
 
     def _seen(self) -> int:
-        """Cells of the topmost surface that have a height."""
+        """Number of cells of the surface with a height."""
         with rasterio.open(self.folder / DSM) as raster:
             return sum(int(np.isfinite(raster.read(1, window=block)).sum()) for _, block in raster.block_windows(1))
 
     def _windows(
         self, name: str, margin: int, progress: Progress, stage: str
     ) -> Iterator[tuple[Grid, Grid, NDArray[np.float32]]]:
-        """Squares of a finished surface: each one's own cells, those with a margin round them, and their heights.
+        """Windows of a finished surface: own cells, cells with a margin, and their heights.
 
-        Squares without any height are passed over.
+        Windows without a height are skipped.
         """
         with rasterio.open(self.folder / name) as raster:
             for inner, outer in windows(self.grid, margin):
@@ -249,7 +250,7 @@ class CloudRasters:
 
 
 def _unfilled(name: str, settings: SurfaceSettings) -> str:
-    """The file of a surface as its points show it: its own, or one that is replaced by the filled one."""
+    """File of a surface before gaps are filled."""
     return f"unfilled_{name}" if settings.fill_m > 0 else name
 
 
@@ -266,9 +267,9 @@ def _write_outlines(path: Path, spots: Depressions, crs: CRS, origin: Origin) ->
         geometry=spots.polygons(),
         crs=crs,
     )
-    frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.told)
+    frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.metadata)
 
 
 def _text(value: object) -> str:
-    """A parameter as it stands in a raster's metadata."""
+    """A parameter as a raster's metadata have it."""
     return ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value)

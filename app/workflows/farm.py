@@ -1,0 +1,293 @@
+"""A farm map: the sessions of many runs in one GeoPackage or PostGIS database."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+from zoneinfo import ZoneInfo
+
+from pyproj import CRS
+
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
+from furrowmap.exporters.farm.geopackage import geopackage_edit
+from furrowmap.exporters.farm.project import ProjectLayer, project_archive
+from furrowmap.exporters.farm.results import SessionResult, drawing_order, read_result
+from furrowmap.exporters.farm.styling import styles
+from furrowmap.exporters.vectors.field_layers import concatenated
+
+DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")
+"""A farm map whose name starts with one of these is in PostGIS, any other one is a GeoPackage."""
+DB_SCHEMA: Final = "furrowmap"
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a command changed in a farm map.
+
+    Attributes:
+        farm_map: its path or address, without a password.
+        crs: of its layers.
+        added: identities of the new sessions.
+        replaced: of the sessions with a new result.
+        unchanged: of the sessions whose result was there already.
+        removed: of the sessions taken out.
+        sessions: number of sessions after the change.
+        notices: what a user should know.
+    """
+
+    farm_map: str
+    crs: str | None
+    added: tuple[str, ...] = ()
+    replaced: tuple[str, ...] = ()
+    unchanged: tuple[str, ...] = ()
+    removed: tuple[str, ...] = ()
+    sessions: int = 0
+    notices: tuple[Notice, ...] = ()
+
+
+def open_edit(
+    farm_map: str, *, create: bool = False, schema: str = DB_SCHEMA, progress: Progress = silent
+) -> AbstractContextManager[FarmEdit]:
+    """Open a farm map for a change that takes place as a whole or not at all.
+
+    Args:
+        farm_map: path of a GeoPackage, or a PostgreSQL connection string (`postgresql://…`).
+        create: whether to create a missing one.
+        schema: of the tables in a database.
+        progress: receives the stage of waiting for other processes.
+
+    Raises:
+        FurrowmapError: if it cannot be opened.
+    """
+    if farm_map.startswith(DATABASES):
+        try:
+            from furrowmap.exporters.farm.postgis import postgis_edit
+        except ImportError as error:
+            raise RefusedError(
+                f"The package psycopg is not installed ({error}).",
+                "A farm map in PostGIS needs it.",
+                'Install it with pip install "furrowmap[postgis]", or name a GeoPackage.',
+                code="no-psycopg",
+            ) from None
+        return postgis_edit(farm_map, create=create, schema=schema)
+    return geopackage_edit(Path(farm_map), create=create, progress=progress)
+
+
+def add_results(
+    farm_map: str,
+    folders: Sequence[Path],
+    *,
+    crs: CRS | None = None,
+    same_crs: bool = False,
+    zone: ZoneInfo | None = None,
+    schema: str = DB_SCHEMA,
+    progress: Progress = silent,
+) -> Change:
+    """Add the results of runs to a farm map: all of them, or none where one of them fails.
+
+    A session that is there already (same name and recordings) is replaced by its new result, or left unchanged where
+    the result is the same.
+
+    Args:
+        farm_map: path of a GeoPackage, or a PostgreSQL connection string; created where it is missing.
+        folders: that `furrowmap run` wrote.
+        crs: of a new farm map; None for that of the first session.
+        same_crs: refuse sessions of another CRS instead of transforming them.
+        zone: time zone of the dates; None for the nautical zone of each place.
+        schema: of the tables in a database.
+        progress: receives the stages.
+
+    Raises:
+        InputError: if a folder holds no result, or `farm_map` is not a farm map.
+        RefusedError: if PROJ has no reliable transformation of a session, the farm map has another CRS than `crs`, or
+            another process is writing to it or to a folder.
+        OSError: if the farm map cannot be written.
+    """
+    results = _read_results(folders, zone, progress)
+    with open_edit(farm_map, create=True, schema=schema, progress=progress) as edit:
+        progress("writing the farm map", 0.0)
+        target = _target_crs(edit, crs) or next(iter(results.values())).crs
+        known = {session.session: session for session in edit.sessions()}
+        fresh = [r for r in results.values() if r.session not in known or known[r.session].digest != r.digest]
+        placed, notices = _transformed(fresh, target, edit.name(), same_crs=same_crs)
+        notices += _plausibility_notices([*known.values()], fresh)
+        added, replaced = (tuple(r.session for r in placed if (r.session in known) == old) for old in (False, True))
+        edit.remove(replaced)
+        _append(edit, placed, target)
+        if placed:
+            notices += _update_project(edit)
+        unchanged = tuple(session for session in results if session not in {*added, *replaced})
+        return Change(
+            edit.name(),
+            name_of(target),
+            added=added,
+            replaced=replaced,
+            unchanged=unchanged,
+            sessions=len(known) + len(added),
+            notices=tuple(notices),
+        )
+
+
+def remove_sessions(
+    farm_map: str, wanted: Sequence[str], *, schema: str = DB_SCHEMA, progress: Progress = silent
+) -> Change:
+    """Remove sessions from a farm map; the folders of their results stay.
+
+    Args:
+        farm_map: path of a GeoPackage, or a PostgreSQL connection string.
+        wanted: an identity or its beginning, or a name that only one session has, each.
+        schema: of the tables in a database.
+        progress: receives the stage of waiting for other processes.
+
+    Raises:
+        InputError: if the farm map has no such session, or several.
+        FurrowmapError: if it cannot be opened.
+    """
+    with open_edit(farm_map, schema=schema, progress=progress) as edit:
+        known = edit.sessions()
+        removed = tuple(dict.fromkeys(_match(word, known, edit.name()).session for word in wanted))
+        edit.remove(removed)
+        _update_project(edit)
+        crs = edit.crs()
+        left = len(known) - len(removed)
+        return Change(edit.name(), name_of(crs) if crs else None, removed=removed, sessions=left)
+
+
+def known_sessions(
+    farm_map: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
+) -> tuple[str, CRS | None, list[KnownSession]]:
+    """Name (without a password), CRS and sessions of a farm map, the sessions in order of time.
+
+    Raises:
+        FurrowmapError: if it cannot be opened.
+    """
+    with open_edit(farm_map, schema=schema, progress=progress) as edit:
+        return edit.name(), edit.crs(), edit.sessions()
+
+
+def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Progress) -> dict[str, SessionResult]:
+    """The results by the identity of their sessions."""
+    results: dict[str, SessionResult] = {}
+    for i, folder in enumerate(folders):
+        progress("reading results", i / len(folders))
+        result = read_result(folder, zone)
+        if result.session in results:
+            raise InputError(
+                f"{folder} and {results[result.session].folder} hold results of the same session "
+                f"('{result.name}' of {result.date}).",
+                "A farm map holds one result of each session.",
+                "Name only the folder that counts.",
+                code="session-twice",
+            )
+        results[result.session] = result
+    return results
+
+
+def _target_crs(edit: FarmEdit, wanted: CRS | None) -> CRS | None:
+    """The CRS of the farm map; None for a new one without `wanted`.
+
+    Raises:
+        RefusedError: if it has another one than `wanted`.
+    """
+    current = edit.crs()
+    if current is not None and wanted is not None and not current.equals(wanted, ignore_axis_order=True):
+        raise RefusedError(
+            f"{edit.name()} is in {name_of(current)}, not in {name_of(wanted)}.",
+            "All layers of a farm map have the same CRS.",
+            "Leave --crs out: sessions are transformed to that of the farm map. Or start another farm map.",
+            code="base-crs",
+        )
+    return current or wanted
+
+
+def _transformed(
+    results: Sequence[SessionResult], target: CRS, farm_map: str, *, same_crs: bool
+) -> tuple[list[SessionResult], list[Notice]]:
+    """The results in the CRS of the farm map, and notices on the transformations."""
+    placed: list[SessionResult] = []
+    notices: dict[Notice, None] = {}
+    for result in results:
+        if same_crs and not result.crs.equals(target, ignore_axis_order=True):
+            raise RefusedError(
+                f"{result.folder} is in {name_of(result.crs)}, {farm_map} in {name_of(target)}.",
+                "With --same-crs nothing is transformed.",
+                "Run the session with the CRS of the farm map, or leave --same-crs out.",
+                code="base-crs",
+            )
+        moved, changes = result.in_crs(target)
+        placed.append(moved)
+        notices |= dict.fromkeys(changes)
+    return placed, list(notices)
+
+
+def _plausibility_notices(known: Sequence[KnownSession], fresh: Sequence[SessionResult]) -> list[Notice]:
+    """Signs of a mistake: the same recordings under another name, mixed height systems."""
+    notices = []
+    for result in fresh:
+        twins = [s.name for s in known if s.recordings == result.recordings and s.session != result.session]
+        twins += [r.name for r in fresh if r.recordings == result.recordings and r.name < result.name]
+        if twins:
+            text = (
+                f"'{result.name}' is made of the same recordings as '{twins[0]}', so its ground counts twice. If it is "
+                f"the same session under a new name, take the other out with `furrowmap farm remove`."
+            )
+            notices.append(Notice("session-renamed", text))
+    kinds = sorted({session.heights for session in known} | {result.heights for result in fresh})
+    if fresh and len(kinds) > 1:
+        text = f"This farm map mixes height systems ({', '.join(kinds)}): see the column 'heights' of sessions."
+        notices.append(Notice("heights-mixed", text))
+    return notices
+
+
+def _append(edit: FarmEdit, results: Sequence[SessionResult], crs: CRS) -> None:
+    """Append all results, those of a table together as far as their columns are the same.
+
+    In the order of the first result's layers, which is the farm map's own: sessions first.
+    """
+    layers = [layer for result in results for layer in result.layers]
+    names = list(dict.fromkeys(layer.name for layer in layers))
+    layers.sort(key=lambda layer: names.index(layer.name))
+    for _, same in groupby(layers, lambda layer: (layer.name, layer.kind, layer.fields)):
+        edit.append(concatenated(list(same)), crs)
+
+
+def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
+    """Store the styles and the QGIS project for the current content."""
+    sessions, kinds, crs = edit.sessions(), edit.layers(), edit.crs()
+    assert crs is not None
+    own = styles(kinds, [session.date for session in sessions])
+    notices = edit.store_styles(own)
+    layers = []
+    for name in drawing_order(list(kinds)):
+        provider, source = edit.source(name, kinds[name])
+        layers.append(ProjectLayer(name, kinds[name], source, provider, own.get(name)))
+    now = dt.datetime.now(dt.UTC)
+    start, end = (min((s.start for s in sessions), default=now), max((s.end for s in sessions), default=now))
+    edit.store_project(project_archive(layers, crs, edit.bounds(), (start, end)))
+    return notices
+
+
+def _match(word: str, known: Sequence[KnownSession], farm_map: str) -> KnownSession:
+    """The session that a user means."""
+    named = [session for session in known if session.session == word] or [
+        session for session in known if session.name == word or (len(word) >= 4 and session.session.startswith(word))
+    ]
+    if len(named) == 1:
+        return named[0]
+    listed = ", ".join(f"{s.session} ({s.date}, {s.name})" for s in (named or known)[:5]) or "none"
+    raise InputError(
+        f"{farm_map} has {'several sessions' if named else 'no session'} '{word}'.",
+        "No session was removed.",
+        f"Name one by its identity, such as {listed}; `furrowmap farm list` shows all."
+        if known
+        else "The farm map is empty.",
+        code="no-such-session",
+    )

@@ -1,0 +1,210 @@
+"""A result folder: the names of its files, and reading what a run wrote."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import msgspec
+
+from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.staging import recover
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+CLOUD: Final = "cloud.copc.laz"
+DSM: Final = "dsm.tif"
+DSM_BEFORE: Final = "dsm_before.tif"
+CHANGE: Final = "change.tif"
+SWATHS: Final = "swaths.tif"
+FIELD: Final = "field.gpkg"
+REPORT: Final = "report.json"
+PAGE: Final = "report.html"
+SESSION: Final = "session.toml"
+STATES: Final = "states.csv"
+LEARNED: Final = "implement.npz"
+ITEM: Final = "item.json"
+
+PREVIEW_TRACK: Final = "preview_track.gpkg"
+PREVIEW_DSM: Final = "preview_dsm.tif"
+PREVIEW_REPORT: Final = "preview.json"
+
+DTM: Final = "dtm.tif"
+HEIGHT_ABOVE_GROUND: Final = "height_above_ground.tif"
+HILLSHADE: Final = "hillshade.tif"
+SLOPE: Final = "slope.tif"
+ROUGHNESS: Final = "roughness.tif"
+LOW_SPOTS: Final = "low_spots.tif"
+LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
+SURFACES_REPORT: Final = "surfaces.json"
+
+TRAJECTORY: Final = "trajectory"
+"""The layer of `field.gpkg` that every result has."""
+
+
+def style_of(raster: str) -> str:
+    """Name of the style file beside a raster, which QGIS loads with it."""
+    return str(Path(raster).with_suffix(".qml"))
+
+
+RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS)
+RUN_PRODUCTS: Final = (
+    CLOUD, *RUN_RASTERS, *map(style_of, RUN_RASTERS), FIELD, STATES, LEARNED, REPORT, PAGE, SESSION, ITEM,
+)  # fmt: skip
+"""All files that `furrowmap run` may write."""
+SURFACE_PRODUCTS: Final = (
+    DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
+)  # fmt: skip
+"""All files that `furrowmap surface` may write."""
+
+
+class _Crs(msgspec.Struct):
+    map: str
+    coordinates: str
+    heights: str
+
+
+class _Session(msgspec.Struct):
+    name: str
+    crs: _Crs
+    lidar: dict[str, Any]
+
+
+class _Input(msgspec.Struct):
+    name: str
+    sha256: str
+
+
+class _Figures(msgspec.Struct):
+    start: str
+    end: str
+    points: int
+    bounds_m: tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+class _Coordinates(msgspec.Struct):
+    frame: str | None
+    epoch: float | None
+
+
+class _Report(msgspec.Struct):
+    """The keys of `report.json` that exports and farm maps need."""
+
+    furrowmap: str
+    session: _Session
+    inputs: list[_Input]
+    figures: _Figures
+    coordinates: _Coordinates
+    products: list[str]
+
+
+@dataclass(frozen=True)
+class ResultFolder:
+    """The result of a run.
+
+    Attributes:
+        folder: of the products.
+        report: content of `report.json`.
+        layer_names: of `field.gpkg`, the topmost layer of a map first.
+    """
+
+    folder: Path
+    report: dict[str, Any]
+    layer_names: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """The session's name; the folder's where it has none."""
+        return str(self.report["session"]["name"]) or self.folder.resolve().name
+
+    @property
+    def origin(self) -> Origin:
+        """Provenance of files made from this result."""
+        return result_origin(self.report, self.name)
+
+    def layer(self, name: str) -> gpd.GeoDataFrame:
+        """The features of a layer in the session's CRS.
+
+        Raises:
+            InputError: if `field.gpkg` has no such layer, or is damaged.
+        """
+        import geopandas as gpd
+
+        if name not in self.layer_names:
+            raise InputError(
+                f"{self.folder / FIELD} has no layer '{name}'.",
+                "It cannot be read.",
+                f"Layers: {', '.join(self.layer_names)}.",
+                code="no-such-layer",
+            )
+        try:
+            return gpd.read_file(self.folder / FIELD, layer=name)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise unreadable(self.folder / FIELD, error) from None
+
+
+def result_origin(report: dict[str, Any], name: str = "") -> Origin:
+    """Provenance of files made from the result of a run.
+
+    Args:
+        report: content of its `report.json`.
+        name: of the session, if another one than in the report.
+    """
+    name = name or str(report["session"]["name"])
+    first, last = (dt.datetime.fromisoformat(report["figures"][key]).timestamp() for key in ("start", "end"))
+    stated = {**report["session"]["crs"], "frame": report["coordinates"]["frame"]}
+    stated["coordinate_epoch"] = report["coordinates"]["epoch"]
+    return Origin(
+        name,
+        name,
+        [(record["name"], record["sha256"]) for record in report["inputs"]],
+        (first, last),
+        {
+            "result_of": f"furrowmap {report['furrowmap']}",
+            **{key: str(value) for key, value in stated.items() if value},
+        },
+    )
+
+
+def open_result(folder: Path) -> ResultFolder:
+    """Open the result in `folder`.
+
+    Raises:
+        InputError: if there is none, or it cannot be read.
+        RefusedError: if a run is writing to the folder.
+    """
+    from furrowmap.exporters.files.ogr import pyogrio
+
+    if folder.is_dir():
+        recover(folder)
+    try:
+        report = msgspec.json.decode((folder / REPORT).read_bytes(), type=dict[str, Any])
+        msgspec.convert(report, _Report)
+    except FileNotFoundError:
+        raise InputError(
+            f"{folder} contains no {REPORT}.",
+            "It is not the result folder of a `furrowmap run`.",
+            "Name the folder that the run printed when it ended.",
+            code="no-result",
+        ) from None
+    except (ValueError, msgspec.ValidationError) as error:
+        raise unreadable(folder / REPORT, error) from None
+    try:
+        layers = [str(name) for name, kind in pyogrio.list_layers(folder / FIELD) if kind is not None]
+    except (RuntimeError, ValueError) as error:  # pyogrio's own errors are RuntimeErrors
+        raise unreadable(folder / FIELD, error) from None
+    return ResultFolder(folder, report, tuple(layers))
+
+
+def unreadable(path: Path, error: Exception) -> InputError:
+    """The error for a missing or damaged file of a result."""
+    return InputError(
+        f"{path} cannot be read ({type(error).__name__}: {error}).",
+        "The file is missing or damaged.",
+        "Run the session again: `furrowmap run session.toml -o` and this folder.",
+        code="result-unreadable",
+    )
