@@ -53,7 +53,13 @@ def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
 
 
 def common(one: Grid, other: Grid) -> Grid | None:
-    """The cells that two grids of one cell size share; None for no cell."""
+    """The cells that two grids share; None for no cell.
+
+    Raises:
+        ValueError: if their cells have different sizes.
+    """
+    if one.cell_m != other.cell_m:
+        raise ValueError(f"cells of {one.cell_m} m and cells of {other.cell_m} m")
     west, north = max(one.west, other.west), min(one.north, other.north)
     east = min(one.west + one.columns, other.west + other.columns)
     south = max(one.north - one.rows, other.north - other.rows)

@@ -170,7 +170,9 @@ def test_a_stated_boundary__is_the_fields(products: Path, tmp_path: Path) -> Non
         [(139.0005, 36.0003), (139.001, 36.0003), (139.001, 36.0006)],
     ])  # fmt: skip
     gpd.GeoDataFrame(geometry=[ring], crs="EPSG:4326").to_file(folder.parent / "boundary.geojson", driver="GeoJSON")
-    assert {notice.code for notice in write_task_data(folder, tmp_path / "out")} == {"crs-change-loose"}  # of the way
+    assert {notice.code for notice in write_task_data(open_result(folder), tmp_path / "out")} == {
+        "crs-change-loose"
+    }  # of the way
     content, _ = isoxml_from_path(tmp_path / "out")
     (polygon,) = content.partfields[0].polygons
     assert shapely.equals(ShapelyConverterV4().to_shapely_polygon(polygon), ring)
@@ -184,6 +186,6 @@ def test_a_run_that_knows_no_tool__has_no_task_data(products: Path, tmp_path: Pa
     report["session"]["implement"] = None
     (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
     with pytest.raises(InputError) as error:
-        write_task_data(folder, tmp_path / "out")
+        write_task_data(open_result(folder), tmp_path / "out")
     assert error.value.code == "no-ground"
     assert not (tmp_path / "out").exists()
