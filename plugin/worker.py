@@ -55,7 +55,7 @@ class Heard:
     warnings: list = field(default_factory=list)
 
 
-def run_verb(program, arguments, on_message, is_cancelled):
+def run_command(program, arguments, on_message, is_cancelled):
     """Let a worker do one verb.
 
     Args:

@@ -13,6 +13,8 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
+from furrowmap.plugin.processing.algorithms import ALGORITHMS, GROUPS
+
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
 WORDS = PLUGIN / "i18n" / "furrowmap_ja.ts"
 Strings = dict[tuple[str, str], str]
@@ -24,11 +26,10 @@ def source_strings() -> list[tuple[str, str]]:
     Raises:
         ValueError: if what is to be translated is no literal, or its context cannot be told.
     """
-    inherited = _own_context(ast.parse((PLUGIN / "processing" / "base.py").read_text(encoding="utf-8")))
-    found = set()
+    found = {("Algorithms", text) for text in description_strings()}
     for path in sorted(PLUGIN.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        own = _own_context(tree) or (inherited if path.parent.name == "processing" else None)
+        own = _own_context(tree)
         for call, class_name in _calls(tree):
             context = own or class_name
             name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
@@ -40,6 +41,16 @@ def source_strings() -> list[tuple[str, str]]:
             elif name in ("translate", "QT_TRANSLATE_NOOP") and len(literals) > 1 and literals[0] and literals[1]:
                 found.add((literals[0], literals[1]))
     return sorted(found)
+
+
+def description_strings() -> set[str]:
+    """The texts of the algorithms' descriptions, with the help that comes from the command line."""
+    texts = set(GROUPS.values())
+    for algorithm in ALGORITHMS:
+        texts |= {algorithm.title, algorithm.summary, algorithm.layer_group}
+        texts |= {text for parameter in algorithm.parameters for text in (parameter.label, parameter.help)}
+        texts |= {output.label for output in algorithm.outputs if output.label.lower() != output.name.lower()}
+    return texts - {""}
 
 
 def _calls(node: ast.AST, class_name: str = "") -> Iterator[tuple[ast.Call, str]]:

@@ -25,7 +25,7 @@ from .run_page import RunPage
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
 from .start_page import StartPage
-from .tasks import QUIET, StageFeedback, VerbTask
+from .tasks import QUIET, CommandTask, StageFeedback
 
 NAME = "furrowmap"
 MARGIN = 1.3
@@ -119,7 +119,7 @@ class FurrowmapDock(QgsDockWidget):
             return
         self.run.begin(self.tr("Looking at the recordings"))
         self.pages.setCurrentWidget(self.run)
-        task = VerbTask(
+        task = CommandTask(
             self.tr("furrowmap: looking at recordings"), program, ["init", *map(str, recordings), "-o", str(session)]
         )
         task.answered.connect(self._proposed)
@@ -188,7 +188,7 @@ class FurrowmapDock(QgsDockWidget):
             return
         self._task.cancel()
         self.run.end()
-        if isinstance(self._task, VerbTask):
+        if isinstance(self._task, CommandTask):
             self.show_start()
         else:
             self._back_to_session()

@@ -6,7 +6,7 @@ import time
 from qgis.core import QgsProcessingFeedback, QgsTask
 from qgis.PyQt.QtCore import pyqtSignal
 
-from ..worker import WorkerError, run_verb
+from ..worker import WorkerError, run_command
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
 """The dock itself tells how its tasks end."""
@@ -38,7 +38,7 @@ class StageFeedback(QgsProcessingFeedback):
         self.failed.emit(error)
 
 
-class VerbTask(QgsTask):
+class CommandTask(QgsTask):
     """One verb that has no algorithm's form, such as a look at recordings.
 
     Signals:
@@ -57,7 +57,7 @@ class VerbTask(QgsTask):
     def run(self):
         """In a thread of its own: order the verb and wait."""
         try:
-            self._answer = run_verb(self._program, self._arguments, self._heard, self.isCanceled)
+            self._answer = run_command(self._program, self._arguments, self._heard, self.isCanceled)
         except WorkerError as error:
             self._error = error
         return self._error is None

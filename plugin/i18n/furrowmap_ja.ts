@@ -4,44 +4,36 @@
 <context>
   <name>Algorithms</name>
   <message>
-    <source>A .tif or a .vrt.</source>
-    <translation>.tif または .vrt。</translation>
+    <source>A .tif or .vrt file.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>A COPC file, whose name ends in .copc.laz.</source>
-    <translation>名前が .copc.laz で終わる COPC ファイル。</translation>
+    <source>A COPC file; its name ends in .copc.laz.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>A box, from a layer, the map, or by coordinates.</source>
-    <translation>範囲。レイヤ、地図、または座標で指定します。</translation>
-  </message>
-  <message>
-    <source>A line each: its identity, or how that begins, or its name.</source>
-    <translation>1 行に 1 つ。識別子（先頭の一部でも可）またはセッション名。</translation>
-  </message>
-  <message>
-    <source>A row for each point, with its errors.</source>
-    <translation>点ごとに 1 行、誤差とともに書き出します。</translation>
+    <source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Accuracy</source>
     <translation>精度</translation>
   </message>
   <message>
-    <source>Accuracy of the survey (m)</source>
-    <translation>測量の精度（m）</translation>
+    <source>Add results to the farm map</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Add results to the base map</source>
-    <translation>結果をベースマップに追加</translation>
+    <source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Adds them to the project when the work is done.</source>
-    <translation>処理が終わったらプロジェクトに追加します。</translation>
+    <source>Adds them to the project when the algorithm has finished.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>An address such as postgresql://me@server/farm. Passwords belong into PostgreSQL's own files.</source>
-    <translation>postgresql://me@server/farm のような接続先。パスワードは PostgreSQL 自身の設定ファイルに置いてください。</translation>
+    <source>All other lines of the file stay as they are.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Another log of the same drive, or a trajectory.</source>
@@ -52,44 +44,64 @@
     <translation>アンテナのオフセット（m）</translation>
   </message>
   <message>
-    <source>Base map</source>
-    <translation>ベースマップ</translation>
+    <source>By default 1.5 times the interval of the reference.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Base map (GeoPackage)</source>
-    <translation>ベースマップ（GeoPackage）</translation>
+    <source>By default a projected CRS that fits the location.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Base map in PostGIS instead</source>
-    <translation>代わりに PostGIS のベースマップ</translation>
+    <source>By default all layers.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Begin a session</source>
-    <translation>セッションの作成</translation>
+    <source>By default beside the results. Formats with one layer per file need a folder.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>CRS of a new base map</source>
-    <translation>新しいベースマップの CRS</translation>
+    <source>By default session.toml beside the recordings.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>CRS of clouds that state none</source>
-    <translation>CRS の記載がない点群の CRS</translation>
+    <source>By default the CRS of the first session.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>CRS of the clean cloud</source>
-    <translation>整えた点群の座標参照系</translation>
+    <source>By default the CRS of the session.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>CRS of the map</source>
-    <translation>地図の CRS</translation>
+    <source>By default the CRS of the surfaces.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>By default the cell size of the surfaces.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>CRS of a new farm map</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>CRS of clouds without one</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>CRS of the clean point cloud</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>CRS of the mosaic</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>CRS of the output</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>CRS of the points</source>
     <translation>測量点の CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the raster</source>
-    <translation>ラスタの CRS</translation>
   </message>
   <message>
     <source>CRS of the surfaces</source>
@@ -108,116 +120,156 @@
     <translation>取り付けのキャリブレーション</translation>
   </message>
   <message>
-    <source>Captures, bags, GNSS logs, trajectories, clouds.</source>
-    <translation>LiDAR の記録、bag、GNSS ログ、軌跡、点群。</translation>
+    <source>Cancelled; no partial files are left.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Cell (m)</source>
-    <translation>セル（m）</translation>
+    <source>Captures, bags, GNSS logs, trajectories, point clouds.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Check with surveyed points</source>
-    <translation>測量点による検証</translation>
+    <source>Cell size</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Choose either a GeoPackage or a PostGIS database.</source>
-    <translation>GeoPackage か PostGIS データベースのどちらか一方を選んでください。</translation>
+    <source>Cell statistic</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Choose either a file as the reference, or a known point.</source>
-    <translation>基準にするファイルか既知点のどちらか一方を選んでください。</translation>
+    <source>Check against surveyed points</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Classes: {text} are not numbers with commas between them.</source>
-    <translation>クラス: {text} は、コンマで区切った番号ではありません。</translation>
+    <source>Class codes, separated by commas, such as 2,9. 64,65 is the machine in clouds of furrowmap.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Clean cloud</source>
-    <translation>整えた点群</translation>
+    <source>Class codes, separated by commas, such as 2,9. By default all but noise.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Classes to leave out</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Classes to use</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Clean point cloud</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Clean point clouds</source>
     <translation>点群を整える</translation>
   </message>
   <message>
-    <source>Clockwise from grid north: random roughness is then told without the marks of the tool.</source>
-    <translation>座標北から時計回り。作業機の跡を除いたランダム粗さを求めます。</translation>
+    <source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Cloud or surface</source>
-    <translation>点群またはサーフェス</translation>
+    <source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Clouds</source>
-    <translation>点群</translation>
+    <source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Clouds that state theirs keep it.</source>
-    <translation>CRS の記載がある点群はそのまま使います。</translation>
+    <source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Compares a cloud or a surface with surveyed points. RMSE after the ASPRS Positional Accuracy Standards, Edition 2 (2023), with the points' own accuracy included.</source>
-    <translation>点群またはサーフェスを測量点と比べます。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）により、測量点自体の精度を含みます。</translation>
+    <source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Compares the positions in a GNSS log with those of a reference at the same instants: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, of all epochs and by kind of fix.</source>
-    <translation>GNSS ログの位置を、同じ時刻の基準の位置と比べます。3D、2D、X、Y、Z の平均、標準偏差、RMSE を、全エポックと測位状態ごとに求めます。</translation>
+    <source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Computes the georeferenced point cloud of the recording that a session describes, sees in the scans whether the implement was in the ground, and writes the ground worked, surfaces and a report.</source>
-    <translation>セッションに記述された記録から、位置の付いた点群を計算します。作業機が土に入っていたかをスキャンから判定し、作業した範囲、サーフェス、レポートを書き出します。</translation>
+    <source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Computes what a machine worked in each field from its own log, ISO 11783-10 task data, without a scanner: passes, overlaps, strips missed and their areas.</source>
-    <translation>スキャナを使わず、機械自身のログ（ISO 11783-10 作業データ）から、圃場ごとに作業した範囲を計算します。行程、重複、作業残しとそれぞれの面積が得られます。</translation>
+    <source>Coordinate transformations of a session</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Coordinates of a session</source>
-    <translation>セッションの座標</translation>
+    <source>Create a session file</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Data exchange</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Date of the first position</source>
     <translation>最初の測位の日付</translation>
   </message>
   <message>
-    <source>Diameter of the discs (m)</source>
-    <translation>円板の直径（m）</translation>
+    <source>Diameter of the discs</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Direction of tillage (°)</source>
-    <translation>耕うんの方向（°）</translation>
+    <source>Direction of tillage</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Discs around the points</source>
-    <translation>測量点の円板（標的）</translation>
+    <source>Direction of tillage, clockwise from grid north: random roughness is then told without its marks.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Disc targets</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Epochs of the reference</source>
     <translation>基準のエポック</translation>
   </message>
   <message>
-    <source>Estimates from the recording itself how the scanner is mounted and how its clock lies to that of the GNSS receiver: the ground is level on the mean of a session, and ground seen twice lies in one place.</source>
-    <translation>スキャナの取り付け角度と、GNSS 受信機に対する時計のずれを、記録そのものから推定します。セッション全体で平均すると地面は水平であること、二度計測した地面は同じ位置にあることを使います。</translation>
+    <source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Evaluate a GNSS log</source>
     <translation>GNSS ログの評価</translation>
   </message>
   <message>
-    <source>Exchange</source>
-    <translation>データ交換</translation>
+    <source>Evaluation (HTML)</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Field, drive and sensors. Left out: a small field that is tilled for a minute.</source>
-    <translation>圃場、走行、センサの設定。省略時：小さな圃場を 1 分間耕うんする例。</translation>
+    <source>Every n-th point</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Export results</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Extent</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Farm map</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Farm map (GeoPackage)</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Farm map (PostGIS)</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Field, drive and sensors. By default a small field that is tilled for a minute.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Figures by field (JSON)</source>
     <translation>圃場ごとの集計（JSON）</translation>
-  </message>
-  <message>
-    <source>File or folder to write</source>
-    <translation>書き出すファイルまたはフォルダ</translation>
   </message>
   <message>
     <source>File or folder written</source>
@@ -228,212 +280,148 @@
     <translation>書き出したファイル</translation>
   </message>
   <message>
-    <source>Fill gaps up to (m)</source>
-    <translation>欠損を埋める距離の上限（m）</translation>
+    <source>Fill gaps up to so far from seen heights, nothing outside.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Findings (JSON)</source>
     <translation>調査結果（JSON）</translation>
   </message>
   <message>
-    <source>Folder for the evaluation</source>
-    <translation>評価結果のフォルダ</translation>
+    <source>For cloud-optimised GeoTIFFs and surfaces.json.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Folder for the products</source>
-    <translation>成果物のフォルダ</translation>
+    <source>For evaluation.json, an HTML page and a table of epochs.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Folder for the recording</source>
-    <translation>記録のフォルダ</translation>
+    <source>For recording, session file and ground truth.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Folder for the surfaces</source>
-    <translation>サーフェスのフォルダ</translation>
-  </message>
-  <message>
-    <source>Folder of the products</source>
-    <translation>成果物のフォルダ</translation>
-  </message>
-  <message>
-    <source>Folder of the recording</source>
-    <translation>記録のフォルダ</translation>
-  </message>
-  <message>
-    <source>Folder of the surfaces</source>
-    <translation>サーフェスのフォルダ</translation>
+    <source>For the dates of sessions, such as Asia/Tokyo. By default by longitude.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Format</source>
     <translation>形式</translation>
   </message>
   <message>
-    <source>Forward, left, up: from the reference's antenna to that of the log, on one vehicle.</source>
-    <translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation>
+    <source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Found out</source>
-    <translation>分かったこと</translation>
+    <source>Found in the recordings</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>From heights seen around them; nothing is filled outside.</source>
-    <translation>周囲で計測した高さから補います。外側は埋めません。</translation>
+    <source>Give either '{one}' or '{other}'.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Ground becomes class 2, all but noise and the machine class 1. none: classes stay as they are.</source>
-    <translation>地面はクラス 2、ノイズと機械を除くほかの点はクラス 1 になります。none: クラスはそのまま残ります。</translation>
+    <source>Ground classification</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Ground is told by</source>
-    <translation>地面の判定方法</translation>
+    <source>How ground is told, class 2; all but noise and furrowmap's machine is then class 1. none: classes stay.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Height of a cell</source>
-    <translation>セルの高さ</translation>
+    <source>How ground is told; auto: by the clouds' own classes where they have them, else smrf.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>How they are told: by their number in a radius, or by their distance to the next ones.</source>
-    <translation>判定方法：半径内の点の数、または近くの点までの距離。</translation>
+    <source>How points that are alone are told, and left out.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>In metres. Left out: that of the clouds.</source>
-    <translation>メートル単位の CRS。省略時：点群の CRS。</translation>
-  </message>
-  <message>
-    <source>In seconds: the track and a coarse surface of few scans, neither matched nor searched for the implement. Products of a run stay as they are.</source>
-    <translation>数秒で、軌跡と、少数のスキャンによる粗い地表面だけを作ります。スキャンの照合も作業機の検出も行いません。処理済みの成果はそのまま残ります。</translation>
+    <source>How points that are alone are told; they become noise, class 7.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Inspect recordings</source>
     <translation>記録を調べる</translation>
   </message>
   <message>
-    <source>Instead of the cells of the latest session.</source>
-    <translation>最新のセッションのセルの代わりに平均を使います。</translation>
+    <source>Instead of the latest session.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Interpolate across at most (s)</source>
-    <translation>補間する最大の間隔（秒）</translation>
-  </message>
-  <message>
-    <source>Its id or name.</source>
-    <translation>作業の ID または名前。</translation>
-  </message>
-  <message>
-    <source>Its other lines stay as they are.</source>
-    <translation>ほかの行はそのまま残ります。</translation>
+    <source>Known point</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>LAS, LAZ or COPC files in one CRS.</source>
     <translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation>
   </message>
   <message>
-    <source>LAS, LAZ or COPC files; together they lie on one grid.</source>
-    <translation>LAS、LAZ、COPC のファイル。まとめて 1 つの格子にします。</translation>
+    <source>LAS, LAZ or COPC files; all go into one raster grid.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>LAS, LAZ, COPC or GeoTIFF.</source>
     <translation>LAS、LAZ、COPC、または GeoTIFF。</translation>
   </message>
   <message>
-    <source>Leave noise out</source>
-    <translation>ノイズを除く</translation>
+    <source>Layers</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Leave out points that are alone</source>
-    <translation>孤立した点を除く</translation>
+    <source>Leave noise out, classes 7 and 18 of the clouds as well.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Left out: all that the result has.</source>
-    <translation>省略時：結果にあるすべて。</translation>
+    <source>Leave out noise</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Left out: beside the result. Formats that hold one layer a file give a folder.</source>
-    <translation>省略時：結果の隣。1 ファイルに 1 レイヤの形式ではフォルダになります。</translation>
+    <source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Left out: not known, or not required.</source>
-    <translation>省略時：不明、または要求なし。</translation>
+    <source>List the sessions of the farm map</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Left out: one that fits the place.</source>
-    <translation>省略時：その場所に合うもの。</translation>
-  </message>
-  <message>
-    <source>Left out: session.toml beside the recordings.</source>
-    <translation>省略時：記録の隣の session.toml。</translation>
-  </message>
-  <message>
-    <source>Left out: that of the first session.</source>
-    <translation>省略時：最初のセッションの CRS。</translation>
-  </message>
-  <message>
-    <source>Left out: that of the session.</source>
-    <translation>省略時：セッションの CRS。</translation>
-  </message>
-  <message>
-    <source>Left out: that of the surfaces.</source>
-    <translation>省略時：サーフェスと同じ。</translation>
-  </message>
-  <message>
-    <source>Left out: the widest that the logs show.</source>
-    <translation>省略時：ログに現れる最大の幅。</translation>
-  </message>
-  <message>
-    <source>LiDAR captures or bags, GNSS logs, trajectories of one drive.</source>
-    <translation>1 回の走行の LiDAR の記録や bag、GNSS ログ、軌跡。</translation>
-  </message>
-  <message>
-    <source>List the sessions of the base map</source>
-    <translation>ベースマップのセッション一覧</translation>
+    <source>Lists the sessions of a farm map: identifier, date, worked area, name.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Log to evaluate</source>
     <translation>評価するログ</translation>
   </message>
   <message>
-    <source>Looked for by this, for the horizontal error.</source>
-    <translation>水平誤差を求めるため、これを手がかりに円板を探します。</translation>
+    <source>Look for discs around the points, by this, for the horizontal error.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Looks at recordings and writes a commented session.toml with what it could find out. What the recordings do not say, such as how the sensor is mounted, stands in it as a comment, and is told.</source>
-    <translation>記録を調べ、分かったことを注釈付きの session.toml に書き出します。センサの取り付け位置など、記録からは分からないことは注釈として残し、お知らせします。</translation>
+    <source>Maximum gap to fill</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Makes one COPC file of LAS, LAZ or COPC clouds, from furrowmap or from anybody else: points that are alone are told as noise, the ground is told, and the cloud is thinned, as far as each is asked for. Memory does not grow with the land.</source>
-    <translation>furrowmap やほかのソフトウェアの LAS、LAZ、COPC 点群から、一つの COPC ファイルを作ります。指定に応じて、孤立した点をノイズとし、地面を分類し、点群を間引きます。メモリの使用量は土地の広さによって増えません。</translation>
-  </message>
-  <message>
-    <source>Makes surfaces of LAS, LAZ or COPC clouds, from furrowmap or from anybody else: heights of all points (DSM) and of the ground (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory does not grow with the land.</source>
-    <translation>LAS、LAZ、COPC の点群（furrowmap のものでもほかのものでも）からサーフェスを作ります。全点の高さ（DSM）、地面の高さ（DTM）、地上高、陰影、傾斜、粗さ、水のたまる窪地です。土地が広くてもメモリの使用量は増えません。</translation>
+    <source>Maximum interpolation gap</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Mean of all sessions</source>
     <translation>全セッションの平均</translation>
   </message>
   <message>
-    <source>Meets what is required</source>
-    <translation>要求を満たす</translation>
-  </message>
-  <message>
-    <source>More than 1 for a quick look.</source>
-    <translation>2 以上にすると、すばやく概略を見られます。</translation>
+    <source>Missing from the recordings</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Mosaic</source>
     <translation>モザイク</translation>
   </message>
   <message>
-    <source>Mosaic of the base map's surfaces</source>
-    <translation>ベースマップのサーフェスのモザイク</translation>
+    <source>Mosaic of the farm map's surfaces</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>NMEA, or another log that 'Inspect recordings' knows.</source>
-    <translation>NMEA、または「記録を調べる」で読めるログ。</translation>
-  </message>
-  <message>
-    <source>Not known from the recordings</source>
-    <translation>記録からは分からないこと</translation>
+    <source>NMEA, or another log that 'Inspect recordings' reads.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Number of points</source>
@@ -444,156 +432,148 @@
     <translation>セッションの数</translation>
   </message>
   <message>
+    <source>Number of sessions left</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Number of sessions removed</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
     <source>Number of surfaces</source>
     <translation>サーフェスの数</translation>
   </message>
   <message>
-    <source>Number removed</source>
-    <translation>取り除いた数</translation>
-  </message>
-  <message>
-    <source>Numbers with commas between them, such as 2,9. Left out: all but noise.</source>
-    <translation>2,9 のようにコンマ区切りの番号。省略時：ノイズ以外のすべて。</translation>
-  </message>
-  <message>
-    <source>Numbers with commas between them; 64,65 is the machine in furrowmap's own clouds.</source>
-    <translation>コンマで区切った番号。furrowmap の点群では 64,65 が機械です。</translation>
-  </message>
-  <message>
-    <source>Of an antenna at rest: latitude, longitude, height, with commas between them.</source>
-    <translation>静止したアンテナの緯度、経度、高さ（コンマ区切り）。</translation>
+    <source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>On the command line:</source>
     <translation>コマンドライン：</translation>
   </message>
   <message>
-    <source>One point in each cube of (m)</source>
-    <translation>立方体ごとに一点（一辺、m）</translation>
+    <source>One per line: the identifier, the beginning of it, or the name.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Only a preview</source>
-    <translation>プレビューのみ</translation>
+    <source>One row per point.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Only classes</source>
-    <translation>使うクラス</translation>
+    <source>Only points within this extent.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Only layers</source>
-    <translation>書き出すレイヤ</translation>
+    <source>Only the task of that id or name.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Only the task</source>
-    <translation>対象の作業</translation>
+    <source>Open the products as styled layers</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Only within</source>
-    <translation>対象範囲</translation>
-  </message>
-  <message>
-    <source>Open the products, styled</source>
-    <translation>成果物をスタイル付きで開く</translation>
-  </message>
-  <message>
-    <source>Or a known point</source>
-    <translation>または既知点</translation>
-  </message>
-  <message>
-    <source>Or a known point: {text} is not latitude, longitude, height.</source>
-    <translation>または既知点：{text} は「緯度, 経度, 高さ」になっていません。</translation>
+    <source>Otherwise the algorithm stops if the output exists.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Otherwise they are transformed.</source>
     <translation>指定しない場合は座標変換します。</translation>
   </message>
   <message>
-    <source>Otherwise what is there is kept, and nothing is done.</source>
-    <translation>指定しない場合、既存のものを残し、何も行いません。</translation>
+    <source>Outlier detection method</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Page to read (HTML)</source>
-    <translation>閲覧用ページ（HTML）</translation>
+    <source>Output file or folder</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Pass results on</source>
-    <translation>結果の受け渡し</translation>
+    <source>Output folder</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Points of classes 7 and 18 of the clouds as well. Otherwise noise stays, as class 7.</source>
-    <translation>元の点群のクラス 7 と 18 の点も除きます。指定しなければ、ノイズはクラス 7 として残ります。</translation>
+    <source>Overwrite existing files</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Points that are alone become noise</source>
-    <translation>孤立した点をノイズとする</translation>
+    <source>Overwrite the products of another session</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Passes, overlaps and missed strips of all fields.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Point cloud or surface</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Point clouds</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>PostGIS schema</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>Preview only</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Products of the same session in it are replaced.</source>
     <translation>同じセッションの成果物は置き換えられます。</translation>
   </message>
   <message>
-    <source>Puts the results of runs into a farm's base map, a GeoPackage or a PostGIS database, which is made where it is not there. A session that it has already is replaced by its new result. Either all get into it, or it stays as it was.</source>
-    <translation>実行結果を農場のベースマップ（GeoPackage または PostGIS データベース）に入れます。ベースマップがなければ作ります。すでにあるセッションは新しい結果に置き換えます。すべてが入るか、元のままかのどちらかです。</translation>
-  </message>
-  <message>
-    <source>Puts the surfaces of the sessions in a base map into one raster. The latest session wins where they overlap. A .vrt is a small file that refers to the surfaces where they lie; a .tif is a cloud-optimised GeoTIFF with all their bands.</source>
-    <translation>ベースマップにあるセッションのサーフェスを 1 つのラスタにまとめます。重なる所では最新のセッションを優先します。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation>
+    <source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Recordings</source>
     <translation>記録</translation>
   </message>
   <message>
-    <source>Reference</source>
-    <translation>基準</translation>
+    <source>Reference log</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Refuse sessions of another CRS</source>
-    <translation>CRS の異なるセッションを受け付けない</translation>
+    <source>Refuse sessions in another CRS</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Remove sessions from the base map</source>
-    <translation>ベースマップからセッションを取り除く</translation>
+    <source>Remove sessions from the farm map</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace a session file that is there</source>
-    <translation>既存のセッションファイルを置き換える</translation>
+    <source>Removes sessions from a farm map. The folders of their results are not touched.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace an earlier evaluation</source>
-    <translation>以前の評価を置き換える</translation>
+    <source>Replace the products of another session in that folder.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace earlier surfaces</source>
-    <translation>以前のサーフェスを置き換える</translation>
+    <source>Report (HTML)</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace products of another session</source>
-    <translation>別のセッションの成果物を置き換える</translation>
+    <source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace the file</source>
-    <translation>ファイルを置き換える</translation>
+    <source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace what is in the folder</source>
-    <translation>フォルダの中身を置き換える</translation>
+    <source>Required horizontal RMSE</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Replace what is there</source>
-    <translation>既存のものを置き換える</translation>
+    <source>Required vertical RMSE</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Report to read (HTML)</source>
-    <translation>レポート（HTML）</translation>
-  </message>
-  <message>
-    <source>Required horizontal RMSE (m)</source>
-    <translation>要求する水平 RMSE（m）</translation>
-  </message>
-  <message>
-    <source>Required vertical RMSE (m)</source>
-    <translation>要求する鉛直 RMSE（m）</translation>
+    <source>Requirements met</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Results of runs</source>
@@ -604,28 +584,20 @@
     <translation>セッションの実行</translation>
   </message>
   <message>
-    <source>Says what a run will do to a session's coordinates, with figures at the site: frame and epoch, how far positions are moved, the geoid's height, grid convergence and scale. Nothing is written.</source>
-    <translation>実行するとセッションの座標がどうなるかを、その場所での数値で示します：基準系とエポック、位置の移動量、ジオイド高、子午線収差と縮尺係数。何も書き出しません。</translation>
-  </message>
-  <message>
-    <source>Says what recordings are and hold: model, points, span, clocks and how they disagree, fixes.</source>
-    <translation>記録の種類と内容を調べます：機種、点数、期間、時計とそのずれ、測位状態。</translation>
-  </message>
-  <message>
     <source>Scenario</source>
     <translation>シナリオ</translation>
   </message>
   <message>
-    <source>Schema in PostGIS</source>
-    <translation>PostGIS のスキーマ</translation>
-  </message>
-  <message>
-    <source>Session</source>
-    <translation>セッション</translation>
+    <source>Schema of the tables in the database.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Session file</source>
     <translation>セッションファイル</translation>
+  </message>
+  <message>
+    <source>Session file written</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Sessions</source>
@@ -636,32 +608,28 @@
     <translation>セッション（JSON）</translation>
   </message>
   <message>
-    <source>Side of a cell. Left out: the least round one with four points in it.</source>
-    <translation>セルの一辺。省略時：1 セルに 4 点が入る最小の切りのよい値。</translation>
+    <source>Side of a cell [default: the least round one with four points in it].</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Simulate a recording</source>
     <translation>記録のシミュレーション</translation>
   </message>
   <message>
-    <source>Steps of the reference. Left out: 1.5 of its intervals.</source>
-    <translation>基準の間隔。省略時：測位間隔の 1.5 倍。</translation>
-  </message>
-  <message>
-    <source>Stopped before the end; nothing half-written is left.</source>
-    <translation>途中で止めました。書きかけのものは残っていません。</translation>
+    <source>Standard deviation of the survey</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Surface</source>
     <translation>サーフェス</translation>
   </message>
   <message>
-    <source>Surfaces and clouds</source>
-    <translation>サーフェスと点群</translation>
+    <source>Surfaces and point clouds</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Surfaces of point clouds</source>
-    <translation>点群のサーフェス</translation>
+    <source>Surfaces from point clouds</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Surveyed points</source>
@@ -672,88 +640,88 @@
     <translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation>
   </message>
   <message>
-    <source>Table of the points</source>
-    <translation>測量点の表</translation>
+    <source>Table of errors</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Take every n-th point</source>
-    <translation>n 点ごとに使う</translation>
+    <source>Take one point of each cube of this side, the one nearest to its middle.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Takes cloud-optimised GeoTIFFs and surfaces.json.</source>
-    <translation>クラウド最適化 GeoTIFF と surfaces.json が入ります。</translation>
+    <source>Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection of the implement. The products of a run are not replaced.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Takes evaluation.json, a page to read, and a table of the epochs.</source>
-    <translation>evaluation.json、閲覧用ページ、エポックの表が入ります。</translation>
-  </message>
-  <message>
-    <source>Takes passes, overlaps and misses of all fields.</source>
-    <translation>全圃場の行程、重複、作業残しが入ります。</translation>
-  </message>
-  <message>
-    <source>Takes recording, session and truth.</source>
-    <translation>記録、セッション、真値が入ります。</translation>
-  </message>
-  <message>
-    <source>Takes sessions out of a base map. The folders of their results stay as they are.</source>
-    <translation>セッションをベースマップから取り除きます。結果のフォルダはそのまま残ります。</translation>
+    <source>Task</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Task data</source>
     <translation>作業データ</translation>
   </message>
   <message>
-    <source>Tells the days, such as Asia/Tokyo. Left out: by the longitude.</source>
-    <translation>日付の区切りに使います（例：Asia/Tokyo）。省略時：経度から決めます。</translation>
+    <source>The CRS of the cloud, in metres [default: that of the clouds].</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Tells which sessions are in a base map: identity, day, ground worked, name.</source>
-    <translation>ベースマップにあるセッションの識別子、日付、作業面積、名前を示します。</translation>
+    <source>The CRS of the points, and of a cloud, where their files state none [default: the product's].</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>The CRS of the surfaces, in metres [default: that of the clouds].</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>The farm's GeoPackage.</source>
     <translation>農場の GeoPackage。</translation>
   </message>
   <message>
-    <source>The one nearest to its middle. Left out: all points.</source>
-    <translation>中心に最も近い点です。省略時: すべての点。</translation>
+    <source>The output MET says whether it is met.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>The report.json of each run, which stands for its folder.</source>
-    <translation>各実行の report.json。そのフォルダを表します。</translation>
+    <source>The report.json of each run; it stands for the folder of the run.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>The session.toml beside the recording.</source>
     <translation>記録の隣にある session.toml。</translation>
   </message>
   <message>
-    <source>The session.toml beside the recording; 'Begin a session' writes one.</source>
-    <translation>記録の隣にある session.toml。「セッションの作成」で作れます。</translation>
+    <source>The session.toml beside the recording; 'Create a session file' writes one.</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>The survey's own standard deviation on each axis.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Time zone</source>
     <translation>タイムゾーン</translation>
   </message>
   <message>
-    <source>UTC, as YYYY-MM-DD, for logs without dates.</source>
-    <translation>UTC、YYYY-MM-DD 形式。日付のないログに使います。</translation>
+    <source>UTC, as YYYY-MM-DD; for logs without dates.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Used only where discs are looked for.</source>
-    <translation>円板を探すときだけ使います。</translation>
+    <source>Used for point clouds whose header has no CRS. Others keep their own.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Where the tables lie in the database.</source>
-    <translation>データベースの中でテーブルを置く場所。</translation>
+    <source>Used only with disc targets.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Where their file states none. Left out: that of the product.</source>
-    <translation>ファイルに記載がない場合。省略時：点群・サーフェスの CRS。</translation>
+    <source>Values above 1 give a quick look.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Without classes</source>
-    <translation>除くクラス</translation>
+    <source>Voxel size</source>
+    <translation type="unfinished"/>
+  </message>
+  <message>
+    <source>What stands for the points of a cell: median, trimmed, mean, min, max, or a percentile such as p90.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
     <source>Worked ground</source>
@@ -764,52 +732,48 @@
     <translation>作業データ（ISOXML）から作業した範囲</translation>
   </message>
   <message>
-    <source>Working width (m)</source>
-    <translation>作業幅（m）</translation>
+    <source>Working width</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Write what was found into the session</source>
-    <translation>求めた値をセッションに書き込む</translation>
+    <source>Working width [default: the widest that the logs show].</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Writes the result of a run in the format of another program: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue over many runs. GeoJSON and KML are always in WGS 84.</source>
-    <translation>実行結果をほかのソフトウェアの形式で書き出します：GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトやターミナル用の ISO 11783-10 作業データ、多数の結果をまとめる STAC カタログ。GeoJSON と KML は常に WGS 84 です。</translation>
+    <source>Write the results into the session file</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Writes what a tractor's recorder would have written: the LiDAR's packets, the GNSS log, a session and the field's boundary, with the truth beside them. To learn with, and to choose where a sensor goes.</source>
-    <translation>トラクタの記録装置が残すはずのもの（LiDAR のパケット、GNSS ログ、セッション、圃場の境界）を真値とともに書き出します。使い方を学ぶときや、センサの取り付け位置を選ぶときに使います。</translation>
+    <source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>Written into the session</source>
-    <translation>セッションに書き込み済み</translation>
+    <source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>auto: by the clouds' own classes where they have them, else by the SMRF filter.</source>
-    <translation>auto：点群自身のクラスがあればそれを、なければ SMRF フィルタを使います。</translation>
+    <source>dsm: after the work; dsm_before: before it; change: the difference.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>dsm: as left; dsm_before: before the tool came; change: the difference.</source>
-    <translation>dsm：作業後、dsm_before：作業前、change：その差。</translation>
+    <source>fixed: leave out epochs at which the reference has no RTK fix.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>fixed: leave out those at which the reference is not fixed.</source>
-    <translation>fixed：基準が FIX 解でないエポックを除きます。</translation>
+    <source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>furrowmap's worker is not set up: Settings › Options › furrowmap makes or finds its environment.</source>
-    <translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を作るか、選んでください。</translation>
+    <source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>isoxml is task data as a folder, or a .zip if the target ends so; stac takes many results.</source>
-    <translation>isoxml は作業データのフォルダ（書き出し先が .zip なら .zip）。stac は多数の結果をまとめます。</translation>
+    <source>{parameter}: '{text}' is not a list of {count} numbers separated by commas.</source>
+    <translation type="unfinished"/>
   </message>
   <message>
-    <source>median, trimmed, mean, min, max, or a percentile such as p90.</source>
-    <translation>median（中央値）、trimmed（刈込平均）、mean（平均）、min、max、または p90 のようなパーセンタイル。</translation>
-  </message>
-  <message>
-    <source>{parameter}: there is no {path}.</source>
-    <translation>{parameter}：{path} がありません。</translation>
+    <source>{parameter}: {path} does not exist.</source>
+    <translation type="unfinished"/>
   </message>
 </context>
 <context>

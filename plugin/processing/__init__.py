@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""furrowmap's verbs as Processing algorithms, one file each on a common base."""
+"""furrowmap's commands as Processing algorithms, built from one description of each."""

@@ -79,12 +79,12 @@ def describe(_: dict[str, Any]) -> Any:
     provider = QgsApplication.processingRegistry().providerById("furrowmap")
     return {
         a.name(): {
-            "verb": list(a.VERB),
+            "command": a.description.command,
             "title": a.displayName(),
             "group": [a.groupId(), a.group()],
             "help": a.shortHelpString(),
             "url": a.helpUrl(),
-            "options": a.options,
+            "options": {parameter.name: parameter.option for parameter in a.description.parameters},
             "parameters": {p.name(): [p.type(), p.description(), p.help()] for p in a.parameterDefinitions()},
             "choices": {p.name(): p.options() for p in a.parameterDefinitions() if p.type() == "enum"},
             "outputs": [o.name() for o in a.outputDefinitions()],

@@ -7,40 +7,26 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
 import laspy
 import numpy as np
 import pyogrio
 import pytest
 
-from furrowmap.cli.main import COMMANDS, command_line, furrowmap
+from furrowmap.cli.main import command_line
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
+from plugin_commands import commands, options_of  # noqa: E402
 from plugin_strings import source_strings, translations  # noqa: E402
 
-WITHOUT_ALGORITHM = {("worker",), ("qgis", "install")}  # the plugin's own way to the others; what puts it there
-COMMON = {"--json", "--quiet", "--verbose", "--log-file", "--debug", "--help"}
-DERIVED = {"--bbox-crs"}  # QGIS's box brings its CRS along
 SCANS_S = 1_453_364_282.341  # the capture's first return by its GPS time
 STRINGS = source_strings()
-
-
-def verbs() -> Iterator[tuple[tuple[str, ...], click.Command]]:
-    """Every verb of the command line, with its words."""
-    for name in COMMANDS:
-        verb = furrowmap.get_command(click.Context(furrowmap), name)
-        if isinstance(verb, click.Group):
-            yield from (((name, below), command) for below, command in verb.commands.items())
-        elif verb is not None:
-            yield (name,), verb
 
 
 @pytest.fixture(scope="module")
@@ -221,33 +207,20 @@ def test_log__has_nothing_but_the_errors_that_were_provoked(told: dict[str, Any]
     assert [text for texts in told["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
 
-def test_algorithms__are_there_for_every_verb(told: dict[str, Any]) -> None:
-    found = {tuple(a["verb"]): name for name, a in told["describe"].items()}
-    assert set(found) == {words for words, _ in verbs()} - WITHOUT_ALGORITHM
-    assert all(name == "_".join(words) for words, name in found.items())
+def test_algorithms__are_there_for_every_command(told: dict[str, Any]) -> None:
+    found = {a["command"]: name for name, a in told["describe"].items()}
+    assert set(found) == {words for words, _ in commands()}
+    assert all(name == words.replace(" ", "_") for words, name in found.items())
 
 
-def test_algorithms__have_every_option_of_their_verb(told: dict[str, Any]) -> None:
-    algorithms = {tuple(a["verb"]): a for a in told["describe"].values()}
-    for words, verb in verbs():
-        if words in WITHOUT_ALGORITHM:
-            continue
-        algorithm = algorithms[words]
-        options = {max(p.opts, key=len) for p in verb.params if isinstance(p, click.Option)} - COMMON - DERIVED
-        assert {option for option in algorithm["options"].values() if option} == options, words
-        assert "" in algorithm["options"].values(), words
-
-
-def test_algorithms__offer_the_choices_of_their_verb(told: dict[str, Any]) -> None:
-    algorithms = {tuple(a["verb"]): a for a in told["describe"].values()}
-    compared = 0
-    for words, verb in verbs():
-        for option in (p for p in verb.params if isinstance(p.type, click.Choice)):
-            algorithm = algorithms[words]
-            name = next(n for n, o in algorithm["options"].items() if o in option.opts)
-            assert algorithm["choices"][name] == list(option.type.choices)
-            compared += 1
-    assert compared >= 3
+def test_algorithms__have_every_option_and_choice_of_their_command(told: dict[str, Any]) -> None:
+    algorithms = {a["command"]: a for a in told["describe"].values()}
+    for words, command in commands():
+        algorithm, options = algorithms[words], options_of(command)
+        assert set(algorithm["options"].values()) == set(options), words
+        for name, option in algorithm["options"].items():
+            if "choices" in options[option]:
+                assert algorithm["choices"][name] == options[option]["choices"]
 
 
 def test_algorithms__explain_themselves_without_a_network(told: dict[str, Any]) -> None:
@@ -261,10 +234,10 @@ def test_algorithms__explain_themselves_without_a_network(told: dict[str, Any]) 
 
 
 def test_check__tells_what_is_wrong_before_anything_starts(told: dict[str, Any], folder: Path) -> None:
-    assert told["check: no file"] == [False, f"Clouds: there is no {folder / 'no.laz'}."]
+    assert told["check: no file"] == [False, f"Point clouds: {folder / 'no.laz'} does not exist."]
     assert told["check: classes"][0] is False
     assert "soil" in told["check: classes"][1]
-    assert told["check: two bases"] == [False, "Choose either a GeoPackage or a PostGIS database."]
+    assert told["check: two bases"] == [False, "Give either 'Farm map (GeoPackage)' or 'Farm map (PostGIS)'."]
     assert told["check: well"] == [True, ""]
 
 
@@ -326,7 +299,7 @@ def test_cloud__is_opened_by_its_classes(told: dict[str, Any], folder: Path) -> 
     clean, whole = (laspy.read(folder / name) for name in ("clean.copc.laz", Path("result", "cloud.copc.laz")))
     assert told["cloud"]["outputs"]["POINTS"] == len(clean.points)
     assert 0 < len(clean.points) == len(np.unique(np.floor(clean.xyz / 0.5), axis=0)) < len(whole.points)
-    assert told["cloud"]["loaded"]["clean"] == ["Clean cloud", True, "classified"]
+    assert told["cloud"]["loaded"]["clean"] == ["Clean point cloud", True, "classified"]
 
 
 def test_surface__is_opened_in_its_style(told: dict[str, Any], folder: Path) -> None:
@@ -408,7 +381,7 @@ def test_errors__are_the_three_lines_of_the_command_line(
 def test_cancel__ends_the_work_and_leaves_nothing(told: dict[str, Any], folder: Path) -> None:
     assert told["cancel"]["error"] is None
     assert told["cancel"]["outputs"] == {}
-    assert "Stopped before the end" in told["cancel"]["told"][-1]
+    assert "Cancelled" in told["cancel"]["told"][-1]
     assert not list(folder.glob("cancelled/*"))
 
 

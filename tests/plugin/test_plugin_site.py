@@ -79,7 +79,9 @@ def test_zip__holds_the_plugin_and_nothing_binary(archive: Path) -> None:
         for name in names:
             file.read(name).decode("utf-8")  # raises where it is no text
     for name in names:
-        assert re.fullmatch(r"furrowmap/([a-z0-9_]+/)*([A-Za-z0-9_]+\.(py|ts|svg|txt|html|css|qml|qpt)|LICENSE)", name)
+        assert re.fullmatch(
+            r"furrowmap/([a-z0-9_]+/)*([A-Za-z0-9_]+\.(py|json|ts|svg|txt|html|css|qml|qpt)|LICENSE)", name
+        )
     folders = {Path(name).parent for name in names if name.endswith(".py")}
     assert {f"{folder.as_posix()}/__init__.py" for folder in folders} <= set(names)
 

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A command of `furrowmap` as a Processing algorithm, built from its description; the worker does the work."""
+
+import math
+from fnmatch import fnmatch
+from html import escape
+from pathlib import Path
+
+from qgis.core import (
+    QgsCoordinateReferenceSystem,
+    QgsMessageLog,
+    QgsProcessingAlgorithm,
+    QgsProcessingException,
+    QgsProcessingParameterBoolean,
+)
+from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtGui import QIcon
+from qgis.utils import pluginMetadata
+
+from ..interpreter import find_interpreter, is_usable
+from ..previews import open_preview
+from ..results import open_results
+from ..stages import stage_words
+from ..worker import WorkerCancelled, WorkerError, run_command
+from .algorithms import GROUPS
+from .loading import load_when_done
+from .parameters import qgis_output, qgis_parameter
+
+TAB = "furrowmap"
+"""Of QGIS's message log."""
+OPEN = "OPEN"
+"""The parameter that opens the products as layers."""
+
+
+class CommandAlgorithm(QgsProcessingAlgorithm):
+    """Runs a command of `furrowmap`.
+
+    Args:
+        description: what :data:`.algorithms.ALGORITHMS` has on it.
+    """
+
+    def __init__(self, description):
+        super().__init__()
+        self.description = description
+        self.by_name = {parameter.name: parameter for parameter in description.parameters}
+
+    def createInstance(self):  # noqa: N802 - the names are QGIS's
+        """Another instance, as QGIS asks for."""
+        return type(self)(self.description)
+
+    def name(self):
+        """The id within the provider."""
+        return self.description.id
+
+    def displayName(self):  # noqa: N802
+        """As the toolbox shows it."""
+        return translated(self.description.title)
+
+    def groupId(self):  # noqa: N802
+        """The id of its group."""
+        return self.description.group
+
+    def group(self):
+        """Its group as the toolbox shows it."""
+        return translated(GROUPS[self.description.group])
+
+    def icon(self):
+        """The plugin's icon."""
+        return QIcon(str(Path(__file__).parents[1] / "icon.svg"))
+
+    def tags(self):
+        """Words by which the toolbox finds it."""
+        words = self.description.command.split()
+        return ["furrowmap", "lidar", "gnss", "tractor", "point cloud", "tillage", *words]
+
+    def shortHelpString(self):  # noqa: N802
+        """The summary, the help of each parameter, and the equivalent command; needs no network."""
+        parameters = [(p.description(), p.help()) for p in self.parameterDefinitions() if p.help()]
+        paragraphs = [
+            _html(translated(self.description.summary)),
+            *(f"<b>{_html(label)}</b><br>{_html(text)}" for label, text in parameters),
+            f"{tr('On the command line:')} <code>furrowmap {self.description.command} --help</code>",
+        ]
+        return "".join(f"<p>{text}</p>" for text in paragraphs)
+
+    def helpUrl(self):  # noqa: N802
+        """The command's section in the documentation, below the plugin's homepage."""
+        page = pluginMetadata("furrowmap", "homepage").rstrip("/")
+        return f"{page}/reference/commands/#furrowmap-{self.description.command.replace(' ', '-')}"
+
+    def initAlgorithm(self, configuration=None):  # noqa: N802, ARG002
+        """Add parameters and outputs."""
+        for parameter in self.by_name.values():
+            self.addParameter(qgis_parameter(parameter, translated))
+        if self.description.opens:
+            opens = QgsProcessingParameterBoolean(OPEN, tr("Open the products as styled layers"), defaultValue=True)
+            opens.setHelp(tr("Adds them to the project when the algorithm has finished."))
+            self.addParameter(opens)
+        for output in self.description.outputs:
+            self.addOutput(qgis_output(output, translated))
+
+    def canExecute(self):  # noqa: N802
+        """Whether a worker is set up; if not, where to do that."""
+        if is_usable(find_interpreter()):
+            return True, ""
+        return False, tr(
+            "furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap."
+        )
+
+    def checkParameterValues(self, parameters, context):  # noqa: N802
+        """Check the values before the worker starts."""
+        valid, message = super().checkParameterValues(parameters, context)
+        if not valid:
+            return valid, message
+        fault = self._fault(parameters, context)
+        return not fault, fault
+
+    def _fault(self, parameters, context):
+        """What is wrong with the values; "" if nothing."""
+        ways = {}
+        for parameter in self.by_name.values():
+            values = self._values(parameter, parameters, context)
+            label = translated(parameter.label)
+            if parameter.kind in ("file", "files"):
+                for path in values:
+                    if path != parameter.if_absent and not Path(path).exists():
+                        return tr("{parameter}: {path} does not exist.").format(parameter=label, path=path)
+            if parameter.kind == "numbers" and values and not _are_numbers(values[0], parameter.count):
+                return tr("{parameter}: '{text}' has the wrong format. {help}").format(
+                    parameter=label, text=values[0], help=translated(parameter.help)
+                )
+            ways.setdefault(parameter.option, []).append((label, bool(values)))
+        for either in ways.values():
+            if len(either) > 1 and sum(given for _, given in either) != 1:
+                return tr("Give either '{one}' or '{other}'.").format(one=either[0][0], other=either[1][0])
+        return ""
+
+    def _arguments(self, parameters, context):
+        """The arguments of the command line, the command's name first."""
+        options, arguments = [], []
+        for parameter in self.by_name.values():
+            values = self._values(parameter, parameters, context)
+            if not parameter.option.startswith("--"):
+                arguments += values
+            elif parameter.kind == "flag":
+                options += [parameter.option] if values else []
+            else:
+                options += [f"{parameter.option}={value}" for value in values]
+            if parameter.crs and values:
+                crs = self.parameterAsExtentCrs(parameters, parameter.name, context)
+                options += [f"{parameter.crs}={crs_text(crs)}"] if crs.isValid() else []
+        return [*self.description.command.split(), *options, "--", *arguments]
+
+    def _values(self, parameter, parameters, context):
+        """A parameter's value as the command line takes it: one or several strings, none where it is not given."""
+        name, kind = parameter.name, parameter.kind
+        if kind == "flag":
+            return ["yes"] if self.parameterAsBool(parameters, name, context) else []
+        if kind in ("integer", "number"):
+            number = self.parameterAsDouble(parameters, name, context)
+            given = parameters.get(name, parameter.default) is not None
+            return [f"{number:.12g}"] if given and math.isfinite(number) else []
+        if kind in ("choice", "choices"):
+            return [choice for choice in self.parameterAsEnumStrings(parameters, name, context) if choice]
+        if kind == "crs":
+            crs = self.parameterAsCrs(parameters, name, context)
+            return [crs_text(crs)] if crs.isValid() else []
+        if kind == "extent":
+            box = self.parameterAsExtent(parameters, name, context)
+            sides = (box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum())
+            return [] if box.isNull() else [",".join(f"{side:.9f}" for side in sides)]
+        return self._texts(parameter, parameters, context)
+
+    def _texts(self, parameter, parameters, context):
+        """The values of a parameter that is text or a path."""
+        name, kind = parameter.name, parameter.kind
+        if kind == "files":
+            texts = self.parameterAsFileList(parameters, name, context)
+        elif kind == "texts":
+            texts = [line.strip() for line in self.parameterAsString(parameters, name, context).splitlines()]
+        elif kind == "new raster":
+            texts = [self.parameterAsOutputLayer(parameters, name, context)]
+        elif kind == "new file":
+            texts = [self.parameterAsFileOutput(parameters, name, context)]
+        else:
+            texts = [self.parameterAsString(parameters, name, context)]
+        texts = [text for text in texts if text] or [text for text in [parameter.if_absent] if text]
+        if parameter.folder_of:
+            folders = [str(Path(text).parent) if _stands_for_folder(text, parameter) else text for text in texts]
+            return list(dict.fromkeys(folders))
+        return texts
+
+    def processAlgorithm(self, parameters, context, feedback):  # noqa: N802
+        """Have the worker run the command, report its progress, return the outputs.
+
+        Raises:
+            QgsProcessingException: with the three lines of the error.
+        """
+        interpreter = find_interpreter()
+        if not is_usable(interpreter):
+            raise QgsProcessingException(self.canExecute()[1])
+        arguments = self._arguments(parameters, context)
+        feedback.pushCommandInfo(" ".join(["furrowmap", *arguments]))
+        try:
+            answer = run_command(interpreter.program, arguments, _Listener(feedback), feedback.isCanceled)
+        except WorkerCancelled:
+            feedback.pushInfo(tr("Cancelled; no partial files are left."))
+            return {}
+        except WorkerError as error:
+            for line in error.log:
+                feedback.pushConsoleInfo(line)
+            QgsMessageLog.logMessage("\n".join([*error.lines, *error.log]), TAB)
+            raise QgsProcessingException("\n".join(error.lines)) from None
+        feedback.setProgress(100)
+        if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):
+            for path in self.description.layers(answer):
+                load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
+        return self._outputs(answer, parameters, context)
+
+    def _outputs(self, answer, parameters, context):
+        """The files and folders that parameters name, and what the description takes from the answer."""
+        named = [parameter for parameter in self.by_name.values() if parameter.kind.startswith("new ")]
+        files = {p.name: next(iter(self._values(p, parameters, context)), None) for p in named}
+        values = {output.name: output.value(answer) for output in self.description.outputs}
+        absent = {output.name: "" for output in self.description.outputs if output.kind == "text"}
+        return {**files, **absent, **{name: value for name, value in values.items() if value is not None}}
+
+
+class RunAlgorithm(CommandAlgorithm):
+    """`furrowmap run`, whose products open as a group of their own."""
+
+    folder = None
+
+    def _outputs(self, answer, parameters, context):
+        """Remember what :meth:`postProcessAlgorithm` opens."""
+        if self.parameterAsBool(parameters, OPEN, context):
+            self.folder = answer["folder"]
+            self.open = open_preview if self.parameterAsBool(parameters, "PREVIEW", context) else open_results
+        return super()._outputs(answer, parameters, context)
+
+    def postProcessAlgorithm(self, context, feedback):  # noqa: N802
+        """Open the products, in the main thread."""
+        if self.folder and not feedback.isCanceled() and context.project() is not None:
+            self.open(self.folder, context.project())
+        return {}
+
+
+def tr(text):
+    """`text` in the user's language."""
+    return QCoreApplication.translate("Algorithms", text)
+
+
+def translated(text):
+    """As :func:`tr`, for the texts of descriptions, which are no literals here."""
+    return QCoreApplication.translate("Algorithms", text) if text else ""
+
+
+def crs_text(crs):
+    """A CRS as another program reads it: WKT for a user-defined one, whose code only this QGIS knows."""
+    own = not crs.authid() or crs.authid().startswith("USER:")
+    return crs.toWkt(QgsCoordinateReferenceSystem.WktVariant.WKT_PREFERRED) if own else crs.authid()
+
+
+def _stands_for_folder(text, parameter):
+    return Path(text).is_file() and fnmatch(Path(text).name.lower(), parameter.folder_of)
+
+
+def _are_numbers(text, count):
+    parts = text.split(",")
+    try:
+        return all(math.isfinite(float(part)) for part in parts) and count in (None, len(parts))
+    except ValueError:
+        return False
+
+
+def _html(text):
+    return escape(text, quote=False)
+
+
+class _Listener:
+    """Passes the worker's messages on to QGIS's feedback; a stage's share is the progress."""
+
+    def __init__(self, feedback):
+        self.feedback = feedback
+        self.stage = None
+
+    def __call__(self, message):
+        kind = message["type"]
+        if kind == "progress":
+            if message.get("stage") != self.stage:
+                self.stage = message.get("stage")
+                self.feedback.setProgressText(stage_words(self.stage))
+            self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
+        elif kind == "warning":
+            self.feedback.pushWarning(str(message.get("text", "")))
+        else:
+            self.feedback.pushInfo(str(message.get("text", message)))

@@ -1,0 +1,513 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The algorithms: one for each command, with what `commands.json` does not know about it.
+
+Types, choices, defaults, limits and the help of options come from the command line. Here are ids, labels, help of
+arguments, which file is which, and what becomes of the command's JSON answer. Strings are translated where they are
+shown; `scripts/plugin_strings.py` collects them.
+"""
+
+import json
+from pathlib import Path
+
+from .description import Algorithm, Output, parameter
+
+GROUPS = {
+    "session": "Sessions",
+    "surfaces": "Surfaces and point clouds",
+    "base": "Farm map",
+    "exchange": "Data exchange",
+    "accuracy": "Accuracy",
+}
+"""Id → as the toolbox shows it."""
+
+SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
+SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
+RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
+CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
+LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
+
+SESSION = {
+    "session": parameter("SESSION", "Session file", "The session.toml beside the recording.", filter="TOML (*.toml)")
+}
+RESULTS = parameter(
+    "RESULTS", "Results of runs", "The report.json of each run; it stands for the folder of the run.", folder_of="*"
+)
+OVERWRITE = {
+    "--overwrite": parameter(
+        "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
+    )
+}
+CLASSES = "Class codes, separated by commas, such as 2,9."
+CLOUDS = {
+    "--bbox": parameter("EXTENT", "Extent"),
+    "--every": parameter("EVERY", "Every n-th point", "Values above 1 give a quick look."),
+    "--crs": parameter(
+        "CRS", "CRS of clouds without one", "Used for point clouds whose header has no CRS. Others keep their own."
+    ),
+}
+DATABASE = parameter(
+    "DATABASE",
+    "Farm map (PostGIS)",
+    "A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's "
+    "password file.",
+    kind="text",
+    advanced=True,
+)
+FARM_MAP = (
+    parameter("BASE", "Farm map (GeoPackage)", "The farm's GeoPackage.", kind="file", filter="GeoPackage (*.gpkg)")
+    + DATABASE
+)
+SCHEMA = {"--schema": parameter("SCHEMA", "PostGIS schema")}
+
+
+def as_json(answer):
+    """An answer or a part of it as text."""
+    return json.dumps(answer, ensure_ascii=False, indent=1)
+
+
+def item(*keys):
+    """Takes a value out of an answer; None where there is none."""
+
+    def value(answer):
+        for key in keys:
+            answer = (answer or {}).get(key)
+        return answer
+
+    return value
+
+
+def count(key):
+    """Takes the length of a list in an answer."""
+    return lambda answer: len(answer[key])
+
+
+def texts(key):
+    """Takes the texts of notices in an answer, one per line."""
+    return lambda answer: "\n".join(notice["text"] for notice in answer[key])
+
+
+def numbers(names, *keys):
+    """Outputs for figures of an answer: the id is the figure's name in capitals."""
+    return tuple(Output(name.upper(), "number", name, item(*keys, name)) for name in names)
+
+
+def product(name):
+    """Takes the path of a file in the answer's folder; None where it was not written."""
+    return lambda answer: str(Path(answer["folder"]) / name) if name in answer["products"] else None
+
+
+def evaluation_page(answer):
+    """The HTML page in the output folder of `gnss evaluate`; None where no folder was asked for."""
+    return str(Path(answer["output"]) / "evaluation.html") if answer["output"] else None
+
+
+def surfaces_written(answer):
+    """The files of `surface` that are opened as layers."""
+    return [path for path in (product(name)(answer) for name in SURFACES_OPENED) if path]
+
+
+FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
+
+ALGORITHMS = (
+    Algorithm(
+        "init",
+        "Create a session file",
+        "session",
+        "Reads recordings and writes a commented session.toml with everything that they contain. What they do not "
+        "contain, such as the mounting of the scanner, is left as a comment and reported.",
+        basic={
+            "recordings": parameter(
+                "RECORDINGS", "Recordings", "LiDAR captures or bags, GNSS logs and trajectories of one drive."
+            ),
+            "--output": parameter("OUTPUT", "Session file", filter="TOML (*.toml)"),
+        },
+        advanced=OVERWRITE,
+        outputs=(
+            Output("SESSION", "file", "Session file", item("session")),
+            Output("FOUND", "text", "Found in the recordings", texts("found")),
+            Output("MISSING", "text", "Missing from the recordings", texts("missing")),
+        ),
+    ),
+    Algorithm(
+        "inspect",
+        "Inspect recordings",
+        "session",
+        "Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.",
+        basic={"files": parameter("FILES", "Recordings", "Captures, bags, GNSS logs, trajectories, point clouds.")},
+        outputs=(FINDINGS,),
+    ),
+    Algorithm(
+        "run",
+        "Run a session",
+        "session",
+        "Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is "
+        "in the ground, and writes the worked ground, surfaces and a report.",
+        basic={
+            "session": parameter(
+                "SESSION",
+                "Session file",
+                "The session.toml beside the recording; 'Create a session file' writes one.",
+                filter="TOML (*.toml)",
+            ),
+            "--preview": parameter(
+                "PREVIEW",
+                "Preview only",
+                "Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection "
+                "of the implement. The products of a run are not replaced.",
+            ),
+            "--output": parameter(
+                "OUTPUT", "Output folder", "Products of the same session in it are replaced.", required=True
+            ),
+        },
+        advanced={
+            "--overwrite": parameter("OVERWRITE", "Overwrite the products of another session"),
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("REPORT", "text", "Report (HTML)", product("report.html")),
+            *numbers(RUN_FIGURES, "figures"),
+        ),
+        opens=True,
+    ),
+    Algorithm(
+        "calibrate",
+        "Calibrate the mounting",
+        "session",
+        "Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: "
+        "on average the ground is level, and ground scanned twice coincides.",
+        basic={
+            **SESSION,
+            "--write": parameter(
+                "WRITE", "Write the results into the session file", "All other lines of the file stay as they are."
+            ),
+        },
+        outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
+    ),
+    Algorithm(
+        "simulate",
+        "Simulate a recording",
+        "session",
+        "Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with "
+        "the ground truth. Useful to learn furrowmap and to plan a sensor mount.",
+        basic={
+            "scenario": parameter(
+                "SCENARIO",
+                "Scenario",
+                "Field, drive and sensors. By default a small field that is tilled for a minute.",
+                filter="TOML (*.toml)",
+                required=False,
+                if_absent="demo",
+            ),
+            "--output": parameter("OUTPUT", "Output folder", "For recording, session file and ground truth."),
+        },
+        advanced=OVERWRITE,
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("SESSION", "file", "Session file", item("session")),
+        ),
+    ),
+    Algorithm(
+        "surface",
+        "Surfaces from point clouds",
+        "surfaces",
+        "Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), "
+        "height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend "
+        "on the size of the area.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; all go into one raster grid."),
+            "--cell": parameter("CELL", "Cell size"),
+            "--ground-method": parameter("GROUND", "Ground classification"),
+            "--fill": parameter("FILL", "Maximum gap to fill"),
+            "--output": parameter("OUTPUT", "Output folder", "For cloud-optimised GeoTIFFs and surfaces.json."),
+        },
+        advanced={
+            **CLOUDS,
+            "--dst-crs": parameter("DST_CRS", "CRS of the surfaces"),
+            "--class": parameter("CLASSES", "Classes to use", CLASSES + " By default all but noise."),
+            "--statistic": parameter("STATISTIC", "Cell statistic"),
+            "--outliers": parameter("OUTLIERS", "Outlier detection method"),
+            "--tillage": parameter("TILLAGE", "Direction of tillage"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            *(Output(name.upper(), "raster", name, product(f"{name}.tif")) for name in SURFACES),
+        ),
+        opens=True,
+        layers=surfaces_written,
+    ),
+    Algorithm(
+        "cloud",
+        "Clean point clouds",
+        "surfaces",
+        "Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is "
+        "classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files in one CRS."),
+            "--outliers": parameter("OUTLIERS", "Outlier detection method"),
+            "--drop-noise": parameter("DROP_NOISE", "Leave out noise"),
+            "--ground": parameter("GROUND", "Ground classification"),
+            "--voxel": parameter("VOXEL", "Voxel size"),
+            "--output": parameter(
+                "OUTPUT", "Clean point cloud", "A COPC file; its name ends in .copc.laz.", filter="COPC (*.copc.laz)"
+            ),
+        },
+        advanced={
+            **CLOUDS,
+            "--dst-crs": parameter("DST_CRS", "CRS of the clean point cloud"),
+            "--without-class": parameter(
+                "CLASSES", "Classes to leave out", CLASSES + " 64,65 is the machine in clouds of furrowmap."
+            ),
+            **OVERWRITE,
+        },
+        outputs=(Output("POINTS", "number", "Number of points", item("figures", "points")),),
+        opens=True,
+        layers=lambda answer: [answer["output"]],
+        layer_group="Clean point cloud",
+    ),
+    Algorithm(
+        "fields",
+        "Worked ground from task data (ISOXML)",
+        "exchange",
+        "Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: "
+        "passes, overlaps, missed strips and their areas.",
+        basic={
+            "taskdata": parameter(
+                "TASKDATA", "Task data", "TASKDATA.XML in its folder, or a .zip of the folder.", folder_of="*.xml"
+            ),
+            "--width": parameter("WIDTH", "Working width"),
+            "--output": parameter(
+                "OUTPUT",
+                "Worked ground",
+                "Passes, overlaps and missed strips of all fields.",
+                filter="GeoPackage (*.gpkg)",
+                required=True,
+            ),
+        },
+        advanced={
+            "--task": parameter("TASK", "Task"),
+            "--crs": parameter("CRS", "CRS of the output"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FIELDS", "text", "Figures by field (JSON)", lambda answer: as_json(answer["fields"])),
+            Output(
+                "WORKED_AREA_M2",
+                "number",
+                "worked_area_m2",
+                lambda answer: sum(each["worked_area_m2"] or 0.0 for each in answer["fields"]),
+            ),
+        ),
+        opens=True,
+        layers=lambda answer: [answer["output"]],
+        layer_group="Worked ground",
+    ),
+    Algorithm(
+        "export",
+        "Export results",
+        "exchange",
+        "Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 "
+        "task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in "
+        "WGS 84.",
+        basic={
+            "results": RESULTS,
+            "--to": parameter(
+                "FORMAT",
+                "Format",
+                "isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac "
+                "accepts several results.",
+            ),
+            "--output": parameter(
+                "TARGET",
+                "Output file or folder",
+                "By default beside the results. Formats with one layer per file need a folder.",
+            ),
+        },
+        advanced={
+            "--layer": parameter("LAYERS", "Layers", "By default all layers.", kind="choices", choices=LAYERS),
+            "--dst-crs": parameter("DST_CRS", "CRS of the vectors"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("WRITTEN", "text", "File or folder written", item("target")),
+            Output("FILES", "layers", "Files written", item("files")),
+        ),
+    ),
+    Algorithm(
+        "base add",
+        "Add results to the farm map",
+        "base",
+        "Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not "
+        "exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is "
+        "changed.",
+        basic={
+            "folders": RESULTS,
+            "target": parameter(
+                "BASE",
+                "Farm map (GeoPackage)",
+                "The farm's GeoPackage.",
+                kind="new file",
+                filter="GeoPackage (*.gpkg)",
+                required=False,
+                adds=True,
+            )
+            + DATABASE,
+        },
+        advanced={
+            **SCHEMA,
+            "--crs": parameter("CRS", "CRS of a new farm map"),
+            "--same-crs": parameter("SAME_CRS", "Refuse sessions in another CRS"),
+            "--time-zone": parameter("TIME_ZONE", "Time zone"),
+        },
+        outputs=(
+            *(Output(name.upper(), "number", name, count(name)) for name in ("added", "replaced", "unchanged")),
+            Output("SESSIONS", "number", "sessions", item("sessions")),
+        ),
+        opens=True,
+        layers=lambda answer: [answer["base"]] if Path(answer["base"]).is_file() else [],
+        layer_group="Farm map",
+    ),
+    Algorithm(
+        "base list",
+        "List the sessions of the farm map",
+        "base",
+        "Lists the sessions of a farm map: identifier, date, worked area, name.",
+        basic={"target": FARM_MAP},
+        advanced=SCHEMA,
+        outputs=(
+            Output("SESSIONS", "text", "Sessions (JSON)", lambda answer: as_json(answer["sessions"])),
+            Output("COUNT", "number", "Number of sessions", count("sessions")),
+        ),
+    ),
+    Algorithm(
+        "base remove",
+        "Remove sessions from the farm map",
+        "base",
+        "Removes sessions from a farm map. The folders of their results are not touched.",
+        basic={
+            "target": FARM_MAP,
+            "sessions": parameter(
+                "SESSION", "Sessions", "One per line: the identifier, the beginning of it, or the name."
+            ),
+        },
+        advanced=SCHEMA,
+        outputs=(
+            Output("REMOVED", "number", "Number of sessions removed", count("removed")),
+            Output("SESSIONS", "number", "Number of sessions left", item("sessions")),
+        ),
+    ),
+    Algorithm(
+        "base mosaic",
+        "Mosaic of the farm map's surfaces",
+        "base",
+        "Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is "
+        "used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.",
+        basic={
+            "sources": FARM_MAP,
+            "--product": parameter(
+                "PRODUCT",
+                "Surface",
+                "dsm: after the work; dsm_before: before it; change: the difference.",
+                kind="choice",
+                choices=("dsm", "dsm_before", "change"),
+            ),
+            "--output": parameter("OUTPUT", "Mosaic", "A .tif or .vrt file.", kind="new raster"),
+        },
+        advanced={
+            **SCHEMA,
+            "--dst-crs": parameter("DST_CRS", "CRS of the mosaic"),
+            "--cell": parameter("CELL", "Cell size"),
+            "--mean": parameter("MEAN", "Mean of all sessions"),
+            **OVERWRITE,
+        },
+        outputs=(Output("SURFACES", "number", "Number of surfaces", item("surfaces")),),
+    ),
+    Algorithm(
+        "crs",
+        "Coordinate transformations of a session",
+        "accuracy",
+        "Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and "
+        "epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.",
+        basic=SESSION,
+        outputs=(FINDINGS,),
+    ),
+    Algorithm(
+        "gnss evaluate",
+        "Evaluate a GNSS log",
+        "accuracy",
+        "Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE "
+        "in 3D, 2D, X, Y and Z, for all epochs and by fix type.",
+        basic={
+            "test": parameter("TEST", "Log to evaluate", "NMEA, or another log that 'Inspect recordings' reads."),
+            "reference": parameter(
+                "REFERENCE",
+                "Reference log",
+                "Another log of the same drive, or a trajectory.",
+                kind="file",
+                required=False,
+            )
+            + parameter(
+                "POINT",
+                "Known point",
+                "Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.",
+                kind="numbers",
+                count=3,
+                required=False,
+            ),
+            "--output": parameter(
+                "OUTPUT", "Output folder", "For evaluation.json, an HTML page and a table of epochs."
+            ),
+        },
+        advanced={
+            "--antenna-offset": parameter(
+                "OFFSET",
+                "Antenna offset (m)",
+                "Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.",
+            ),
+            "--reference-fix": parameter(
+                "REFERENCE_FIX",
+                "Epochs of the reference",
+                "fixed: leave out epochs at which the reference has no RTK fix.",
+            ),
+            "--max-gap": parameter("MAX_GAP", "Maximum interpolation gap"),
+            "--date": parameter("DATE", "Date of the first position"),
+            **OVERWRITE,
+        },
+        outputs=(FINDINGS, Output("PAGE", "text", "Evaluation (HTML)", evaluation_page)),
+    ),
+    Algorithm(
+        "check",
+        "Check against surveyed points",
+        "accuracy",
+        "Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy "
+        "Standards, Edition 2 (2023), and includes the accuracy of the points.",
+        basic={
+            "product": parameter("PRODUCT", "Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF."),
+            "points": parameter("POINTS", "Surveyed points", "CSV or GeoPackage."),
+            "--points-sigma": parameter("SIGMA", "Standard deviation of the survey"),
+            "--require-vertical": parameter(
+                "VERTICAL", "Required vertical RMSE", "The output MET says whether it is met."
+            ),
+            "--require-horizontal": parameter(
+                "HORIZONTAL", "Required horizontal RMSE", "The output MET says whether it is met."
+            ),
+            "--table": parameter("TABLE", "Table of errors", "One row per point.", filter="CSV (*.csv)"),
+        },
+        advanced={
+            "--crs": parameter("CRS", "CRS of the points"),
+            "--targets": parameter("TARGETS", "Disc targets"),
+            "--diameter": parameter("DIAMETER", "Diameter of the discs", "Used only with disc targets."),
+            **OVERWRITE,
+        },
+        outputs=(
+            FINDINGS,
+            Output(
+                "MET",
+                "boolean",
+                "Requirements met",
+                lambda answer: all(verdict["met"] for verdict in answer["verdicts"].values()),
+            ),
+            *numbers(CHECK_FIGURES, "accuracy"),
+        ),
+    ),
+)

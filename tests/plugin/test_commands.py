@@ -1,0 +1,33 @@
+"""The description of the commands from which the plugin builds its algorithms, read without QGIS."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(CHECKOUT / "scripts"))
+from plugin_commands import FILE, content  # noqa: E402
+
+from furrowmap.plugin.processing.algorithms import ALGORITHMS  # noqa: E402
+from furrowmap.plugin.processing.description import COMMANDS  # noqa: E402
+
+
+def test_commands__are_those_of_the_command_line() -> None:
+    assert FILE.read_text(encoding="utf-8") == content(), "run scripts/plugin_commands.py, then plugin_strings.py"
+
+
+def test_algorithms__name_only_options_of_their_command() -> None:
+    for algorithm in ALGORITHMS:
+        named = {**algorithm.basic, **algorithm.advanced}
+        assert set(named) <= set(COMMANDS[algorithm.command]), algorithm.command
+
+
+def test_option__that_no_algorithm_names_becomes_an_advanced_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {**COMMANDS["crs"], "--max-gap": {"kind": "number", "unit": "s", "help": "Longest gap."}}
+    monkeypatch.setitem(COMMANDS, "crs", options)
+    (crs,) = [algorithm for algorithm in ALGORITHMS if algorithm.command == "crs"]
+    added = crs.parameters[-1]
+    assert (added.name, added.label, added.advanced, added.optional) == ("MAX_GAP", "Max gap", True, True)
