@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""furrowmap inside QGIS. Importing this costs nothing until QGIS asks for the plugin."""
+"""The QGIS plugin. Importing this module is cheap; QGIS's plugin manager calls :func:`classFactory`.
+
+Inside QGIS this folder is called `furrowmap`, like the import package. It imports nothing of that package: it starts
+`furrowmap worker` in a Python environment outside QGIS and talks to it.
+"""
 
 
 def classFactory(iface):  # noqa: N802 - the name is QGIS's

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The map below everything, with its attribution: none unless the user asks for one, since it comes by the network."""
+"""The background map with its attribution. There is none by default, since most come over the network."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,20 +12,20 @@ from qgis.PyQt.QtWidgets import QLabel
 CHOICE_KEY, OWN_KEY = "furrowmap/basemap", "furrowmap/basemapOwn"
 NONE, OWN = "none", "own"
 PROPERTY = "furrowmap/basemap"
-"""Of a layer: which base map it is."""
+"""Property of a layer: the key of the base map."""
 ATTRIBUTION_PROPERTY = "furrowmap/attribution"
 
 
 @dataclass(frozen=True)
 class BaseMap:
-    """Tiles that everybody may use with attribution.
+    """Tiles that may be used with attribution.
 
     Attributes:
         key: in the settings and in projects.
         name: of the layer.
         url: of a tile.
         zmax: the finest level there is.
-        attribution: has to be shown.
+        attribution: that has to be shown.
     """
 
     key: str
@@ -36,7 +36,7 @@ class BaseMap:
 
 
 def base_maps():
-    """Those offered by name."""
+    """The base maps on offer."""
     gsi = tr("Geospatial Information Authority of Japan (GSI) tiles")
     host = "https://cyberjapandata.gsi.go.jp/xyz"
     return (
@@ -53,7 +53,7 @@ def base_maps():
 
 
 def show_base_map(key, own="", project=None):
-    """Put a base map below all layers, in place of the one before.
+    """Add a base map below all layers; it replaces the one before.
 
     Args:
         key: of :func:`base_maps`, :data:`OWN` or :data:`NONE`.
@@ -64,7 +64,7 @@ def show_base_map(key, own="", project=None):
         The layer; None for no base map.
 
     Raises:
-        ValueError: if `own` is no such thing; the base map before is still there then.
+        ValueError: if `own` is none of these; the base map before is kept.
     """
     project = QgsProject.instance() if project is None else project
     layer = None if key == NONE else _own_layer(own) if key == OWN else _layer(key)
@@ -83,19 +83,19 @@ def base_map_layers(project):
 
 
 def attribution_of(layers):
-    """What has to be shown beside these layers."""
+    """The attribution of these layers."""
     texts = [layer.customProperty(ATTRIBUTION_PROPERTY) for layer in layers]
     return " · ".join(dict.fromkeys(text for text in texts if text))
 
 
 def remember(key, own):
-    """Keep the choice for the next project."""
+    """Store the choice for the next project."""
     QgsSettings().setValue(CHOICE_KEY, key)
     QgsSettings().setValue(OWN_KEY, own)
 
 
 def remembered():
-    """The choice of the last time, and the user's own map."""
+    """The stored choice, and the user's own map."""
     return QgsSettings().value(CHOICE_KEY, NONE, str), QgsSettings().value(OWN_KEY, "", str)
 
 
@@ -123,8 +123,8 @@ def _own_layer(own):
     if layer is None or not layer.isValid():
         raise ValueError(
             tr(
-                "'{own}' is no base map: give a URL with {{z}}, {{x}} and {{y}}, one with {{TileMatrix}}, {{TileRow}} "
-                "and {{TileCol}}, or an MBTiles file."
+                "'{own}' is not a base map. Give a URL with {{z}}, {{x}} and {{y}}, or with {{TileMatrix}}, "
+                "{{TileRow}} and {{TileCol}}, or an MBTiles file."
             ).format(own=own)
         )
     _attribute(layer, "")
@@ -143,7 +143,7 @@ def _xyz(url, zmax):
 
 
 class AttributionLabel(QObject):
-    """The attribution in the canvas's corner, while a layer is shown that asks for it."""
+    """The attribution in the canvas's corner, if a visible layer needs it."""
 
     def __init__(self, canvas):
         super().__init__(canvas)
@@ -156,7 +156,7 @@ class AttributionLabel(QObject):
         self.refresh()
 
     def refresh(self):
-        """Show what the present layers ask for."""
+        """Show the attribution of the present layers."""
         text = attribution_of(self._canvas.layers())
         self.label.setText(text)
         self.label.adjustSize()
@@ -164,14 +164,14 @@ class AttributionLabel(QObject):
         self.label.setVisible(bool(text))
 
     def remove(self):
-        """Take it away from the canvas."""
+        """Remove it from the canvas."""
         self._canvas.layersChanged.disconnect(self.refresh)
         self._canvas.removeEventFilter(self)
         self.label.deleteLater()
         self.deleteLater()
 
     def eventFilter(self, watched, event):  # noqa: N802, ARG002 - the name is Qt's
-        """Keep to the corner."""
+        """Stay in the corner."""
         if event.type() == QEvent.Type.Resize:
             self.refresh()
         return False

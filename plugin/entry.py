@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the plugin adds to QGIS, and takes away again: algorithms, the dock, and what helps on the map."""
+"""What the plugin registers in QGIS and removes again: algorithms, dock, locator filter, options page."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from .translation import install_translator
 
 
 class FurrowmapPlugin:
-    """Everything registered in :meth:`initGui` is gone after :meth:`unload`."""
+    """The plugin: :meth:`unload` removes everything that :meth:`initGui` registered."""
 
     def __init__(self, iface):
         self.iface = iface  # None in qgis_process, which has no window
@@ -32,7 +32,7 @@ class FurrowmapPlugin:
         QgsApplication.processingRegistry().addProvider(self.provider)
 
     def initGui(self):  # noqa: N802
-        """Add the algorithms, the dock with its entry in menu and toolbar, and what helps on the map."""
+        """Register the algorithms, the dock with its menu entry and toolbar button, and the rest."""
         from .basemap import AttributionLabel
         from .dock.canvas_drop import ResultsDropHandler
         from .dock.dock import FurrowmapDock
@@ -46,7 +46,7 @@ class FurrowmapPlugin:
         self.action.setObjectName("furrowmapShow")
         self.action.setCheckable(True)
         self.dock.setToggleVisibilityAction(self.action)
-        self.iface.pluginMenu().addAction(self.action)  # a submenu of its own would outlive it
+        self.iface.pluginMenu().addAction(self.action)  # a submenu would stay after unloading
         self.iface.addToolBarIcon(self.action)
         self.drops = ResultsDropHandler(self.dock.open_folder)
         self.iface.registerCustomDropHandler(self.drops)
@@ -57,7 +57,7 @@ class FurrowmapPlugin:
         self.iface.registerOptionsWidgetFactory(self.options)
 
     def unload(self):
-        """Remove whatever was added; work under way is cancelled."""
+        """Remove everything; running tasks are cancelled."""
         if self.dock is not None:
             self.iface.unregisterOptionsWidgetFactory(self.options)
             self.options.end()

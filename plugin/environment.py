@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The environment of the worker's process: the user's own, without what QGIS put there for itself."""
+"""Environment variables of the worker's process: the user's, without what QGIS has set for itself."""
 
 import os
 import sys
 from pathlib import Path
 
-# Each of these breaks a foreign interpreter, GDAL or PROJ in its own way.
+# Each of these breaks another interpreter, GDAL or PROJ.
 REMOVED = (
     "PYTHONHOME",
     "PYTHONPATH",
@@ -20,7 +20,7 @@ REMOVED = (
     "QT_QPA_PLATFORM_PLUGIN_PATH",
 )
 SEARCHED = ("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "DYLD_FRAMEWORK_PATH")
-"""Lists of folders, of which QGIS's own go."""
+"""Search paths, from which QGIS's own folders are removed."""
 
 
 def worker_environment(variables, prefix):
@@ -28,8 +28,8 @@ def worker_environment(variables, prefix):
 
     Args:
         variables: those of QGIS's process.
-        prefix: folder in which QGIS is installed; its folders leave the search paths. None for a QGIS that came with
-            the system, whose folders are everybody's.
+        prefix: folder in which QGIS is installed; its folders are removed from the search paths. None for a QGIS of the
+            system, which shares its folders.
     """
     kept = {name: value for name, value in variables.items() if name.upper() not in REMOVED}
     for name in SEARCHED:
@@ -39,13 +39,13 @@ def worker_environment(variables, prefix):
 
 
 def own_prefix(application_prefix):
-    """The folder that QGIS has for itself: an installer's or a bundle's; None where it lies among the system's own.
+    """The folder that only QGIS uses: of an installer or a bundle; None where it is part of the system.
 
     Args:
-        application_prefix: what `QgsApplication.prefixPath()` says.
+        application_prefix: `QgsApplication.prefixPath()`.
     """
     prefix = Path(application_prefix)
-    if sys.platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries lie in the folder above
+    if sys.platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries are in the folder above
         return prefix.parents[1] if prefix.parent.name.lower() == "apps" else prefix
     if sys.platform == "darwin":
         bundle = next((p for p in (prefix, *prefix.parents) if p.suffix == ".app"), None)

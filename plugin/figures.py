@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The figures of a report as a farmer asks for them: worked, worked twice, missed, and how accurate all is."""
+"""The main figures of a report: areas worked, overlapped and missed, and the accuracy."""
 
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 
 def figure_rows(report):
-    """What a report says about the ground worked and about its accuracy: pairs of a label and a value with its unit."""
+    """Pairs of a label and a value with its unit, from a report."""
     figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
     accuracy = report.get("accuracy") if isinstance(report.get("accuracy"), dict) else {}
     rows = [
-        (tr("Begun"), _local_time(figures.get("start"))),
+        (tr("Start"), _local_time(figures.get("start"))),
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
-        (tr("Worked twice"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
+        (tr("Overlap"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
         (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
         (tr("Passes"), _number(figures.get("passes"), "{:.0f}")),
-        (tr("Way driven"), _way(figures.get("distance_m"))),
+        (tr("Path length"), _path_length(figures.get("distance_m"))),
         (tr("Duration"), _duration(figures.get("duration_s"))),
         (tr("Points"), _number(figures.get("points") or None, "{:,.0f}")),
-        (tr("Accuracy across the ground"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
-        (tr("Accuracy of heights"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
-        (tr("Accuracy of heading"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
+        (tr("Horizontal accuracy"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
+        (tr("Vertical accuracy"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
+        (tr("Heading accuracy"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
         (tr("CRS"), figures.get("crs")),
     ]
     return [(label, str(value)) for label, value in rows if value]
 
 
 def _local_time(text):
-    """A time in UTC as this computer's clock would show it, in an order of day and month that nobody misreads."""
+    """A UTC time in this computer's time zone, as year, month, day."""
     moment = QDateTime.fromString(str(text), Qt.DateFormat.ISODateWithMs)
     return moment.toLocalTime().toString("yyyy-MM-dd HH:mm") if moment.isValid() else None
 
@@ -35,7 +35,7 @@ def _number(value, form):
     return form.format(value) if isinstance(value, (int, float)) else None
 
 
-def _way(metres):
+def _path_length(metres):
     """A length in metres, above ten kilometres in kilometres."""
     return _number(metres, "{:,.0f} m") if not metres or metres < 1e4 else f"{metres / 1e3:,.1f} km"
 

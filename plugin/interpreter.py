@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which furrowmap does the work.
+"""Which furrowmap runs as the worker.
 
-The one the user chose, else the one that installed this plugin, else one that the plugin made, else one on the search
-path.
+The one that the user chose, else the one that installed this plugin, else the one that the plugin created, else one on
+the PATH.
 """
 
 import json
@@ -18,7 +18,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QStandardPaths
 CHOSEN_KEY = "furrowmap/interpreter"
 """Setting: a Python interpreter with furrowmap, the folder of its environment, or the furrowmap command itself."""
 INSTALLED_BY = "installed_by.json"
-"""In this folder, by `furrowmap qgis install`: the Python interpreter which that ran in."""
+"""File in this folder, written by `furrowmap qgis install`: the Python interpreter that ran it."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Interpreter:
 
     Attributes:
         program: the words of the command.
-        origin: "chosen", "installed", "made" or "found".
+        origin: "chosen", "installed", "created" or "found".
     """
 
     program: tuple
@@ -35,7 +35,7 @@ class Interpreter:
 
 
 def find_interpreter():
-    """The one to use; None where there is none."""
+    """The furrowmap to use; None if there is none."""
     chosen = QgsSettings().value(CHOSEN_KEY, "", str)
     if chosen:
         return Interpreter(command_of(Path(chosen)), "chosen")
@@ -43,25 +43,25 @@ def find_interpreter():
     if installed is not None:
         return Interpreter(command_of(installed), "installed")
     if python_in(environment_folder()).is_file():
-        return Interpreter(command_of(environment_folder()), "made")
+        return Interpreter(command_of(environment_folder()), "created")
     found = shutil.which("furrowmap")
     return Interpreter((found,), "found") if found else None
 
 
 def why(interpreter):
-    """Why this one is used, for the user."""
+    """Why this furrowmap is used, for the user."""
     if interpreter is None:
-        return tr("None was found. Results of others can be opened; to compute your own, choose or make one.")
+        return tr("None found. Existing results can be opened; to run sessions, choose or create one.")
     return {
         "chosen": tr("Chosen below."),
-        "installed": tr("It installed this plugin by 'furrowmap qgis install'."),
-        "made": tr("This plugin made it."),
-        "found": tr("Found on the search path for programs."),
+        "installed": tr("It installed this plugin with 'furrowmap qgis install'."),
+        "created": tr("Created by this plugin."),
+        "found": tr("Found on the PATH."),
     }[interpreter.origin]
 
 
 def installing_python():
-    """The interpreter whose `furrowmap qgis install` put this plugin here; None if that is gone or was not the way."""
+    """The interpreter whose `furrowmap qgis install` installed this plugin; None if none did or it is gone."""
     try:
         python = json.loads(Path(__file__).with_name(INSTALLED_BY).read_text(encoding="utf-8"))["python"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -70,7 +70,7 @@ def installing_python():
 
 
 def command_of(path):
-    """How to start furrowmap by a path that is a Python interpreter, an environment's folder, or the command itself."""
+    """The command for a path that is a Python interpreter, an environment's folder, or the furrowmap command."""
     if path.is_dir():
         path = python_in(path)
     if path.stem.lower().startswith("python"):
@@ -79,23 +79,18 @@ def command_of(path):
 
 
 def environment_folder():
-    """Where the plugin makes its own environment: per user, beside QGIS's profiles, never in QGIS's Python."""
+    """Folder of the plugin's own environment: per user, beside QGIS's profiles, never in QGIS's Python."""
     data = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
     return Path(data or QgsApplication.qgisSettingsDirPath()) / "furrowmap" / "environment"
 
 
 def python_in(folder):
-    """The interpreter of an environment, which stays right when the folder is renamed; its commands do not."""
+    """The interpreter of an environment. It works after the folder is renamed; the scripts beside it do not."""
     return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
 
 
-def log_folder():
-    """Where logs of runs are kept."""
-    return Path(QgsApplication.qgisSettingsDirPath()) / "furrowmap" / "logs"
-
-
 def is_usable(interpreter):
-    """Whether its file is there and may be started."""
+    """Whether its file exists and may be executed."""
     return interpreter is not None and os.access(interpreter.program[0], os.X_OK)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the products' own styles call their colours, and what a raster's band is called, in the user's language."""
+"""Legend labels in the user's language: of the categories in the products' styles, and of rasters."""
 
 from qgis.core import QgsCategorizedSymbolRenderer, QgsMapLayerLegendUtils
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
@@ -26,28 +26,28 @@ LABELS = (
     QT_TRANSLATE_NOOP("Legends", "other"),
     QT_TRANSLATE_NOOP("Legends", "unknown"),
 )
-"""Of the categories in the styles that lie in `field.gpkg`."""
+"""Labels of the categories in the styles that `field.gpkg` contains."""
 BANDS = {
-    "change": QT_TRANSLATE_NOOP("Legends", "Soil sunk or risen (m)"),
-    "swaths": QT_TRANSLATE_NOOP("Legends", "Swaths apart in height (m)"),
-    "dsm": QT_TRANSLATE_NOOP("Legends", "Relief as left at the end"),
+    "change": QT_TRANSLATE_NOOP("Legends", "Height change (m)"),
+    "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),
+    "dsm": QT_TRANSLATE_NOOP("Legends", "Relief after the work"),
     "dsm_before": QT_TRANSLATE_NOOP("Legends", "Relief before the work"),
 }
 
 
 def translate_categories(layer):
-    """Tell the categories of a vector layer in the user's language."""
+    """Translate the categories of a vector layer."""
     renderer = layer.renderer()
     if isinstance(renderer, QgsCategorizedSymbolRenderer):
         for number, category in enumerate(renderer.categories()):
             renderer.updateCategoryLabel(number, QCoreApplication.translate("Legends", category.label()))
 
 
-def tell_band(node):
-    """Say in plain words what a raster's colours mean, instead of the name of its band.
+def label_band(node):
+    """Label a raster's legend with what its colours mean, instead of the name of its band.
 
     Args:
-        node: of a layer in a tree. The layer panel has to see it after this, for it makes the legend at once.
+        node: of a layer in a tree. Call this before the layer panel shows it, since that builds the legend at once.
     """
     label = BANDS.get(node.layer().name())
     if label:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""'pass 12' in QGIS's locator bar leads to that pass on the map."""
+"""'pass 12' in QGIS's locator bar shows that pass on the map."""
 
 import re
 
@@ -12,10 +12,10 @@ MOST_RESULTS = 50
 
 
 class PassLocator(QgsLocatorFilter):
-    """Finds passes by their number in the sessions that are open.
+    """Finds passes of the open sessions by their number.
 
     Args:
-        iface: QGIS's interface, whose canvas shows what is found.
+        iface: QGIS's interface.
     """
 
     def __init__(self, iface):
@@ -24,11 +24,11 @@ class PassLocator(QgsLocatorFilter):
         self._known = []
 
     def clone(self):
-        """Another for the locator's thread."""
+        """A copy for the locator's thread."""
         return PassLocator(self._iface)
 
     def name(self):
-        """Of the filter."""
+        """The filter's id."""
         return "furrowmapPasses"
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
@@ -36,11 +36,11 @@ class PassLocator(QgsLocatorFilter):
         return self.tr("furrowmap passes")
 
     def prefix(self):
-        """What to type first."""
+        """The prefix to type."""
         return "pass"
 
     def prepare(self, string, context):  # noqa: ARG002
-        """In the window's thread: gather what there is, since layers belong to it."""
+        """In the main thread, to which layers belong: collect the passes."""
         if self._number(string) is None and string.strip():
             return []
         for group in groups_of(QgsProject.instance()):
@@ -51,7 +51,7 @@ class PassLocator(QgsLocatorFilter):
         return []
 
     def fetchResults(self, string, context, feedback):  # noqa: N802, ARG002
-        """In the locator's thread: those whose number is the one typed, or begins with it."""
+        """In the locator's thread: return passes whose number begins with the one typed."""
         number = self._number(string)
         if number is None and string.strip():
             return
@@ -76,7 +76,7 @@ class PassLocator(QgsLocatorFilter):
 
     @staticmethod
     def _number(string):
-        """The number typed, with or without the word before it."""
+        """The number typed, with or without the prefix."""
         found = re.fullmatch(r"\s*(?:pass\s+)?(\d+)\s*", string, re.IGNORECASE)
         return None if found is None else int(found[1])
 
@@ -87,7 +87,7 @@ class PassLocator(QgsLocatorFilter):
 
 
 def _passes(session, layer):
-    """The passes of a layer as what the locator's thread may hold."""
+    """The passes of a layer as plain values, for the locator's thread."""
     request = QgsFeatureRequest().setFlags(QgsFeatureRequest.Flag.NoGeometry)
     fields = layer.fields()
     found = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Settings › Options › furrowmap: which furrowmap does the work and why, whether it works, and how to get one."""
+"""Settings › Options › furrowmap: the furrowmap in use, a test of it, and an environment of the plugin's own."""
 
 from pathlib import Path
 
@@ -18,13 +18,13 @@ from qgis.PyQt.QtWidgets import (
     QVBoxLayout,
 )
 
+from .installer import InstallError, check, create_environment, remove_environment
 from .interpreter import CHOSEN_KEY, command_of, environment_folder, find_interpreter, python_in, why
-from .making import MakingError, check, make_environment, remove_environment
 from .program import ProgramError
 from .worker import WorkerError
 
 PAGE = "furrowmap"
-"""By this name others open it."""
+"""The page's name, by which QGIS opens it."""
 ICON = str(Path(__file__).with_name("icon.svg"))
 
 
@@ -40,32 +40,37 @@ class OptionsFactory(QgsOptionsWidgetFactory):
         return OptionsPage(parent)
 
     def end(self):
-        """Before the plugin goes: what is under way is stopped."""
-        if OptionsPage.deed is not None:
-            OptionsPage.deed.cancel()
-            OptionsPage.deed.waitForFinished(8000)
+        """Cancel a running task before the plugin is unloaded."""
+        if OptionsPage.task is not None:
+            OptionsPage.task.cancel()
+            OptionsPage.task.waitForFinished(8000)
 
 
-class Deed(QgsTask):
-    """Something that may take long, done in the background, told line by line."""
+class BackgroundTask(QgsTask):
+    """Something that may take long, with a log.
+
+    Signals:
+        line: of the log.
+        done: whether it succeeded, and the last line.
+    """
 
     line = pyqtSignal(str)
     done = pyqtSignal(bool, str)
 
     def __init__(self, title, work):
         super().__init__(title, QgsTask.Flag.CanCancel)
-        self.work = work  # takes what hears a line and what says whether to stop; gives the last line
+        self.work = work  # takes on_line and is_cancelled, returns the last line
         self.last = ""
 
     def run(self):
-        """Do it, in a thread of QGIS's."""
+        """Do the work, in a thread of QGIS's."""
         try:
             self.last = self.work(self.line.emit, self.isCanceled)
-        except (MakingError, WorkerError) as error:
+        except (InstallError, WorkerError) as error:
             self.last = str(error)
             return False
         except ProgramError as error:
-            self.last = tr("Stopped; nothing is left of it.") if error.cancelled else str(error)
+            self.last = tr("Cancelled; nothing was changed.") if error.cancelled else str(error)
             return False
         except OSError as error:
             self.last = f"{error.filename}: {error.strerror}"
@@ -73,14 +78,14 @@ class Deed(QgsTask):
         return True
 
     def finished(self, result):
-        """Tell how it ended, in the main thread."""
+        """Report the end, in the main thread."""
         self.done.emit(bool(result), self.last)
 
 
 class OptionsPage(QgsOptionsPageWidget):
-    """The page; what it starts goes on if it is closed."""
+    """The page; a task that it starts goes on when it is closed."""
 
-    deed = None  # of all pages: one at a time
+    task = None  # of all pages: one at a time
 
     def __init__(self, parent):
         super().__init__(parent)
@@ -91,19 +96,19 @@ class OptionsPage(QgsOptionsPageWidget):
         self.log = QPlainTextEdit(readOnly=True, objectName="furrowmapLog")
         layout.addWidget(self.log, 1)
         self.refresh()
-        if OptionsPage.deed is not None:
-            self._follow(OptionsPage.deed)
+        if OptionsPage.task is not None:
+            self._follow(OptionsPage.task)
 
     def _used(self):
-        group = QGroupBox(tr("furrowmap that does the work"))
+        group = QGroupBox(tr("furrowmap in use"))
         layout = QVBoxLayout(group)
         self.used = QLabel(wordWrap=True, objectName="furrowmapUsed")
         layout.addWidget(self.used)
-        layout.addWidget(QLabel(tr("Another one (a Python interpreter with furrowmap, or the command itself):")))
+        layout.addWidget(QLabel(tr("Another one (a Python interpreter with furrowmap, or the furrowmap command):")))
         self.chosen = QgsFileWidget(objectName="furrowmapChosen")
         self.chosen.setFilePath(QgsSettings().value(CHOSEN_KEY, "", str))
-        self.chosen.lineEdit().setPlaceholderText(tr("Found by itself"))
-        self.check_button = QPushButton(tr("Check"), objectName="furrowmapCheck")
+        self.chosen.lineEdit().setPlaceholderText(tr("Found automatically"))
+        self.check_button = QPushButton(tr("Test"), objectName="furrowmapCheck")
         self.check_button.clicked.connect(self.check)
         row = QHBoxLayout()
         row.addWidget(self.chosen, 1)
@@ -112,35 +117,42 @@ class OptionsPage(QgsOptionsPageWidget):
         return group
 
     def _own(self):
-        group = QGroupBox(tr("An environment of its own"))
+        group = QGroupBox(tr("Environment of the plugin"))
         layout = QVBoxLayout(group)
         self.own = QLabel(wordWrap=True)
         layout.addWidget(self.own)
         self.from_index = QRadioButton(
-            tr("From the package index (network: about 240 MB; 920 MB on the disk)"), checked=True
+            tr("From a wheel or source checkout; dependencies from the package index (240 MB to download)"),
+            checked=True,
         )
-        self.from_folder = QRadioButton(tr("From a folder of wheels (no network; 920 MB on the disk)"))
+        self.package = QgsFileWidget(objectName="furrowmapPackage")
+        self.package.setFilter(tr("Wheel or checkout (furrowmap-*.whl pyproject.toml)"))
+        self.from_folder = QRadioButton(tr("From a folder with the wheels of furrowmap and its dependencies (offline)"))
         self.wheels = QgsFileWidget(objectName="furrowmapWheels")
         self.wheels.setStorageMode(QgsFileWidget.StorageMode.GetDirectory)
         self.wheels.setEnabled(False)
+        self.from_index.toggled.connect(self.package.setEnabled)
         self.from_folder.toggled.connect(self.wheels.setEnabled)
-        for widget in (self.from_index, self.from_folder, self.wheels):
+        for widget in (self.from_index, self.package, self.from_folder, self.wheels):
             layout.addWidget(widget)
-        self.make_button = QPushButton(tr("Make environment…"), objectName="furrowmapMake")
-        self.make_button.clicked.connect(self.ask_and_make)
-        self.remove_button = QPushButton(tr("Remove it"), objectName="furrowmapRemove")
-        self.remove_button.clicked.connect(self.remove)
-        self.stop_button = QPushButton(tr("Stop"), objectName="furrowmapStop", enabled=False)
-        self.stop_button.clicked.connect(self.stop)
-        row = QHBoxLayout()
-        for button in (self.make_button, self.remove_button, self.stop_button):
-            row.addWidget(button)
-        row.addStretch(1)
-        layout.addLayout(row)
+        layout.addLayout(self._own_buttons())
         return group
 
+    def _own_buttons(self):
+        self.create_button = QPushButton(tr("Create environment…"), objectName="furrowmapCreate")
+        self.create_button.clicked.connect(self.ask_and_create)
+        self.remove_button = QPushButton(tr("Delete"), objectName="furrowmapRemove")
+        self.remove_button.clicked.connect(self.remove)
+        self.stop_button = QPushButton(tr("Cancel"), objectName="furrowmapStop", enabled=False)
+        self.stop_button.clicked.connect(self.stop)
+        row = QHBoxLayout()
+        for button in (self.create_button, self.remove_button, self.stop_button):
+            row.addWidget(button)
+        row.addStretch(1)
+        return row
+
     def apply(self):
-        """Keep what was chosen; QGIS calls it on OK."""
+        """Store the setting; QGIS calls this on OK."""
         path = self.chosen.filePath().strip()
         if path:
             QgsSettings().setValue(CHOSEN_KEY, path)
@@ -148,19 +160,19 @@ class OptionsPage(QgsOptionsPageWidget):
             QgsSettings().remove(CHOSEN_KEY)
 
     def refresh(self):
-        """Show which furrowmap is used, and whether the plugin's own environment is there."""
+        """Show the furrowmap in use and the state of the plugin's own environment."""
         found = find_interpreter()
         program = found.program[0] if found else tr("None")
         self.used.setText(f"{program}\n{why(found)}")
         folder = environment_folder()
         there = python_in(folder).is_file()
         self.own.setText(
-            (tr("It is there: {folder}") if there else tr("Not made yet. It would get: {folder}")).format(folder=folder)
+            (tr("Created in {folder}") if there else tr("Not created. Folder: {folder}")).format(folder=folder)
         )
         self.remove_button.setEnabled(there)
 
     def check(self):
-        """Start what is chosen, or found, and show its versions or what is wrong."""
+        """Start the furrowmap that is chosen or found, and show its versions or the error."""
         path = self.chosen.filePath().strip()
         found = find_interpreter()
         program = command_of(Path(path)) if path else (found.program if found else None)
@@ -170,79 +182,79 @@ class OptionsPage(QgsOptionsPageWidget):
 
         def work(_on_line, is_cancelled):
             versions = check(program, _ignore, is_cancelled)
-            told = "\n".join(f"{name} {version}" for name, version in versions.items())
-            return "\n".join([tr("It works: {program}").format(program=" ".join(program)), told])
+            rows = [f"{name} {version}" for name, version in versions.items()]
+            return "\n".join([tr("It works: {program}").format(program=" ".join(program)), *rows])
 
-        self._start(tr("Checking furrowmap"), work)
+        self._start(tr("Testing furrowmap"), work)
 
-    def ask_and_make(self):
-        """Make the environment if the user agrees."""
+    def ask_and_create(self):
+        """Create the environment if the user agrees."""
         buttons = QMessageBox.StandardButton
         question = tr(
-            "A Python environment for furrowmap will be made in {folder}. QGIS's own Python stays as it is. Go on?"
+            "Create a Python environment for furrowmap in {folder}? It takes 920 MB. QGIS's Python is not changed."
         ).format(folder=environment_folder())
         if QMessageBox.question(self, "furrowmap", question, buttons.Yes | buttons.No) == buttons.Yes:
-            self.make()
+            self.create()
 
-    def make(self):
-        """Make it, in the background."""
-        wheels = self.wheels.filePath().strip() if self.from_folder.isChecked() else None
-        if wheels is not None and not Path(wheels).is_dir():
-            self.log.setPlainText(tr("Choose the folder that holds the wheels."))
+    def create(self):
+        """Create the environment, in the background."""
+        source = (self.wheels if self.from_folder.isChecked() else self.package).filePath().strip()
+        if not source:
+            self.log.setPlainText(tr("Choose where furrowmap is to be installed from."))
             return
 
         def work(on_line, is_cancelled):
-            versions = make_environment(wheels, on_line, is_cancelled)
+            versions = create_environment(source, on_line, is_cancelled)
             return tr("The environment is ready: furrowmap {version}.").format(version=versions["furrowmap"])
 
-        self._start(tr("Making furrowmap's environment"), work)
+        self._start(tr("Creating furrowmap's environment"), work)
 
     def remove(self):
-        """Remove it, in the background."""
+        """Delete the environment, in the background."""
 
         def work(_on_line, _is_cancelled):
             remove_environment()
-            return tr("The environment was removed.")
+            return tr("The environment was deleted.")
 
-        self._start(tr("Removing furrowmap's environment"), work)
+        self._start(tr("Deleting furrowmap's environment"), work)
 
     def stop(self):
-        """Stop what is under way."""
-        if OptionsPage.deed is not None:
-            OptionsPage.deed.cancel()
+        """Cancel the running task."""
+        if OptionsPage.task is not None:
+            OptionsPage.task.cancel()
 
     def _start(self, title, work):
-        if OptionsPage.deed is not None:
+        if OptionsPage.task is not None:
             return
         self.log.clear()
-        OptionsPage.deed = Deed(title, work)
-        OptionsPage.deed.done.connect(_forget)
-        self._follow(OptionsPage.deed)
-        QgsApplication.taskManager().addTask(OptionsPage.deed)
+        OptionsPage.task = BackgroundTask(title, work)
+        OptionsPage.task.done.connect(_forget)
+        self._follow(OptionsPage.task)
+        QgsApplication.taskManager().addTask(OptionsPage.task)
 
-    def _follow(self, deed):
+    def _follow(self, task):
         self._set_busy(busy=True)
-        deed.line.connect(self.log.appendPlainText)
-        deed.done.connect(self._tell_end)
+        task.line.connect(self.log.appendPlainText)
+        task.done.connect(self._show_end)
 
-    def _tell_end(self, _well, text):
+    def _show_end(self, _succeeded, text):
         self.log.appendPlainText(text)
         self._set_busy(busy=False)
         self.refresh()
 
     def _set_busy(self, *, busy):
-        for button in (self.check_button, self.make_button):
+        for button in (self.check_button, self.create_button):
             button.setEnabled(not busy)
         self.remove_button.setEnabled(not busy and python_in(environment_folder()).is_file())
         self.stop_button.setEnabled(busy)
 
 
-def _forget(_well, _text):
-    OptionsPage.deed = None
+def _forget(_succeeded, _text):
+    OptionsPage.task = None
 
 
 def _ignore(line):
-    """The versions are shown by themselves."""
+    """The log gets only the versions."""
 
 
 def tr(text):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Previews of sessions on the map: track and coarse surface, in a group of their own until the run's products come."""
+"""Previews of sessions as layers: trajectory and coarse surface, in a group that the products of the run replace."""
 
 import json
 from pathlib import Path
@@ -13,14 +13,14 @@ from .styles import show_as_surface
 ACCOUNT = "preview.json"
 TRACK, SURFACE = "preview_track.gpkg", "preview_dsm.tif"
 PREVIEW_PROPERTY = "furrowmap/preview"
-"""Of a group in the layer tree: what session it is a preview of, as :func:`session_key` tells it."""
+"""Property of a group in the layer tree: the :func:`session_key` of the session."""
 
 
 def open_preview(folder, project=None):
-    """Open a preview as the project's topmost group; an earlier one of the same session goes.
+    """Open a preview as the project's topmost group; an earlier one of the same session is removed.
 
     Returns:
-        The layers, the track first; none where there is nothing that QGIS can open.
+        The layers, the trajectory first; none if QGIS can open none.
     """
     project = QgsProject.instance() if project is None else project
     account = read_account(folder)
@@ -40,10 +40,10 @@ def open_preview(folder, project=None):
 
 
 def remove_previews(project, account):
-    """Take the previews of a session off the map.
+    """Remove the previews of a session from a project.
 
     Args:
-        project: that may show some.
+        project: with the layers.
         account: the content of the session's `preview.json` or `report.json`.
     """
     root, key = project.layerTreeRoot(), session_key(account)
@@ -55,7 +55,7 @@ def remove_previews(project, account):
 
 
 def session_key(account):
-    """By what a preview and a run are known to be of the same recordings: the files' names and sizes; "" for none."""
+    """Identifies the recordings of a preview or a run by the names and sizes of the files; "" for none."""
     session = account.get("session") or {}
     recording = session.get("recording") or {}
     named = [name for kind in ("lidar", "gnss") for name in recording.get(kind) or []]
@@ -68,7 +68,7 @@ def session_key(account):
 
 
 def read_account(folder):
-    """The content of `preview.json`; empty where there is none that can be read."""
+    """The content of `preview.json`; empty if it cannot be read."""
     try:
         account = json.loads((Path(folder) / ACCOUNT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -76,25 +76,25 @@ def read_account(folder):
     return account if isinstance(account, dict) else {}
 
 
-def preview_words(account):
-    """What a preview tells, in a line: length, time, quality of the positions."""
+def preview_text(account):
+    """A preview in one line: path length, duration, share of RTK fixes."""
     figures = account.get("figures") or {}
     used = (account.get("positions") or {}).get("used") or {}
     count = sum(used.values())
     parts = [
-        tr("{distance:,.0f} m driven in {time:,.0f} s").format(
+        tr("{distance:,.0f} m in {time:,.0f} s").format(
             distance=figures.get("distance_m", 0.0), time=figures.get("duration_s", 0.0)
         )
     ]
     if count:
         fixed = sum(n for quality, n in used.items() if quality == "fixed")
-        parts.append(tr("{share:.0%} of the positions fixed").format(share=fixed / count))
+        parts.append(tr("{share:.0%} RTK fixed").format(share=fixed / count))
     return "; ".join(parts)
 
 
 def _files_opened(folder):
-    """The layers of a preview that are there."""
-    track = QgsVectorLayer(f"{folder / TRACK}|layername=trajectory", tr("track"), "ogr")
+    """The layers of a preview."""
+    track = QgsVectorLayer(f"{folder / TRACK}|layername=trajectory", tr("trajectory"), "ogr")
     if track.isValid():
         track.loadDefaultStyle()
         translate_categories(track)

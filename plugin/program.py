@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Runs another program to its end, in the user's environment instead of QGIS's; blocks, so for a task's thread."""
+"""Runs a program outside QGIS to its end, without QGIS's environment variables. Blocks: call it in a task's thread."""
 
 import os
 
@@ -14,19 +14,21 @@ _END_MS = 2000
 
 
 class ProgramError(Exception):
-    """A program could not be started, ended badly, or was stopped.
+    """A program could not be started, failed, or was cancelled.
 
     Attributes:
-        cancelled: whether the user stopped it.
+        output: the lines of its standard error and output.
+        cancelled: whether the user cancelled it.
     """
 
-    def __init__(self, text, *, cancelled=False):
+    def __init__(self, text, output=(), *, cancelled=False):
         super().__init__(text)
+        self.output = tuple(output)
         self.cancelled = cancelled
 
 
 def process_environment():
-    """What a program outside QGIS gets as its environment."""
+    """The environment variables for a program outside QGIS."""
     environment = QProcessEnvironment()
     for name, value in worker_environment(dict(os.environ), own_prefix(QgsApplication.prefixPath())).items():
         environment.insert(name, value)
@@ -45,23 +47,24 @@ def run_program(words, on_line, is_cancelled):
         Its standard output.
 
     Raises:
-        ProgramError: with its last words.
+        ProgramError: with the last line of its output.
     """
     process = QProcess()
     process.setProcessEnvironment(process_environment())
     process.start(words[0], list(words[1:]), QIODevice.OpenModeFlag.ReadOnly)
     if not process.waitForStarted(_START_MS):
         raise ProgramError(f"{words[0]}: {process.errorString()}")
-    process.closeWriteChannel()  # who asks gets no answer, instead of waiting for one
-    told, last = [], ""
+    process.closeWriteChannel()  # a program that asks a question gets the end of its input
+    answer, lines = "", []
     try:
         running = True
         while running:
             running = not process.waitForFinished(_POLL_MS) and process.state() != QProcess.ProcessState.NotRunning
             errors = bytes(process.readAllStandardError()).decode("utf-8", "replace")
-            told.append(bytes(process.readAllStandardOutput()).decode("utf-8", "replace"))
-            for line in (errors + told[-1]).splitlines():
-                last = line.strip() or last
+            output = bytes(process.readAllStandardOutput()).decode("utf-8", "replace")
+            answer += output
+            for line in (errors + output).splitlines():
+                lines.append(line)
                 on_line(line)
             if is_cancelled():
                 raise ProgramError(words[0], cancelled=True)
@@ -70,5 +73,6 @@ def run_program(words, on_line, is_cancelled):
             process.kill()
             process.waitForFinished(_END_MS)
     if process.exitStatus() != QProcess.ExitStatus.NormalExit or process.exitCode() != 0:
-        raise ProgramError(last or f"{words[0]}: {process.exitCode()}")
-    return "".join(told)
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        raise ProgramError(last or f"{words[0]}: {process.exitCode()}", lines)
+    return answer

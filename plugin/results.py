@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The products of a run as QGIS layers: styled, in a group of the session, in the time of the day they were made."""
+"""The products of a run as QGIS layers: styled, in a group of the session, with their time span."""
 
 import json
 from pathlib import Path
@@ -16,13 +16,13 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from .legends import tell_band, translate_categories
+from .legends import label_band, translate_categories
 from .previews import remove_previews
 from .styles import (
+    set_terrain,
     show_as_change,
     show_as_surface,
     show_by_class,
-    stand_on_terrain,
 )
 
 REPORT = "report.json"
@@ -31,23 +31,23 @@ CLOUD = "cloud.copc.laz"
 SURFACES = ("change.tif", "swaths.tif", "dsm.tif", "dsm_before.tif")
 DIFFERENCES = ("change", "swaths")
 SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zones", "trajectory", "change", "dsm")
-"""What a map shows at first; the rest is a click away."""
+"""Layers that are visible at first."""
 MEASURED = ("trajectory", "events", "tool_path")
-"""Layers whose heights are measured: in profiles and in 3D they are where they say."""
-WAY_FROM_SCALE = 2000.0
-"""Farther out the positions lie side by side, hide the passes, and take seconds to draw; `tool_path` shows the way."""
+"""Layers with measured heights, which profiles and 3D views use as they are."""
+TRAJECTORY_MIN_SCALE = 2000.0
+"""At smaller scales the trajectory's points hide the passes and draw slowly; `tool_path` shows the path."""
 FOLDER_PROPERTY = "furrowmap/folder"
-"""Of a group in the layer tree: the folder of the run whose layers are in it."""
+"""Property of a group in the layer tree: the folder of the run whose layers it has."""
 
 
 class NoResultsError(Exception):
-    """A folder without anything that a run writes, or with products that QGIS cannot read."""
+    """The folder has no products that QGIS can read."""
 
 
 def open_results(folder, project=None):
     """Open the products in `folder` as a group of a project, the current one by default.
 
-    Products of the same folder that are open already are replaced, so that a run done again shows its new result.
+    Layers of the same folder that are open already are replaced.
 
     Returns:
         The layers, topmost first: the field's vectors above the surfaces above the cloud.
@@ -64,10 +64,9 @@ def open_results(folder, project=None):
 
 
 def opening(folder, project=None):
-    """As :func:`open_results`, in steps that are short enough for the window's thread.
+    """As :func:`open_results`, in steps that are short enough for the main thread.
 
-    A generator that gives nothing but turns, and returns the layers. The project does not change before all files are
-    open.
+    A generator that yields None and returns the layers. The project does not change before all files are open.
     """
     folder = Path(folder)
     project = QgsProject.instance() if project is None else project
@@ -78,13 +77,13 @@ def opening(folder, project=None):
         yield
     if not layers:
         raise NoResultsError(
-            tr("No {products} that QGIS can open in {folder}. Choose the folder of a run.").format(
+            tr("{folder} has no {products} that QGIS can open. Choose the folder of a run.").format(
                 products=f"{FIELD_LAYERS}, {', '.join(SURFACES)} or {CLOUD}", folder=folder
             )
         )
     report = read_report(folder)
     empty = all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values())
-    if empty:  # a project with layers has a CRS of its user's choice
+    if empty:  # a project with layers keeps its CRS
         project.setCrs(layers[0].crs())
     for old in groups_of(project, folder):
         project.removeMapLayers(old.findLayerIds())
@@ -96,18 +95,18 @@ def opening(folder, project=None):
     for layer in layers:
         project.addMapLayer(layer, addToLegend=False)
         node = QgsLayerTreeLayer(layer)
-        tell_band(node)
+        label_band(node)
         group.addChildNode(node)
         node.setItemVisibilityChecked(layer.name() in SHOWN)
         node.setExpanded(False)
         yield
-    stand_on_terrain(project, layers)
-    play_day(project, report)
+    set_terrain(project, layers)
+    set_time_range(project, report)
     return layers
 
 
 def groups_of(project, folder=None):
-    """The groups in the layer tree that hold a run's layers: of that folder, or of any."""
+    """The groups in the layer tree with the layers of a run: of that folder, or of any."""
     groups = project.layerTreeRoot().findGroups()
     opened = [(group, group.customProperty(FOLDER_PROPERTY)) for group in groups]
     return [group for group, of in opened if of and (folder is None or of == str(folder))]
@@ -127,31 +126,31 @@ def field_layers(folder):
         if details.name() == "layer_styles":
             continue
         layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
-        layer.loadDefaultStyle()  # again: at its birth a layer takes the symbols of its style, but not its times
+        layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
         translate_categories(layer)
         if layer.name() in MEASURED:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
         if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:
-            layer.setMinimumScale(WAY_FROM_SCALE)
+            layer.setMinimumScale(TRAJECTORY_MIN_SCALE)
             layer.setScaleBasedVisibility(True)
         yield layer
 
 
 def surface_layers(folder):
-    """The surfaces of a run one by one: what was changed in colours over the hillshade of the surface as left."""
+    """The surfaces of a run one by one: the change in colours, above the hillshade of the DSM."""
     for name in SURFACES:
         path = Path(folder) / name
         if not path.is_file():
             continue
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
         if layer.isValid():
-            styled = path.with_suffix(".qml").is_file()  # the style beside it is already the layer's
+            styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
             (show_as_change if path.stem in DIFFERENCES else show_as_surface)(layer, styled=styled)
         yield layer
 
 
 def cloud_layers(folder):
-    """The cloud of a run, if it is there, coloured by class, in 3D as on the map."""
+    """The point cloud of a run, if there is one, coloured by class, in 3D as well."""
     path = Path(folder) / CLOUD
     if path.is_file():
         layer = QgsPointCloudLayer(str(path), "cloud", "copc")
@@ -161,7 +160,7 @@ def cloud_layers(folder):
 
 
 def read_report(folder):
-    """The content of `report.json`; empty where there is none that can be read."""
+    """The content of `report.json`; empty if it cannot be read."""
     try:
         report = json.loads((Path(folder) / REPORT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -175,8 +174,8 @@ def session_name(report, folder):
     return (session.get("name") if isinstance(session, dict) else None) or Path(folder).name
 
 
-def play_day(project, report):
-    """Give the project the time of the session, so that the temporal controller replays it."""
+def set_time_range(project, report):
+    """Extend the project's time range to the session's, for the temporal controller."""
     figures = report.get("figures")
     if not isinstance(figures, dict) or not figures.get("start") or not figures.get("end"):
         return

@@ -16,9 +16,9 @@ STAGES = (
     QT_TRANSLATE_NOOP("Stages", "writing the preview"),
     QT_TRANSLATE_NOOP("Stages", "work"),
 )
-"""Those of a run, in their order. Others are shown as the worker tells them."""
+"""Stages of a run, in their order. Others are shown in English, as the worker names them."""
 
 
-def stage_words(stage):
-    """A stage's name as the user reads it."""
+def stage_name(stage):
+    """A stage's name in the user's language."""
     return QCoreApplication.translate("Stages", str(stage))

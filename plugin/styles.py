@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""How surfaces and clouds look; the vector layers bring their styles along, in the GeoPackage."""
+"""Styles of surfaces and point clouds; the GeoPackage has the styles of its vector layers."""
 
 from qgis.core import (
     QgsColorRampShader,
@@ -15,9 +15,9 @@ from qgis.PyQt.QtGui import QColor, QPainter
 
 LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
 EXAGGERATION = 1.0
-"""At cells of 5 cm the clods of tilled soil stand out by themselves; more makes them glaring."""
+"""With cells of 5 cm the clods of tilled soil are visible without exaggeration."""
 RELIEF_OPACITY = 0.6
-"""The relief stays behind what lies on it, and lets a base map through."""
+"""The base map shows through the relief."""
 CHANGE_M = 0.10
 CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own style
     (-CHANGE_M, "#01665e"),
@@ -36,7 +36,7 @@ NOISE = (7, "#b0b0b0", QT_TRANSLATE_NOOP("Classes", "noise"))
 
 
 def show_as_surface(layer, *, styled=False):
-    """A hillshade, unless it has a style of its own; a surface of elevation profiles, and of 3D views."""
+    """Use a layer as elevation of profiles and 3D views; without a style it gets a hillshade."""
     layer.elevationProperties().setEnabled(True)
     layer.setOpacity(RELIEF_OPACITY)
     if styled:
@@ -48,7 +48,7 @@ def show_as_surface(layer, *, styled=False):
 
 
 def show_as_change(layer, *, styled=False):
-    """Over the hillshade below, unless it has a style of its own in the colours of :data:`CHANGES`."""
+    """Blend a layer with the hillshade below; without a style it gets the colours of :data:`CHANGES`."""
     layer.setBlendMode(QPainter.CompositionMode.CompositionMode_Multiply)
     if styled:
         return
@@ -66,7 +66,7 @@ def show_as_change(layer, *, styled=False):
 
 
 def show_by_class(layer):
-    """Ground, what stands on it, vehicle and implement in their colours; noise is not drawn."""
+    """Colour a point cloud by class; noise is hidden."""
     categories = [
         QgsPointCloudCategory(code, QColor(colour), QCoreApplication.translate("Classes", label), code != NOISE[0])
         for code, colour, label in (*CLASSES, NOISE)
@@ -76,8 +76,8 @@ def show_by_class(layer):
     layer.convertRenderer3DFromRenderer2D()
 
 
-def stand_on_terrain(project, layers):
-    """Make the session's surface the terrain of profiles and 3D views, unless the project has a terrain of its own."""
+def set_terrain(project, layers):
+    """Make the session's DSM the terrain of profiles and 3D views, unless the project has a terrain."""
     surface = next((layer for layer in layers if layer.name() == "dsm"), None)
     properties = project.elevationProperties()
     if surface is None or properties.terrainProvider().type() != "flat":

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The plugin's words in the user's language.
+"""The plugin's texts in the user's language.
 
-Qt reads compiled translations (.qm), which are binary and so neither in the repository nor in the zip. They are
-compiled when the plugin starts, in memory, from the .ts files of ``i18n``: some milliseconds, and no tool is needed.
+Qt reads compiled translations (.qm). These are binary, so they are neither in the repository nor in the zip: the .ts
+files of ``i18n`` are compiled in memory when the plugin starts, within milliseconds.
 """
 
 import struct
@@ -18,10 +18,10 @@ END, TRANSLATION, SOURCE, CONTEXT, COMMENT = 1, 3, 6, 7, 8
 
 
 def install_translator(locale=None):
-    """Translate the plugin's words into the language that QGIS speaks.
+    """Translate the plugin's texts into the language of QGIS.
 
     Returns:
-        The translator, to be removed when the plugin goes; None where there are no words in that language.
+        The translator, to be removed when the plugin is unloaded; None if there is no translation.
     """
     locale = locale or QgsApplication.locale() or ""
     path = FOLDER / f"furrowmap_{locale[:2]}.ts"
@@ -33,7 +33,7 @@ def install_translator(locale=None):
 
 
 class Translator(QTranslator):
-    """One that reads its words from memory, which has to stay as long as it."""
+    """A translator that keeps the content it reads from."""
 
     def __init__(self, content):
         super().__init__()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Drives `furrowmap worker`: starts it, orders one verb, hears its lines of JSON, and never leaves it behind.
+"""Runs one command in `furrowmap worker`, a process that talks in lines of JSON, and always ends that process.
 
-The protocol is told in furrowmap's documentation (reference/worker.md). The calls block, so they belong into a thread
-of a task; whoever calls looks at messages and says when to cancel.
+The protocol is described in furrowmap's documentation (reference/worker.md). The functions block: call them in a task's
+thread.
 """
 
 import json
@@ -16,20 +16,20 @@ from .program import process_environment
 PROTOCOL = 1
 HELLO_S = 20.0
 CANCEL_S = 20.0
-"""How long a cancelled worker may take to clean up before it is ended, and then killed after :data:`END_S`: it heeds at
-once, but for the seconds in which a kernel is compiled. Whoever waits need not: the work counts as stopped before."""
+"""Time for a cancelled worker to clean up; then it is terminated, and killed after :data:`END_S`. It reacts at once,
+except while a kernel is being compiled. QGIS treats the work as cancelled before that."""
 END_S = 2.0
-LONGEST_LINE = 1 << 20
+MAX_LINE_BYTES = 1 << 20
 _POLL_MS = 50
 _KEPT_LINES = 40
 
 
 class WorkerError(Exception):
-    """The work did not come to its end: three lines for the user.
+    """The command failed.
 
     Attributes:
-        code: stable name of what went wrong.
-        lines: what is wrong; what that means; what to do.
+        code: stable identifier of the error.
+        lines: for the user: what is wrong, what that means, what to do.
         log: the last lines of the worker's standard error.
     """
 
@@ -41,12 +41,12 @@ class WorkerError(Exception):
 
 
 class WorkerCancelled(WorkerError):
-    """The user stopped it."""
+    """The user cancelled the command."""
 
 
 @dataclass
-class Heard:
-    """What a worker has said so far."""
+class Received:
+    """The worker's messages so far."""
 
     value: object = None
     error: dict = None
@@ -56,36 +56,36 @@ class Heard:
 
 
 def run_command(program, arguments, on_message, is_cancelled):
-    """Let a worker do one verb.
+    """Run one command in a worker.
 
     Args:
-        program: the command that starts `furrowmap`, a list of words.
-        arguments: of the verb, as on the command line.
-        on_message: is called with each message but hello, result and done.
+        program: program and arguments that start `furrowmap`.
+        arguments: of the command line, the command's name first.
+        on_message: is called with each message except hello, result, error and done.
         is_cancelled: is asked twenty times a second.
 
     Returns:
-        The verb's answer, as its ``--json`` gives it.
+        The command's answer, as with `--json`.
 
     Raises:
-        WorkerCancelled: if the user stopped it.
-        WorkerError: if it did not come to its end.
+        WorkerCancelled: if the user cancelled it.
+        WorkerError: if it failed.
     """
     process = _start(program)
     try:
-        return _Conversation(process, program, on_message, is_cancelled).hold(arguments)
+        return _Conversation(process, program, on_message, is_cancelled).run(arguments)
     finally:
         _end(process)
 
 
 def greet(program, is_cancelled):
-    """Start a worker, hear its hello, end it.
+    """Start a worker, read its hello message, end it.
 
     Returns:
-        The hello: protocol, version, pid.
+        The message: protocol, version, pid.
 
     Raises:
-        WorkerError: if there is none, or of another protocol.
+        WorkerError: if there is none, or it has another protocol version.
     """
     process = _start(program)
     try:
@@ -100,14 +100,14 @@ class _Conversation:
         self.program = program
         self.on_message = on_message
         self.is_cancelled = is_cancelled
-        self.heard = Heard()
+        self.received = Received()
         self.tail = b""
         self.log = []
 
     def greet(self):
-        """Wait for the hello of a worker that speaks this plugin's protocol."""
+        """Wait for the hello message and check its protocol version."""
         begun = time.monotonic()
-        while self.heard.hello is None:
+        while self.received.hello is None:
             if self.is_cancelled():
                 raise _cancelled()
             if time.monotonic() - begun > HELLO_S:
@@ -115,17 +115,17 @@ class _Conversation:
             if not self._wait():
                 raise self._crashed()
         self._check_protocol()
-        return self.heard.hello
+        return self.received.hello
 
-    def hold(self, arguments):
-        """Order the verb and listen to the end."""
+    def run(self, arguments):
+        """Start the command and read messages until it ends."""
         self.greet()
-        self._say({"type": "start", "arguments": [str(word) for word in arguments]})
+        self._send({"type": "start", "arguments": [str(word) for word in arguments]})
         cancelled_at = None
-        while self.heard.status is None and self._wait():
+        while self.received.status is None and self._wait():
             if cancelled_at is None and self.is_cancelled():
                 cancelled_at = time.monotonic()
-                self._say({"type": "cancel"})
+                self._send({"type": "cancel"})
             if cancelled_at is not None and time.monotonic() - cancelled_at > CANCEL_S:
                 break
         if cancelled_at is not None:
@@ -133,33 +133,33 @@ class _Conversation:
         return self._outcome()
 
     def _wait(self):
-        """Hear what comes for a moment; whether more may come."""
+        """Read what arrives within a moment; returns whether more may come."""
         running = self.process.state() == QProcess.ProcessState.Running
         if running:
             self.process.waitForReadyRead(_POLL_MS)
-        self._hear()
+        self._read()
         return running or bool(self.process.bytesAvailable())
 
     def _outcome(self):
-        if self.heard.error is not None:
-            error = self.heard.error
+        if self.received.error is not None:
+            error = self.received.error
             lines = [str(error.get(key, "")) for key in ("what", "meaning", "remedy")]
             raise WorkerError(str(error.get("code", "failed")), lines, self.log)
-        told = self.heard.status == 0 or (self.heard.status is not None and self.heard.value is not None)
-        if not told:
+        status, value = self.received.status, self.received.value
+        if status is None or (status != 0 and value is None):
             raise self._crashed()
-        return self.heard.value  # with another status where a part could not be done, which the answer tells
+        return value  # with a status other than 0 where a part failed, which is in the answer
 
-    def _say(self, message):
+    def _send(self, message):
         self.process.write(json.dumps(message).encode() + b"\n")
         self.process.waitForBytesWritten(1000)
 
-    def _hear(self):
+    def _read(self):
         text = bytes(self.process.readAllStandardError()).decode("utf-8", "replace")
         self.log = (self.log + text.splitlines())[-_KEPT_LINES:] if text else self.log
         *lines, self.tail = (self.tail + bytes(self.process.readAllStandardOutput())).split(b"\n")
-        if len(self.tail) > LONGEST_LINE:
-            self.log.append(tr("A line without end was thrown away."))
+        if len(self.tail) > MAX_LINE_BYTES:
+            self.log.append(tr("A line of output was too long and was dropped."))
             self.tail = b""
         for line in lines:
             try:
@@ -172,27 +172,27 @@ class _Conversation:
 
     def _take(self, kind, message):
         if kind == "hello":
-            self.heard.hello = message
+            self.received.hello = message
         elif kind == "result":
-            self.heard.value = message.get("value")
+            self.received.value = message.get("value")
         elif kind == "error":
-            self.heard.error = message
+            self.received.error = message
         elif kind == "done":
-            self.heard.status = message.get("status", 1)
+            self.received.status = message.get("status", 1)
         else:
             self.on_message(message)
 
     def _check_protocol(self):
-        found = self.heard.hello.get("protocol")
+        found = self.received.hello.get("protocol")
         if found != PROTOCOL:
             raise WorkerError(
                 "worker-protocol",
                 (
-                    tr("furrowmap {version} speaks protocol {found}; this plugin speaks {own}.").format(
-                        version=self.heard.hello.get("version"), found=found, own=PROTOCOL
+                    tr("furrowmap {version} has protocol version {found}; this plugin needs version {own}.").format(
+                        version=self.received.hello.get("version"), found=found, own=PROTOCOL
                     ),
-                    tr("They do not understand each other, so nothing was done."),
-                    tr("Update whichever is older: the plugin in QGIS's plugin manager, furrowmap in its environment."),
+                    tr("Nothing was run."),
+                    tr("Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment."),
                 ),
                 self.log,
             )
@@ -201,9 +201,9 @@ class _Conversation:
         return WorkerError(
             "worker-silent",
             (
-                tr("{program} has not answered for {seconds:.0f} s.").format(program=self.program[0], seconds=HELLO_S),
-                self.log[-1] if self.log else tr("It said nothing at all."),
-                tr("Check the interpreter in Settings › Options › furrowmap."),
+                tr("{program} did not answer within {seconds:.0f} s.").format(program=self.program[0], seconds=HELLO_S),
+                self.log[-1] if self.log else tr("It wrote no output."),
+                tr("Test it in Settings › Options › furrowmap."),
             ),
             self.log,
         )
@@ -212,9 +212,9 @@ class _Conversation:
         return WorkerError(
             "worker-crashed",
             (
-                tr("The worker ended without an answer (exit status {status}).").format(status=self.process.exitCode()),
-                self.log[-1] if self.log else tr("It left no message; perhaps the memory did not suffice."),
-                tr("The log has its last words. Products of an earlier run are as they were."),
+                tr("The worker ended without an answer (status {status}).").format(status=self.process.exitCode()),
+                self.log[-1] if self.log else tr("It wrote no output; the computer may be out of memory."),
+                tr("See its last lines in the log. Products of an earlier run are unchanged."),
             ),
             self.log,
         )
@@ -231,15 +231,15 @@ def _start(program):
                 tr("{program} could not be started: {reason}.").format(
                     program=program[0], reason=process.errorString()
                 ),
-                tr("Without it nothing is computed; results that are there can still be opened."),
-                tr("Choose or make an environment in Settings › Options › furrowmap."),
+                tr("Sessions cannot be run; existing results can still be opened."),
+                tr("Choose or create an environment in Settings › Options › furrowmap."),
             ),
         )
     return process
 
 
 def _end(process):
-    """Whatever happened, no worker stays: its input ends, which it heeds; else it is ended, else killed."""
+    """Make sure that the worker ends: close its input, at which it exits, else terminate it, else kill it."""
     if process.state() == QProcess.ProcessState.NotRunning:
         return
     process.closeWriteChannel()
@@ -252,11 +252,11 @@ def _end(process):
 
 
 def _cancelled():
-    return WorkerCancelled("cancelled", (tr("Stopped before the end."), tr("Nothing half-written is left."), ""))
+    return WorkerCancelled("cancelled", (tr("Cancelled."), tr("No partial files are left."), ""))
 
 
 def _ignore(message):
-    """For who wants to know nothing on the way."""
+    """Messages are not wanted."""
 
 
 def tr(text):

@@ -1,4 +1,4 @@
-"""Writes plugin/requirements.txt: ``python scripts/plugin_lock.py``.
+"""Writes plugin/locked_packages.txt: ``python scripts/plugin_lock.py``.
 
 The list from which the plugin installs the dependencies of furrowmap: versions from ``constraints.txt``, with the
 SHA-256 of the wheel that pip chooses on each platform with each version of Python. furrowmap itself is not among them.
@@ -23,7 +23,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-LIST = CHECKOUT / "plugin" / "requirements.txt"
+LIST = CHECKOUT / "plugin" / "locked_packages.txt"
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 PLATFORMS = {  # (sys_platform, platform_machine) → pip's tags
     ("linux", "x86_64"): [*(f"manylinux_2_{minor}_x86_64" for minor in range(28, 16, -1)), "manylinux2014_x86_64"],

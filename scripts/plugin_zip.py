@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-SUFFIXES = {".py", ".svg", ".png", ".qml", ".ts", ".html", ".css", ".ui", ".json"}
+SUFFIXES = {".py", ".svg", ".png", ".qml", ".ts", ".html", ".css", ".ui", ".json", ".txt"}
 
 
 def plugin_files() -> dict[str, Path]:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The dock: from dropped recordings to the map."""
+"""The dock: from recordings to the map."""

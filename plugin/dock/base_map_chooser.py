@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which map lies below everything: a row of the dock."""
+"""The choice of a base map: a row of the dock."""
 
 from qgis.core import QgsProject
 from qgis.PyQt.QtWidgets import QComboBox, QFormLayout, QLabel, QLineEdit, QWidget
@@ -8,10 +8,10 @@ from ..basemap import NONE, OWN, base_map_layers, base_maps, remember, remembere
 
 
 class BaseMapChooser(QWidget):
-    """A box of base maps; nothing is fetched from the network until one is chosen.
+    """A list of base maps; nothing is downloaded until one is chosen.
 
     Args:
-        report: tells the user that something is wrong.
+        report: is called with an error message.
     """
 
     def __init__(self, report, parent=None):
@@ -23,7 +23,7 @@ class BaseMapChooser(QWidget):
         self.box.addItem(self.tr("none (offline)"), NONE)
         for base in base_maps():
             self.box.addItem(base.name, base.key)
-        self.box.addItem(self.tr("own tiles or file…"), OWN)
+        self.box.addItem(self.tr("other tiles or file…"), OWN)
         self.own = QLineEdit(objectName="furrowmapOwnBaseMap")
         self.own.setPlaceholderText("https://…/{z}/{x}/{y}.png")
         self.own.setToolTip(
@@ -39,7 +39,7 @@ class BaseMapChooser(QWidget):
         self.follow_project()
 
     def follow_project(self, *_):
-        """Show the base map that the project has."""
+        """Show the project's base map."""
         layers = base_map_layers(QgsProject.instance())
         key = layers[0].customProperty("furrowmap/basemap") if layers else NONE
         self.box.setCurrentIndex(max(self.box.findData(key), 0))

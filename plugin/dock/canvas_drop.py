@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Folders of results that are dropped on QGIS's window, wherever in it."""
+"""Folders of results that are dropped on QGIS's window."""
 
 from qgis.gui import QgsCustomDropHandler
 
@@ -7,7 +7,7 @@ from .dropped import local_paths, results_folder
 
 
 class ResultsDropHandler(QgsCustomDropHandler):
-    """Takes folders that a run wrote; everything else goes QGIS's own way.
+    """Opens folders that a run wrote; QGIS handles everything else.
 
     Args:
         open_folder: is called with the folder.
@@ -18,11 +18,11 @@ class ResultsDropHandler(QgsCustomDropHandler):
         self._open_folder = open_folder
 
     def customUriProviderKey(self):  # noqa: N802 - the names are QGIS's
-        """Of no use here, but asked for."""
+        """QGIS asks for it; it is not used."""
         return "furrowmap"
 
     def handleMimeDataV2(self, data):  # noqa: N802
-        """Whether it was a folder of results, which then is open."""
+        """Open folders of results; returns whether there was one."""
         folders = [results_folder(path) for path in local_paths(data) if path.is_dir()]
         found = [folder for folder in folders if folder is not None]
         for folder in found:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The dock: recordings dropped on it become a session, a run, figures and layers, page after page."""
+"""The dock: one page each to choose recordings, edit the session, run it, and see the result."""
 
 import html
 import os.path
@@ -29,15 +29,15 @@ from .tasks import QUIET, CommandTask, StageFeedback
 
 NAME = "furrowmap"
 MARGIN = 1.3
-"""Of the map, to what is shown on it."""
+"""Around the extent to which the map zooms."""
 DESIGNER = QSize(1100, 760)
-"""Pixels in which a page can be read: QGIS opens its first layout window much smaller."""
+"""Pixels: QGIS opens its first layout window too small to read a page."""
 STEP_MS = 1
-"""Between two steps of opening a result: the window's other events have their turn."""
+"""Between two steps of opening a result, for the window's other events."""
 
 
 class FurrowmapDock(QgsDockWidget):
-    """Everything the user does with sessions.
+    """The dock widget.
 
     Args:
         iface: QGIS's interface.
@@ -69,31 +69,31 @@ class FurrowmapDock(QgsDockWidget):
         self.session.run_wanted.connect(self.run_session)
         self.session.preview_wanted.connect(self.preview_session)
         self.previewer = Previewer(self)
-        self.previewer.told.connect(self.session.tell_preview)
+        self.previewer.status_changed.connect(self.session.show_preview_status)
         self.previewer.opened.connect(self._zoom_to_first)
         self.run.cancelled.connect(self.cancel)
         self.result.wanted.connect(self._do)
         self.show_start()
 
-    # what is dropped
+    # dropped files
 
     def dragEnterEvent(self, event):  # noqa: N802 - the names are Qt's
-        """Files may be dropped anywhere on the dock."""
+        """Accept files anywhere on the dock."""
         if local_paths(event.mimeData()):
             event.acceptProposedAction()
 
     def dropEvent(self, event):  # noqa: N802
-        """Take them."""
+        """Open what was dropped."""
         event.acceptProposedAction()
         self.open_paths(local_paths(event.mimeData()))
 
     def open_paths(self, paths):
-        """Open results, a session, or begin a session from recordings."""
+        """Open results or a session, or create a session from recordings."""
         dropped = recognise(paths)
         if dropped is None:
             return
         if self._task is not None:
-            self.report(self.tr("Work is under way. Wait for its end, or cancel it first."))
+            self.report(self.tr("A task is running. Wait for its end, or cancel it."))
         elif dropped.kind == RESULTS:
             self.open_folder(dropped.paths[0])
         elif dropped.kind == PREVIEW:
@@ -105,22 +105,22 @@ class FurrowmapDock(QgsDockWidget):
         else:
             self.begin_session(dropped.paths)
 
-    # a session
+    # sessions
 
     def begin_session(self, recordings):
-        """Let the worker look at recordings and propose a session."""
+        """Have the worker create a session file from recordings."""
         program = self._program() if self._task is None else None
         if program is None:
             return
         session = session_for(recordings)
         if session.exists():
             self.open_session(session)
-            self.report(self.tr("These recordings have a session already: here it is."), Qgis.MessageLevel.Info)
+            self.report(self.tr("Opened the existing session of these recordings."), Qgis.MessageLevel.Info)
             return
-        self.run.begin(self.tr("Looking at the recordings"))
+        self.run.begin(self.tr("Inspecting the recordings"))
         self.pages.setCurrentWidget(self.run)
         task = CommandTask(
-            self.tr("furrowmap: looking at recordings"), program, ["init", *map(str, recordings), "-o", str(session)]
+            self.tr("furrowmap: inspecting recordings"), program, ["init", *map(str, recordings), "-o", str(session)]
         )
         task.answered.connect(self._proposed)
         task.failed.connect(self._failed)
@@ -128,15 +128,15 @@ class FurrowmapDock(QgsDockWidget):
         self._begin(task)
 
     def open_session(self, path, findings=None):
-        """Show a session in the form; one that is more than the form understands can be run as it is."""
+        """Show a session in the form; a session that the form cannot edit is run as it is."""
         self.previewer.cancel()
         try:
             self.session.show_session(path, findings)
         except NotSimpleError as error:
             self.report(
-                self.tr(
-                    "Line {number} of {name} is more than this form edits, so the session was taken as it is."
-                ).format(number=error.number, name=Path(path).name),
+                self.tr("The form cannot edit line {number} of {name}. The session is run as it is.").format(
+                    number=error.number, name=Path(path).name
+                ),
                 Qgis.MessageLevel.Info,
             )
             self.run_session(path)
@@ -148,15 +148,15 @@ class FurrowmapDock(QgsDockWidget):
         self.pages.setCurrentWidget(self.session)
 
     def preview_session(self, session):
-        """Preview a session in the background; the form stays."""
+        """Preview a session in the background."""
         if self._program() is not None:
             self.start.remember(session)
             self.previewer.begin(session)
 
     def run_session(self, session):
-        """Start the run's algorithm in the background; a preview under way is dropped."""
+        """Run a session in the background; a running preview is cancelled."""
         if self._task is not None:
-            self.report(self.tr("The work before is being stopped; try again in a moment."), Qgis.MessageLevel.Info)
+            self.report(self.tr("The previous task is being cancelled; try again in a moment."), Qgis.MessageLevel.Info)
             return
         if self._program() is None:
             return
@@ -178,12 +178,12 @@ class FurrowmapDock(QgsDockWidget):
         self._begin(task)
 
     def _name(self):
-        """The session's, as the form has it; its folder's where the form does not hold it."""
+        """The session's name from the form, else the name of its folder."""
         shown = self.session.name.text() if self.pages.currentWidget() is self.session else ""
         return html.escape(shown or self._session.parent.name)
 
     def cancel(self):
-        """Stop the work under way; the dock is free at once, the worker a moment later, when it has cleaned up."""
+        """Cancel the running task; the worker ends a moment later, when it has cleaned up."""
         if self._task is None:
             return
         self._task.cancel()
@@ -196,25 +196,25 @@ class FurrowmapDock(QgsDockWidget):
     # results
 
     def open_folder(self, folder):
-        """Open the products in a folder step by step, and show their figures."""
+        """Open the products in a folder and show their figures."""
         self._folder = Path(folder)
         self._steps = opening(self._folder)
         self._step()
 
     def show_start(self):
-        """The first page."""
+        """Show the start page."""
         self.previewer.cancel()
         self.start.show_setup(needed=not is_usable(find_interpreter()))
         self.start.show_recent()
         self.pages.setCurrentWidget(self.start)
 
     def offer_setup(self):
-        """The options page that makes or finds the worker's environment."""
+        """Open the options page, to set up the worker."""
         self._iface.showOptionsDialog(self._iface.mainWindow(), PAGE)
         self.start.show_setup(needed=not is_usable(find_interpreter()))
 
     def report(self, text, level=Qgis.MessageLevel.Warning):
-        """Tell something in the message bar: its first line there, all of it in the log a click away."""
+        """Show the first and last line of a text in the message bar, and all of it in the log."""
         QgsMessageLog.logMessage(text, NAME, level, notifyUser=False)
         first, _, rest = text.partition("\n")
         bar = self._iface.messageBar()
@@ -226,7 +226,7 @@ class FurrowmapDock(QgsDockWidget):
         bar.pushWidget(message, level, 0 if level == Qgis.MessageLevel.Critical else 8)
 
     def end(self):
-        """Before the plugin goes: no work and no timer is left."""
+        """Cancel tasks and timers, before the plugin is unloaded."""
         self._steps = None
         self.previewer.end()
         self.run.end()
@@ -235,19 +235,19 @@ class FurrowmapDock(QgsDockWidget):
             task.cancel()
             task.waitForFinished(8000)
 
-    # steps of the work
+    # steps of a task
 
     def _begin(self, task):
         self._task = task
         QgsApplication.taskManager().addTask(task)
 
     def _program(self):
-        """The worker's command; without one the set-up is offered."""
+        """The worker's command; None, with the offer to set it up, if there is none."""
         interpreter = find_interpreter()
         if is_usable(interpreter):
             return interpreter.program
         self.show_start()
-        self.report(self.tr("To compute, furrowmap's worker has to be set up first; results can be opened without it."))
+        self.report(self.tr("Set up furrowmap's worker to run sessions. Results can be opened without it."))
         return None
 
     def _proposed(self, answer):
@@ -264,7 +264,7 @@ class FurrowmapDock(QgsDockWidget):
         self.report(text, Qgis.MessageLevel.Critical)
 
     def _stopped(self):
-        """A look at recordings was cancelled (a failure has said so itself)."""
+        """The creation of a session was cancelled; a failure has its own signal."""
         if self._task is not None and self._task.isCanceled():
             self._task = None
 
@@ -276,11 +276,11 @@ class FurrowmapDock(QgsDockWidget):
         self._task = None
         self.run.end()
         if cancelled:
-            self.report(self.tr("Stopped; nothing half-written is left."), Qgis.MessageLevel.Info)
+            self.report(self.tr("Cancelled; no partial files are left."), Qgis.MessageLevel.Info)
             return
         if not successful:
             self._back_to_session()
-            self.report(self._error or self.tr("The run failed; the log tells more."), Qgis.MessageLevel.Critical)
+            self.report(self._error or self.tr("The run failed; see the log."), Qgis.MessageLevel.Critical)
             return
         self.open_folder(results.get("FOLDER", self._folder))
 
@@ -295,7 +295,7 @@ class FurrowmapDock(QgsDockWidget):
         self.report(self.tr("Saved {path}").format(path=path), Qgis.MessageLevel.Success)
 
     def _step(self):
-        """One step of opening a folder; the next has its own turn in the event loop."""
+        """Do one step of opening a folder, and schedule the next."""
         if self._steps is None:
             return
         try:
@@ -320,7 +320,7 @@ class FurrowmapDock(QgsDockWidget):
         self._zoom_to_first([layer])
 
     def _zoom_to_first(self, layers):
-        """With room around it, which messages may cover."""
+        """Zoom to the first layer, with a margin for messages."""
         self._iface.setActiveLayer(layers[0])
         canvas = self._iface.mapCanvas()
         extent = canvas.mapSettings().layerExtentToOutputExtent(layers[0], layers[0].extent())
@@ -341,7 +341,7 @@ class FurrowmapDock(QgsDockWidget):
 
     def _open_file(self, path):
         if not path.exists():
-            self.report(self.tr("{path} is not there.").format(path=path))
+            self.report(self.tr("{path} does not exist.").format(path=path))
         else:
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
 
@@ -354,19 +354,19 @@ class FurrowmapDock(QgsDockWidget):
         designer = self._iface.openLayoutDesigner(session_layout(project, groups[0], read_report(self._folder)))
         window = designer.window()
         window.resize(window.size().expandedTo(DESIGNER))
-        QTimer.singleShot(0, designer.view().zoomFull)  # once the window has its size
+        QTimer.singleShot(0, designer.view().zoomFull)  # after the window was resized
 
 
 def folder_for(session):
-    """Where the products of a session go: where the command line puts them, too."""
+    """The folder for the products of a session, the same as on the command line."""
     session = Path(session).resolve()
     return session.parent / f"{session.stem}_result"
 
 
 def session_for(recordings):
-    """The session file of recordings: `session.toml` beside them, if there is none yet or it names them.
+    """The session file of recordings: the first of `session.toml`, `session-2.toml`, … that names them or is new.
 
-    Else the first of `session-2.toml`, … of which that holds: a folder may hold the drives of a season.
+    A folder may have the recordings of many drives.
     """
     folder = Path(_common([str(Path(path).resolve().parent) for path in recordings]))
     number = 1
@@ -380,7 +380,7 @@ def session_for(recordings):
 def _common(folders):
     try:
         return os.path.commonpath(folders)
-    except ValueError:  # on different drives; the worker refuses with its reason
+    except ValueError:  # on different drives; the worker refuses that
         return folders[0]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What somebody dropped: the folder of a run or of a preview, a session file, or recordings."""
+"""What was dropped: the folder of a run or of a preview, a session file, or recordings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ _PRODUCTS = (REPORT, FIELD_LAYERS, CLOUD)
 
 @dataclass(frozen=True)
 class Dropped:
-    """What it is.
+    """What was dropped.
 
     Attributes:
         kind: "results", "preview", "session" or "recordings".
@@ -25,7 +25,7 @@ class Dropped:
 
 
 def recognise(paths):
-    """What `paths` are; None for nothing."""
+    """Recognise `paths`; None if there are none."""
     paths = tuple(Path(path) for path in paths if str(path))
     if not paths:
         return None
@@ -41,11 +41,11 @@ def recognise(paths):
 
 
 def results_folder(path):
-    """The folder of a run that `path` is, or whose report it is; None if neither."""
+    """The folder of a run, from itself or its report; None if `path` is neither."""
     folder = path.parent if path.name == REPORT else path
     return folder if folder.is_dir() and any((folder / name).is_file() for name in _PRODUCTS) else None
 
 
 def local_paths(mime):
-    """The local files and folders in what is dragged."""
+    """The local files and folders that are dragged."""
     return [Path(url.toLocalFile()) for url in mime.urls() if url.isLocalFile()] if mime.hasUrls() else []

@@ -6,7 +6,7 @@ from qgis.PyQt.QtWidgets import QFormLayout, QGroupBox, QHBoxLayout, QLabel, QVB
 
 
 def group_box(title, on_toggle=None):
-    """A titled group with a form in it; one that can be unchecked where `on_toggle` is told of that."""
+    """A titled group with a form; it can be unchecked if there is an `on_toggle` to call."""
     group = QGroupBox(title)
     if on_toggle is not None:
         group.setCheckable(True)
@@ -17,7 +17,7 @@ def group_box(title, on_toggle=None):
 
 
 def row_of(text, boxes):
-    """Boxes beside each other below their name."""
+    """Boxes side by side below their label."""
     row = QWidget()
     layout = QVBoxLayout(row)
     layout.setContentsMargins(0, 0, 0, 0)
@@ -30,8 +30,8 @@ def row_of(text, boxes):
     return row
 
 
-def small_words(name="", text=""):
-    """Words that explain, a little smaller, which can be copied."""
+def small_text(name="", text=""):
+    """An explanation in smaller type, which can be selected."""
     label = QLabel(text, objectName=name)
     label.setWordWrap(True)
     label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -42,7 +42,7 @@ def small_words(name="", text=""):
 
 
 def fill(boxes, values):
-    """Set boxes to values without their telling anybody; to 0 where there are none that fit."""
+    """Set boxes to values without emitting signals; to 0 if the values do not fit."""
     values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
     for k, box in enumerate(boxes):
         value = values[k]
@@ -52,12 +52,12 @@ def fill(boxes, values):
 
 
 def values_of(boxes):
-    """What boxes show."""
+    """The values of boxes."""
     return [round(box.value(), box.decimals()) for box in boxes]
 
 
 def texts_of(value):
-    """The items of a list as texts; none of what is no list."""
+    """The items of a list as text; none if it is not a list."""
     return [str(item) for item in value] if isinstance(value, list) else []
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Previews a session in the background, and shows it on the map."""
+"""Previews of a session, computed in the background and opened as layers."""
 
 import shutil
 import tempfile
@@ -7,19 +7,19 @@ import tempfile
 from qgis.core import QgsApplication, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProject
 from qgis.PyQt.QtCore import QObject, pyqtSignal
 
-from ..previews import open_preview, preview_words, read_account, remove_previews
+from ..previews import open_preview, preview_text, read_account, remove_previews
 from .tasks import QUIET, StageFeedback
 
 
 class Previewer(QObject):
-    """At most one preview at a time; its files lie in a temporary folder and go with the plugin.
+    """Computes one preview at a time, into a temporary folder that is deleted with the plugin.
 
     Signals:
-        told: a line on how it goes.
-        opened: with the layers, when they are on the map.
+        status_changed: a line on the progress.
+        opened: with the layers, when they are in the project.
     """
 
-    told = pyqtSignal(str)
+    status_changed = pyqtSignal(str)
     opened = pyqtSignal(object)
 
     def __init__(self, parent=None):
@@ -29,7 +29,7 @@ class Previewer(QObject):
         self._folders = []
 
     def begin(self, session):
-        """Preview a session file; a preview under way is dropped."""
+        """Preview a session file; a running preview is cancelled."""
         self.cancel()
         folder = tempfile.mkdtemp(prefix="furrowmap-preview-")
         self._folders.append(folder)
@@ -43,24 +43,24 @@ class Previewer(QObject):
         task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback, QUIET)
         task.executed.connect(lambda successful, _: self._done(task, folder, successful=successful))
         self._task = task
-        self.told.emit(self.tr("Preview: {stage}…").format(stage=self.tr("starting")))
+        self.status_changed.emit(self.tr("Preview: {stage}…").format(stage=self.tr("starting")))
         QgsApplication.taskManager().addTask(task)
 
     @property
     def busy(self):
-        """Whether a preview is under way."""
+        """Whether a preview is running."""
         return self._task is not None
 
     def cancel(self):
-        """Drop the preview under way; the worker is gone a moment later."""
+        """Cancel the running preview; the worker ends a moment later."""
         task, self._task = self._task, None
         if task is not None:
             task.cancel()
-            self.told.emit("")
+            self.status_changed.emit("")
         return task
 
     def end(self):
-        """Before the plugin goes: neither work nor files nor layers of them are left."""
+        """Cancel, and remove files and layers, before the plugin is unloaded."""
         task = self.cancel()
         if task is not None:
             task.waitForFinished(8000)
@@ -71,22 +71,24 @@ class Previewer(QObject):
 
     def _stage(self, name):
         if self._task is not None:
-            self.told.emit(self.tr("Preview: {stage}…").format(stage=name))
+            self.status_changed.emit(self.tr("Preview: {stage}…").format(stage=name))
 
     def _keep_error(self, text):
         self._error = text
 
     def _done(self, task, folder, *, successful):
         if task is not self._task:
-            return  # dropped meanwhile
+            return  # cancelled meanwhile
         self._task = None
         if not successful:
-            lines = self._error.splitlines() or [self.tr("the log tells why.")]
-            self.told.emit(
+            lines = self._error.splitlines() or [self.tr("see the log.")]
+            self.status_changed.emit(
                 self.tr("No preview: {reason}").format(reason=" ".join(dict.fromkeys((lines[0], lines[-1]))))
             )
             return
         layers = open_preview(folder)
-        self.told.emit(self.tr("Preview on the map: {figures}.").format(figures=preview_words(read_account(folder))))
+        self.status_changed.emit(
+            self.tr("Preview on the map: {figures}.").format(figures=preview_text(read_account(folder)))
+        )
         if layers:
             self.opened.emit(layers)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Play a drive in QGIS's temporal controller."""
+"""Replay of a drive in QGIS's temporal controller."""
 
 from qgis.core import QgsDateTimeRange, QgsInterval, QgsTemporalNavigationObject
 from qgis.PyQt.QtCore import QDateTime, Qt
@@ -7,15 +7,15 @@ from qgis.PyQt.QtWidgets import QDockWidget
 
 FRAMES_PER_S = 10.0
 LONGEST_S = 120.0
-"""A day is played in two minutes, a drive of a minute ten times as fast as it was."""
+"""A long day takes two minutes; shorter drives are played at :data:`SPEED`."""
 SPEED = 10.0
 
 
 def replay(iface, report):
-    """Begin to play the time of a report, from its start.
+    """Start to play the time span of a report.
 
     Returns:
-        Whether the report tells its time and QGIS has a temporal controller.
+        Whether the report has a time span and QGIS a temporal controller.
     """
     figures = report.get("figures")
     controller = iface.mapCanvas().temporalController()

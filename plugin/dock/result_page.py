@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The page of a run's result: the figures a farmer asks for, what to be aware of, and what can be done with it."""
+"""The page of a result: the main figures, warnings, and what can be done with it."""
 
 import html
 
@@ -11,10 +11,10 @@ from ..results import read_report, session_name
 
 
 class ResultPage(QWidget):
-    """Shows the report of a folder.
+    """Shows the report in a folder.
 
     Signals:
-        wanted: with the name of what to do: "map", "replay", "report", "folder", "print" or "back".
+        wanted: with the name of the action: "map", "replay", "report", "folder", "print" or "back".
     """
 
     wanted = pyqtSignal(str)
@@ -22,18 +22,22 @@ class ResultPage(QWidget):
     def __init__(self, parent=None):
         super().__init__(parent)
         layout = QVBoxLayout(self)
-        self.words = QTextBrowser(objectName="furrowmapFigures")
-        self.words.setFrameShape(QTextBrowser.Shape.NoFrame)
-        layout.addWidget(self.words, 1)
+        self.text = QTextBrowser(objectName="furrowmapFigures")
+        self.text.setFrameShape(QTextBrowser.Shape.NoFrame)
+        layout.addWidget(self.text, 1)
         grid = QGridLayout()
         for k, (name, text, tip) in enumerate(
             (
-                ("map", self.tr("Add to map"), self.tr("Open the products, styled, in a group of their own")),
+                ("map", self.tr("Add to map"), self.tr("Open the products as styled layers in a group")),
                 ("replay", self.tr("Replay"), self.tr("Play the drive in the temporal controller")),
-                ("report", self.tr("Open report"), self.tr("The page to read and to print, in the browser")),
-                ("folder", self.tr("Open folder"), self.tr("Where the products lie")),
-                ("print", self.tr("Print…"), self.tr("A page with map, legend and figures, and a page for each pass")),
-                ("back", self.tr("Other session"), self.tr("Back to the beginning")),
+                ("report", self.tr("Open report"), self.tr("Open the HTML report in the browser")),
+                ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
+                (
+                    "print",
+                    self.tr("Print…"),
+                    self.tr("A layout with map, legend and figures, and a page per pass"),
+                ),
+                ("back", self.tr("Other session"), self.tr("Back to the start page")),
             )
         ):
             button = QPushButton(text, objectName=f"furrowmapDo_{name}")
@@ -51,11 +55,11 @@ class ResultPage(QWidget):
             for label, value in figure_rows(report)
         )
         warnings = [str(w.get("text", "")) for w in report.get("warnings") or [] if isinstance(w, dict)]
-        words = f"<h3>{name}</h3><table>{rows}</table>"
+        page = f"<h3>{name}</h3><table>{rows}</table>"
         if warnings:
             items = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
-            words += f"<h4>{self.tr('To be aware of')}</h4><ul style='margin-left:-20px'>{items}</ul>"
+            page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"
         if not report:
-            words += f"<p>{self.tr('There is no report in this folder, so nothing is known of its accuracy.')}</p>"
-        self.words.setHtml(words)
-        self.words.setAlignment(Qt.AlignmentFlag.AlignLeft)
+            page += f"<p>{self.tr('This folder has no report, so the accuracy is unknown.')}</p>"
+        self.text.setHtml(page)
+        self.text.setAlignment(Qt.AlignmentFlag.AlignLeft)

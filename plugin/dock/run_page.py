@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The page of work under way: its stages, the share of the present one, and a button that stops it."""
+"""The page of a running task: its stages, progress, and a button to cancel."""
 
 from qgis.PyQt.QtCore import QTimer, pyqtSignal
 from qgis.PyQt.QtWidgets import QLabel, QListWidget, QProgressBar, QPushButton, QVBoxLayout, QWidget
@@ -10,10 +10,10 @@ SECOND_MS = 1000
 
 
 class RunPage(QWidget):
-    """Tells how the work goes.
+    """Shows the progress.
 
     Signals:
-        cancelled: the user wants it to stop.
+        cancelled: the user pressed *Cancel*.
     """
 
     cancelled = pyqtSignal()
@@ -35,7 +35,7 @@ class RunPage(QWidget):
         self._clock = None
 
     def begin(self, title):
-        """Work with this title begins."""
+        """Start with this title."""
         self.title.setText(f"<b>{title}</b>")
         self.stages.clear()
         self.bar.setRange(0, 0)
@@ -46,11 +46,11 @@ class RunPage(QWidget):
         self._timer.start(SECOND_MS)
 
     def end(self):
-        """No work any more."""
+        """The task has ended."""
         self._timer.stop()
 
     def show_stage(self, name):
-        """The next stage begins; those before are done."""
+        """Show the next stage; mark the one before as done."""
         last = self.stages.count() - 1
         if last >= 0:
             item = self.stages.item(last)
@@ -60,15 +60,15 @@ class RunPage(QWidget):
         self.bar.setRange(0, 0)
 
     def show_share(self, percent):
-        """How much of the present stage is done; while nothing is known of it the bar only moves."""
+        """Show the progress within the stage; at 0 the bar is indeterminate."""
         if percent > 0:
             self.bar.setRange(0, 100)
             self.bar.setValue(round(percent))
 
     def _stop(self):
         self.cancel.setEnabled(False)
-        self.cancel.setText(self.tr("Stopping…"))
+        self.cancel.setText(self.tr("Cancelling…"))
         self.cancelled.emit()
 
     def _tick(self):
-        self.time.setText(self.tr("{time} since the beginning").format(time=self._clock))
+        self.time.setText(self.tr("Elapsed: {time}").format(time=self._clock))

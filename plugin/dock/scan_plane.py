@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which way a mounted scanner looks, for the drawing of the vehicle."""
+"""The scan plane of a mounted scanner, for the drawing of the vehicle."""
 
 import math
 
@@ -16,7 +16,7 @@ def spin_axis(rpy_deg):
 
 
 def scan_direction(axis, normal):
-    """Where the middle of the scanner's plane cuts a plane of the drawing: a unit vector; None where they coincide."""
+    """Unit vector along which the scan plane cuts a plane of the drawing; None if they coincide."""
     (a, b, c), (p, q, r) = axis, normal
     cut = (b * r - c * q, c * p - a * r, a * q - b * p)
     length = math.sqrt(sum(value * value for value in cut))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A session file as lines, of which the form shows and changes some: comments and all other lines stay as they are.
+"""A session file as lines, some of which the form edits; comments and all other lines are kept.
 
-QGIS on Windows and macOS may bring a Python without `tomllib`, and that could not write. So the form reads the simple
-part of TOML that `furrowmap init` writes: tables with one value a line. Of anything else it keeps its hands off.
+QGIS may have a Python without `tomllib`, which cannot write either. So the form reads the part of TOML that
+`furrowmap init` writes: tables with one value per line. It does not edit files with anything else.
 """
 
 import json
@@ -14,7 +14,7 @@ _LITERAL = re.compile(r"'[^'\n]*'")
 
 
 class NotSimpleError(Exception):
-    """A line that is more than the form understands.
+    """The form cannot edit a line.
 
     Attributes:
         number: of the line, from 1.
@@ -26,30 +26,30 @@ class NotSimpleError(Exception):
 
 
 class SessionLines:
-    """The text of a session file, to read and change value by value.
+    """The text of a session file, read and changed value by value.
 
     Args:
         text: of the file.
 
     Raises:
-        NotSimpleError: at a line that is no comment, no `[table]` and no `key = value` on one line.
+        NotSimpleError: at a line that is not a comment, a `[table]` or a `key = value` on one line.
     """
 
     def __init__(self, text):
-        self._lines = text.rstrip("\n").split("\n")  # splitlines() knows ends of lines that TOML does not
+        self._lines = text.rstrip("\n").split("\n")  # splitlines() splits at characters that TOML does not
         self._index()
 
     def get(self, table, key):
-        """The value of a key; None where it is not there. The tables' own keys have the table ""."""
+        """The value of a key; None if there is none. Keys before the first table have the table ""."""
         place = self._places.get((table, key))
         return None if place is None else place[1]
 
     def has(self, table):
-        """Whether the table is there."""
+        """Whether there is such a table."""
         return table in self._ends
 
     def set(self, table, key, value):
-        """Give a key its value: in its line, else in a new one at its table's end."""
+        """Set the value of a key, in its line or in a new one at the end of its table."""
         written = f"{key} = {_written(value)}"
         place = self._places.get((table, key))
         if place is not None:
@@ -64,7 +64,7 @@ class SessionLines:
         self._index()
 
     def drop(self, table):
-        """Take a table away, without the comments in it."""
+        """Remove a table, except the comments in it."""
         gone = {place[0] for (name, _), place in self._places.items() if name == table}
         gone |= {number for number, line in enumerate(self._lines) if _table_of(line) == table}
         self._lines = [line for number, line in enumerate(self._lines) if number not in gone]
@@ -72,7 +72,7 @@ class SessionLines:
 
     @property
     def text(self):
-        """Of the file."""
+        """The content of the file."""
         return "\n".join(self._lines) + "\n"
 
     def _index(self):
@@ -101,13 +101,13 @@ def _table_of(line):
 
 
 def _read(text, number):
-    """A value that TOML and JSON write alike (or a literal string), and the comment behind it."""
+    """A value that is the same in TOML and JSON (or a literal string), and the comment after it."""
     literal = _LITERAL.match(text)
     if literal is not None and not text.startswith("''"):
         value, end = literal[0][1:-1], literal.end()
     else:
         try:
-            # Not strict: a tab may stand in a text of TOML as it is.
+            # Not strict: a TOML string may contain a tab.
             value, end = json.JSONDecoder(parse_constant=_refuse, strict=False).raw_decode(text)
         except ValueError:
             raise NotSimpleError(number + 1) from None
@@ -128,5 +128,5 @@ def _is_toml(value):
 
 
 def _written(value):
-    """JSON's way of writing text, numbers and lists is TOML's too, but for one character."""
+    """JSON text, numbers and lists are valid TOML, except for one character."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The form of a session: what the recordings told, each figure that somebody has to measure, and a drawing of them."""
+"""The form of a session: findings in the recordings, the measured dimensions, and a drawing of the vehicle."""
 
 from pathlib import Path
 
@@ -18,24 +18,24 @@ from qgis.PyQt.QtWidgets import (
 )
 
 from .findings import findings_html
-from .form_parts import escaped, fill, group_box, row_of, small_words, texts_of, values_of
+from .form_parts import escaped, fill, group_box, row_of, small_text, texts_of, values_of
 from .session_lines import SessionLines
 from .vehicle_view import Placement, VehicleView
 
-FARTHEST_M = 15.0
-"""No sensor, antenna or tool is farther from the rear axle; a session that says so is refused."""
+MAX_OFFSET_M = 15.0
+"""Largest offset from the rear axle that a session may have."""
 UNKNOWN = "FILL-IN"
-"""What `furrowmap init` writes where a session cannot do without a word that it could not find out."""
+"""What `furrowmap init` writes for required values that are not in the recordings."""
 
 
 class SessionPage(QWidget):
     """The form.
 
     Signals:
-        run_wanted: with the session file, when it has been saved.
+        run_wanted: with the saved session file.
         preview_wanted: likewise.
         saved: likewise.
-        left: nothing was changed.
+        left: back, without saving.
     """
 
     run_wanted = pyqtSignal(object)
@@ -48,7 +48,7 @@ class SessionPage(QWidget):
         self._path = self._lines = None
         inside = QWidget()
         layout = QVBoxLayout(inside)
-        self.findings = small_words("furrowmapFindings")
+        self.findings = small_text("furrowmapFindings")
         self.vehicle = VehicleView()
         layout.addWidget(self.findings)
         layout.addWidget(self._session_group())
@@ -65,7 +65,7 @@ class SessionPage(QWidget):
         self._scroll.setWidget(inside)
         bar = self._scroll.verticalScrollBar().sizeHint().width()
         self._scroll.setMinimumWidth(inside.minimumSizeHint().width() + bar + 2)
-        self.preview = small_words("furrowmapPreviewWords")
+        self.preview = small_text("furrowmapPreviewWords")
         self.preview.hide()
         whole = QVBoxLayout(self)
         whole.setContentsMargins(0, 0, 0, 0)
@@ -78,10 +78,10 @@ class SessionPage(QWidget):
 
         Args:
             path: of the file.
-            findings: what `furrowmap init` answered, to be told above the form.
+            findings: the answer of `furrowmap init`, shown above the form.
 
         Raises:
-            NotSimpleError: if the file is more than the form understands.
+            NotSimpleError: if the form cannot edit the file.
             OSError, UnicodeDecodeError: if it cannot be read.
         """
         self._lines = SessionLines(Path(path).read_text(encoding="utf-8"))
@@ -100,41 +100,41 @@ class SessionPage(QWidget):
         self.implement_group.setChecked(lines.has("implement"))
         self.kind.setText(str(lines.get("implement", "kind") or ""))
         fill([self.width_m], [lines.get("implement", "width_m")])
-        fill(self.tool_xy, lines.get("implement", "xy_m"))
+        fill(self.implement_xy, lines.get("implement", "xy_m"))
         fill([self.depth_m], [lines.get("implement", "working_depth_m")])
         self.boundary.setDefaultRoot(str(self._path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
         self.findings.setText(findings_html(findings))
-        self.tell_preview("")
+        self.show_preview_status("")
         self._draw()
         self._scroll.verticalScrollBar().setValue(0)
 
-    def tell_preview(self, text):
-        """How a preview goes, above the buttons."""
+    def show_preview_status(self, text):
+        """Show the progress of a preview above the buttons."""
         self.preview.setText(escaped(text))
         self.preview.setVisible(bool(text))
 
     def fault_of_preview(self):
-        """Why the session cannot be previewed as it stands in the form; "" if it can."""
+        """Why the session in the form cannot be previewed; "" if it can."""
         if not self.crs.crs().isValid():
             return self.tr("Choose the map's coordinate reference system.")
         if UNKNOWN in self.recordings.text():
             return self.tr(
-                "A recording is missing: drop the scanner's recording and the receiver's log together, from one folder."
+                "A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder."
             )
         return ""
 
     def fault(self):
-        """Why the session cannot be run as it stands in the form; "" if it can."""
+        """Why the session in the form cannot be run; "" if it can."""
         fault = self.fault_of_preview()
         if fault:
             return fault
         if self.implement_group.isChecked() and self.width_m.value() <= 0:
-            return self.tr("Say how wide the tool is, or uncheck 'Tool'.")
+            return self.tr("Enter the width of the implement, or uncheck 'Implement'.")
         return ""
 
     def save(self):
-        """Write what the form holds into the session file; other lines of the file stay.
+        """Write the form into the session file; other lines of the file are kept.
 
         Raises:
             OSError: if the file cannot be written.
@@ -164,21 +164,21 @@ class SessionPage(QWidget):
             lines.drop("implement")
             return
         lines.set("implement", "width_m", self.width_m.value())
-        lines.set("implement", "xy_m", values_of(self.tool_xy))
+        lines.set("implement", "xy_m", values_of(self.implement_xy))
         if self.kind.text() or lines.get("implement", "kind"):
             lines.set("implement", "kind", self.kind.text())
         if self.depth_m.value() > 0:
             lines.set("implement", "working_depth_m", self.depth_m.value())
 
     def _boundary(self):
-        """The boundary's file as the session has to name it: relative to its own folder."""
+        """Path of the boundary for the session file: relative to its folder."""
         chosen = self.boundary.filePath().strip()
         if not chosen:
             return ""
         try:
             return (self._path.parent / chosen).resolve().relative_to(self._path.parent.resolve()).as_posix()
         except ValueError:
-            return chosen  # the run says why a file elsewhere is refused, and what to do
+            return chosen  # the run refuses a file elsewhere, with the reason
 
     def _session_group(self):
         group, form = group_box(self.tr("Session"))
@@ -191,9 +191,7 @@ class SessionPage(QWidget):
         form.addRow(self.tr("Name"), self.name)
         form.addRow(self.tr("Recordings"), self.recordings)
         form.addRow(self.tr("CRS"), self.crs)
-        form.addRow(
-            small_words(text=self.tr("The map's projected CRS in metres, in which everything is computed and written."))
-        )
+        form.addRow(small_text(text=self.tr("A projected CRS in metres, for computation and output.")))
         return group
 
     def _antenna_group(self):
@@ -202,10 +200,10 @@ class SessionPage(QWidget):
         self.antenna = self._metres("furrowmapAntenna", 3)
         form.addRow(row_of(self.tr("x, y, z"), self.antenna))
         form.addRow(
-            small_words(
+            small_text(
                 text=self.tr(
-                    "From the ground below the middle of the rear axle to the antenna's phase centre: forward, to "
-                    "the left, up. A tape measure's centimetre is good enough. Unchecked: the antenna counts as there."
+                    "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
+                    "forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0."
                 )
             )
         )
@@ -218,31 +216,31 @@ class SessionPage(QWidget):
         form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
         form.addRow(row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy))
         form.addRow(
-            small_words(
+            small_text(
                 text=self.tr(
-                    "Where the scanner is, and how it is turned from lying level with its cable to the back. Scanning "
-                    "backwards and tilted down is about 0, 40, 180. The run refines the angles; within 2° is enough."
+                    "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
+                    "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
                 )
             )
         )
         return group
 
     def _implement_group(self):
-        self.implement_group, form = group_box(self.tr("Tool"), self._draw)
+        self.implement_group, form = group_box(self.tr("Implement"), self._draw)
         self.implement_group.setObjectName("furrowmapImplementGroup")
         self.kind = QLineEdit(objectName="furrowmapKind")
-        self.width_m = self._spin("furrowmapWidth", FARTHEST_M, " m", 2, 0.05, low=0.0)
-        self.tool_xy = self._metres("furrowmapTool", 2)
+        self.width_m = self._spin("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
+        self.implement_xy = self._metres("furrowmapImplementXy", 2)
         self.depth_m = self._spin("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
         form.addRow(self.tr("Kind"), self.kind)
         form.addRow(self.tr("Width"), self.width_m)
-        form.addRow(row_of(self.tr("x, y"), self.tool_xy))
+        form.addRow(row_of(self.tr("x, y"), self.implement_xy))
         form.addRow(self.tr("Depth"), self.depth_m)
         form.addRow(
-            small_words(
+            small_text(
                 text=self.tr(
-                    "Working width, and the middle of the line along which it works, seen from the rear axle: a tool "
-                    "behind has a negative x. Depth 0 means unknown. Unchecked: no ground worked is computed."
+                    "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
+                    "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
                 )
             )
         )
@@ -254,11 +252,7 @@ class SessionPage(QWidget):
         self.boundary.setObjectName("furrowmapBoundary")
         self.boundary.setFilter(self.tr("Polygons (*.geojson *.gpkg *.shp *.kml)"))
         form.addRow(self.tr("Boundary"), self.boundary)
-        form.addRow(
-            small_words(
-                text=self.tr("Optional: the parcel's outline in the session's folder, to find what was missed.")
-            )
-        )
+        form.addRow(small_text(text=self.tr("Optional: a polygon in the session's folder, to find missed ground.")))
         return group
 
     def _buttons(self):
@@ -284,47 +278,47 @@ class SessionPage(QWidget):
     def _save_and_preview(self):
         fault = self.fault_of_preview()
         if fault:
-            self._tell_fault(fault)
+            self._show_fault(fault)
         elif self._is_saved():
             self.preview_wanted.emit(self._path)
 
     def _save_and_run(self):
         fault = self.fault()
         if fault:
-            self._tell_fault(fault)
+            self._show_fault(fault)
         elif self._is_saved():
             self.run_wanted.emit(self._path)
 
     def _is_saved(self):
-        """Whether saving succeeded; if not, the user has been told why."""
+        """Save; returns whether that succeeded, else shows why not."""
         try:
             self.save()
         except OSError as error:
-            self._tell_fault(
+            self._show_fault(
                 self.tr("{path} cannot be written: {reason}.").format(path=self._path, reason=error.strerror)
             )
             return False
         return True
 
-    def _tell_fault(self, fault):
+    def _show_fault(self, fault):
         self.findings.setText(f"<b>{escaped(fault)}</b>")
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_):
-        tool = self.implement_group.isChecked()
+        checked = self.implement_group.isChecked()
         self.vehicle.show_placement(
             Placement(
                 tuple(values_of(self.lidar_xyz)),
                 tuple(values_of(self.lidar_rpy)),
                 tuple(values_of(self.antenna)) if self.antenna_group.isChecked() else None,
-                tuple(values_of(self.tool_xy)) if tool else None,
-                self.width_m.value() if tool else 0.0,
-                self.depth_m.value() if tool else 0.0,
+                tuple(values_of(self.implement_xy)) if checked else None,
+                self.width_m.value() if checked else 0.0,
+                self.depth_m.value() if checked else 0.0,
             )
         )
 
     def _metres(self, name, count):
-        return [self._spin(f"{name}{k}", FARTHEST_M, " m", 3, 0.01) for k in range(count)]
+        return [self._spin(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)]
 
     def _spin(self, name, limit, suffix, decimals, step, *, low=None):
         box = QDoubleSpinBox(objectName=name)

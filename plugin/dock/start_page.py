@@ -21,11 +21,11 @@ MOST_RECENT = 10
 
 
 class StartPage(QWidget):
-    """Drop here, or choose.
+    """A place to drop files, and buttons to choose them.
 
     Signals:
         chosen: with a list of paths.
-        setup_wanted: the user wants to set the worker up.
+        setup_wanted: the user pressed *Set up*.
     """
 
     chosen = pyqtSignal(object)
@@ -37,7 +37,7 @@ class StartPage(QWidget):
         self.setup = self._setup_offer()
         layout.addWidget(self.setup)
         here = QLabel(
-            self.tr("Drop here\nthe recordings of a drive,\na session.toml\nor the folder of a run"),
+            self.tr("Drop here:\nthe recordings of a drive,\na session.toml\nor the folder of a run"),
             objectName="furrowmapHere",
         )
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)
@@ -58,17 +58,17 @@ class StartPage(QWidget):
         self.show_recent()
 
     def show_setup(self, *, needed):
-        """Offer the set-up where no worker is."""
+        """Show the offer to set up the worker, or hide it."""
         self.setup.setVisible(needed)
 
     def remember(self, session):
-        """Put a session at the top of the recent ones."""
+        """Move a session to the top of the recent ones."""
         known = [path for path in recent_sessions() if path != str(session)]
         QgsSettings().setValue(RECENT_KEY, [str(session), *known][:MOST_RECENT])
         self.show_recent()
 
     def show_recent(self):
-        """List the recent sessions that are still there."""
+        """List the recent sessions whose files exist."""
         self.recent.clear()
         for path in map(Path, recent_sessions()):
             if path.is_file():
@@ -83,9 +83,8 @@ class StartPage(QWidget):
         layout = QVBoxLayout(frame)
         words = QLabel(
             self.tr(
-                "Results of others can be opened at once. To compute your own, furrowmap's worker has to be set up "
-                "once: a Python environment of its own, which leaves QGIS's as it is. The next page asks before it "
-                "does anything."
+                "Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python "
+                "environment. QGIS's Python is not changed."
             )
         )
         words.setWordWrap(True)
@@ -108,6 +107,6 @@ class StartPage(QWidget):
 
 
 def recent_sessions():
-    """Paths, the latest first."""
+    """Paths of recent sessions, the latest first."""
     known = QgsSettings().value(RECENT_KEY, [])
     return [known] if isinstance(known, str) else list(known or [])

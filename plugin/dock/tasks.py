@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The worker's verbs as QGIS's background tasks: what they say on the way comes as signals in the window's thread."""
+"""Background tasks, whose messages arrive as signals in the main thread."""
 
 import time
 
@@ -9,14 +9,14 @@ from qgis.PyQt.QtCore import pyqtSignal
 from ..worker import WorkerError, run_command
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
-"""The dock itself tells how its tasks end."""
+"""The dock shows itself how its tasks end."""
 
 
 class StageFeedback(QgsProcessingFeedback):
-    """Hears an algorithm that works in another thread.
+    """Feedback of an algorithm in another thread, as signals.
 
     Signals:
-        stage_changed: name of the stage that begins.
+        stage_changed: name of the new stage.
         warned: text of a warning.
         failed: the three lines of an error, as one text.
     """
@@ -26,23 +26,23 @@ class StageFeedback(QgsProcessingFeedback):
     failed = pyqtSignal(str)
 
     def setProgressText(self, text):  # noqa: N802 - the names are QGIS's
-        """A stage begins."""
+        """A new stage."""
         self.stage_changed.emit(text)
 
     def pushWarning(self, warning):  # noqa: N802
-        """Something the user should know."""
+        """A warning."""
         self.warned.emit(warning)
 
     def reportError(self, error, fatalError=False):  # noqa: N802, ARG002
-        """Why nothing came of it."""
+        """An error."""
         self.failed.emit(error)
 
 
 class CommandTask(QgsTask):
-    """One verb that has no algorithm's form, such as a look at recordings.
+    """Runs one command without its algorithm.
 
     Signals:
-        answered: with the verb's answer.
+        answered: with the command's answer.
         failed: with the three lines of the error, as one text.
     """
 
@@ -55,27 +55,27 @@ class CommandTask(QgsTask):
         self._answer = self._error = None
 
     def run(self):
-        """In a thread of its own: order the verb and wait."""
+        """Run the command, in a thread of QGIS's."""
         try:
-            self._answer = run_command(self._program, self._arguments, self._heard, self.isCanceled)
+            self._answer = run_command(self._program, self._arguments, self._on_message, self.isCanceled)
         except WorkerError as error:
             self._error = error
         return self._error is None
 
     def finished(self, result):
-        """In the window's thread: tell how it went; a task that was cancelled says nothing."""
+        """Emit a signal, in the main thread; none if the task was cancelled."""
         if result:
             self.answered.emit(self._answer)
         elif self._error is not None and not self.isCanceled():
             self.failed.emit("\n".join(self._error.lines))
 
-    def _heard(self, message):
+    def _on_message(self, message):
         if message["type"] == "progress":
             self.setProgress(100.0 * float(message.get("share", 0.0)))
 
 
 class Clock:
-    """Seconds since the work began, as words."""
+    """The time since its creation, as text."""
 
     def __init__(self):
         self._begun = time.monotonic()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The vehicle to scale, from the side and from above, with its scanner, antenna and tool where the form says."""
+"""A drawing of the vehicle to scale, from the side and from above, with scanner, antenna and implement."""
 
 from dataclasses import dataclass
 
@@ -11,30 +11,30 @@ from .scan_plane import scan_direction, spin_axis
 
 REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
 TRACK_M, TYRE_M = 1.25, 0.30
-"""Of a compact tractor: a figure to compare with, not the user's machine."""
+"""Dimensions of a compact tractor, drawn for comparison."""
 BEAM_M = 3.0
 SHOWN_BEYOND_M = 0.5
-SCANNER, ANTENNA, TOOL = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
+SCANNER, ANTENNA, IMPLEMENT = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
 BODY, TYRE, GROUND = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where things are on the vehicle, in its frame (x forward, y left, z up; metres); None where that is not known.
+    """Positions in the vehicle frame (x forward, y left, z up; metres); None if unknown.
 
     Attributes:
         lidar_xyz_m, antenna_xyz_m: of scanner and antenna.
-        lidar_rpy_deg: how the scanner is turned.
-        tool_xy_m, tool_width_m: middle of the tool's line, and how wide it is.
-        tool_depth_m: how deep it works.
+        lidar_rpy_deg: orientation of the scanner.
+        implement_xy_m, implement_width_m: middle and length of the working line.
+        implement_depth_m: working depth.
     """
 
     lidar_xyz_m: tuple = (0.0, 0.0, 0.0)
     lidar_rpy_deg: tuple = (0.0, 0.0, 0.0)
     antenna_xyz_m: tuple = None
-    tool_xy_m: tuple = None
-    tool_width_m: float = 0.0
-    tool_depth_m: float = 0.0
+    implement_xy_m: tuple = None
+    implement_width_m: float = 0.0
+    implement_depth_m: float = 0.0
 
 
 class VehicleView(QWidget):
@@ -47,17 +47,17 @@ class VehicleView(QWidget):
         self.setMinimumHeight(250)
         self.setToolTip(
             self.tr(
-                "Upper: from the right side. Lower: from above. The origin is on the ground below the middle of the "
-                "rear axle. Grey is a compact tractor to compare with. Blue lines show where the scanner's plane cuts."
+                "Above: from the right side. Below: from the top. The origin is on the ground below the middle of the "
+                "rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane."
             )
         )
 
     def sizeHint(self):  # noqa: N802 - the names are Qt's
-        """Of a dock's width."""
+        """As wide as a dock."""
         return QSize(340, 280)
 
     def show_placement(self, placement):
-        """Draw this one."""
+        """Draw other positions."""
         self._placement = placement
         self.update()
 
@@ -77,12 +77,12 @@ class VehicleView(QWidget):
         painter.end()
 
     def _reach(self):
-        """The extents of both drawings along x, y and z, from everything in them."""
+        """The extents of both drawings along x, y and z."""
         p = self._placement
         places = [p.lidar_xyz_m, *([p.antenna_xyz_m] if p.antenna_xyz_m else [])]
-        if p.tool_xy_m:
-            half = 0.5 * p.tool_width_m
-            places += [(p.tool_xy_m[0], p.tool_xy_m[1] + s * half, -p.tool_depth_m) for s in (-1, 1)]
+        if p.implement_xy_m:
+            half = 0.5 * p.implement_width_m
+            places += [(p.implement_xy_m[0], p.implement_xy_m[1] + s * half, -p.implement_depth_m) for s in (-1, 1)]
         limits = ((-0.9, 2.3), (-0.85, 0.85), (-0.15, 1.3))
         return [
             (
@@ -98,11 +98,9 @@ class VehicleView(QWidget):
         view.polygon([(-0.2, 0.6), (-0.2, 1.25), (0.55, 1.25), (0.75, 1.0), (2.05, 0.9), (2.05, 0.5)], BODY)
         view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE)
         view.disc((WHEELBASE_M, FRONT_WHEEL_M), FRONT_WHEEL_M, TYRE)
-        if p.tool_xy_m:
-            x = p.tool_xy_m[0]
-            view.polygon(
-                [(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -p.tool_depth_m), (x - 0.12, -p.tool_depth_m)], TOOL
-            )
+        if p.implement_xy_m:
+            x, depth = p.implement_xy_m[0], p.implement_depth_m
+            view.polygon([(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -depth), (x - 0.12, -depth)], IMPLEMENT)
         self._draw_scanner(view, (0.0, 1.0, 0.0))
         self._draw_antenna(view)
         view.label(4, 14, self.tr("side"))
@@ -113,12 +111,12 @@ class VehicleView(QWidget):
         for x, radius in ((0.0, REAR_WHEEL_M), (WHEELBASE_M, FRONT_WHEEL_M)):
             for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
                 view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE)
-        if p.tool_xy_m:
-            (x, y), half = p.tool_xy_m, 0.5 * p.tool_width_m
-            view.box((x - 0.2, y - half), (x + 0.2, y + half), TOOL)
+        if p.implement_xy_m:
+            (x, y), half = p.implement_xy_m, 0.5 * p.implement_width_m
+            view.box((x - 0.2, y - half), (x + 0.2, y + half), IMPLEMENT)
         self._draw_scanner(view, (0.0, 0.0, 1.0))
         self._draw_antenna(view)
-        view.label(4, int(view.y - view.scale * 0.85), self.tr("above"))
+        view.label(4, int(view.y - view.scale * 0.85), self.tr("top"))
 
     def _draw_scanner(self, view, normal):
         place = self._placement.lidar_xyz_m
@@ -138,7 +136,7 @@ class VehicleView(QWidget):
         painter.setPen(QPen(self.palette().text().color(), 1.5))
         painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
         painter.drawText(QPointF(x - scale, y - 4), "1 m")
-        names = ((SCANNER, self.tr("scanner")), (ANTENNA, self.tr("antenna")), (TOOL, self.tr("tool")))
+        names = ((SCANNER, self.tr("scanner")), (ANTENNA, self.tr("antenna")), (IMPLEMENT, self.tr("implement")))
         left = 6.0
         for colour, name in names:
             painter.setPen(colour)
@@ -153,7 +151,7 @@ class VehicleView(QWidget):
 
 @dataclass(frozen=True)
 class _View:
-    """One of the two drawings: metres of two axes of the vehicle to pixels."""
+    """One of the two drawings: maps two axes in metres to pixels."""
 
     painter: object
     scale: float
@@ -162,11 +160,11 @@ class _View:
     axes: tuple
 
     def at(self, place):
-        """The pixel of a place (two coordinates)."""
+        """The pixel of a position (two coordinates)."""
         return QPointF(self.x + self.scale * place[0], self.y - self.scale * place[1])
 
     def flat(self, place):
-        """Of three coordinates, this view's two."""
+        """The two of three coordinates that this view shows."""
         return place[self.axes[0]], place[self.axes[1]]
 
     def line(self, begin, end, colour, width):

@@ -5,15 +5,15 @@
   <name>Algorithms</name>
   <message>
     <source>A .tif or .vrt file.</source>
-    <translation type="unfinished"/>
+    <translation>.tif または .vrt ファイル。</translation>
   </message>
   <message>
     <source>A COPC file; its name ends in .copc.laz.</source>
-    <translation type="unfinished"/>
+    <translation>COPC ファイル。名前は .copc.laz で終わります。</translation>
   </message>
   <message>
     <source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source>
-    <translation type="unfinished"/>
+    <translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation>
   </message>
   <message>
     <source>Accuracy</source>
@@ -21,19 +21,19 @@
   </message>
   <message>
     <source>Add results to the farm map</source>
-    <translation type="unfinished"/>
+    <translation>実行結果を農場マップに追加</translation>
   </message>
   <message>
     <source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source>
-    <translation type="unfinished"/>
+    <translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation>
   </message>
   <message>
     <source>Adds them to the project when the algorithm has finished.</source>
-    <translation type="unfinished"/>
+    <translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation>
   </message>
   <message>
     <source>All other lines of the file stay as they are.</source>
-    <translation type="unfinished"/>
+    <translation>ファイルのほかの行は変更しません。</translation>
   </message>
   <message>
     <source>Another log of the same drive, or a trajectory.</source>
@@ -44,64 +44,48 @@
     <translation>アンテナのオフセット（m）</translation>
   </message>
   <message>
-    <source>By default 1.5 times the interval of the reference.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>By default a projected CRS that fits the location.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
     <source>By default all layers.</source>
-    <translation type="unfinished"/>
+    <translation>省略時はすべてのレイヤ。</translation>
   </message>
   <message>
     <source>By default beside the results. Formats with one layer per file need a folder.</source>
-    <translation type="unfinished"/>
+    <translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation>
   </message>
   <message>
-    <source>By default session.toml beside the recordings.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>By default the CRS of the first session.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>By default the CRS of the session.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>By default the CRS of the surfaces.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>By default the cell size of the surfaces.</source>
-    <translation type="unfinished"/>
+    <source>CRS of a new base, such as EPSG:6677 [default: the first session's].</source>
+    <translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation>
   </message>
   <message>
     <source>CRS of a new farm map</source>
-    <translation type="unfinished"/>
+    <translation>新しい農場マップの CRS</translation>
   </message>
   <message>
     <source>CRS of clouds without one</source>
-    <translation type="unfinished"/>
+    <translation>CRS のない点群に使う CRS</translation>
   </message>
   <message>
     <source>CRS of the clean point cloud</source>
-    <translation type="unfinished"/>
+    <translation>クリーニング後の点群の CRS</translation>
+  </message>
+  <message>
+    <source>CRS of the map, such as EPSG:6677 [default: one that fits the place].</source>
+    <translation>出力の CRS（例：EPSG:6677）。省略時は場所に合う投影 CRS。</translation>
   </message>
   <message>
     <source>CRS of the mosaic</source>
-    <translation type="unfinished"/>
+    <translation>モザイクの CRS</translation>
   </message>
   <message>
     <source>CRS of the output</source>
-    <translation type="unfinished"/>
+    <translation>出力の CRS</translation>
   </message>
   <message>
     <source>CRS of the points</source>
     <translation>測量点の CRS</translation>
+  </message>
+  <message>
+    <source>CRS of the raster [default: that of the surfaces].</source>
+    <translation>ラスタの CRS。省略時はサーフェスの CRS。</translation>
   </message>
   <message>
     <source>CRS of the surfaces</source>
@@ -110,6 +94,10 @@
   <message>
     <source>CRS of the vectors</source>
     <translation>ベクタの CRS</translation>
+  </message>
+  <message>
+    <source>CRS of the vectors, such as EPSG:4326 [default: the session's].</source>
+    <translation>ベクタの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation>
   </message>
   <message>
     <source>CSV or GeoPackage.</source>
@@ -121,43 +109,43 @@
   </message>
   <message>
     <source>Cancelled; no partial files are left.</source>
-    <translation type="unfinished"/>
+    <translation>キャンセルしました。書きかけのファイルは残っていません。</translation>
   </message>
   <message>
     <source>Captures, bags, GNSS logs, trajectories, point clouds.</source>
-    <translation type="unfinished"/>
+    <translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation>
   </message>
   <message>
     <source>Cell size</source>
-    <translation type="unfinished"/>
+    <translation>セルサイズ</translation>
   </message>
   <message>
     <source>Cell statistic</source>
-    <translation type="unfinished"/>
+    <translation>セルの統計量</translation>
   </message>
   <message>
     <source>Check against surveyed points</source>
-    <translation type="unfinished"/>
+    <translation>測量点による精度検証</translation>
   </message>
   <message>
     <source>Class codes, separated by commas, such as 2,9. 64,65 is the machine in clouds of furrowmap.</source>
-    <translation type="unfinished"/>
+    <translation>2,9 のようにコンマで区切ったクラスコード。furrowmap の点群では 64,65 が車両と作業機です。</translation>
   </message>
   <message>
     <source>Class codes, separated by commas, such as 2,9. By default all but noise.</source>
-    <translation type="unfinished"/>
+    <translation>2,9 のようにコンマで区切ったクラスコード。省略時はノイズ以外のすべて。</translation>
   </message>
   <message>
     <source>Classes to leave out</source>
-    <translation type="unfinished"/>
+    <translation>除外するクラス</translation>
   </message>
   <message>
     <source>Classes to use</source>
-    <translation type="unfinished"/>
+    <translation>使用するクラス</translation>
   </message>
   <message>
     <source>Clean point cloud</source>
-    <translation type="unfinished"/>
+    <translation>クリーニング後の点群</translation>
   </message>
   <message>
     <source>Clean point clouds</source>
@@ -165,43 +153,43 @@
   </message>
   <message>
     <source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source>
-    <translation type="unfinished"/>
+    <translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation>
   </message>
   <message>
     <source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source>
-    <translation type="unfinished"/>
+    <translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation>
   </message>
   <message>
     <source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source>
-    <translation type="unfinished"/>
+    <translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。</translation>
   </message>
   <message>
     <source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source>
-    <translation type="unfinished"/>
+    <translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation>
   </message>
   <message>
     <source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source>
-    <translation type="unfinished"/>
+    <translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation>
   </message>
   <message>
     <source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source>
-    <translation type="unfinished"/>
+    <translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation>
   </message>
   <message>
     <source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source>
-    <translation type="unfinished"/>
+    <translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation>
   </message>
   <message>
     <source>Coordinate transformations of a session</source>
-    <translation type="unfinished"/>
+    <translation>セッションの座標変換</translation>
   </message>
   <message>
     <source>Create a session file</source>
-    <translation type="unfinished"/>
+    <translation>セッションファイルの作成</translation>
   </message>
   <message>
     <source>Data exchange</source>
-    <translation type="unfinished"/>
+    <translation>データ交換</translation>
   </message>
   <message>
     <source>Date of the first position</source>
@@ -209,19 +197,19 @@
   </message>
   <message>
     <source>Diameter of the discs</source>
-    <translation type="unfinished"/>
+    <translation>円板の直径</translation>
   </message>
   <message>
     <source>Direction of tillage</source>
-    <translation type="unfinished"/>
+    <translation>耕うん方向</translation>
   </message>
   <message>
     <source>Direction of tillage, clockwise from grid north: random roughness is then told without its marks.</source>
-    <translation type="unfinished"/>
+    <translation>耕うん方向（座標北から時計回り）。ランダム粗度から作業機の跡を除きます。</translation>
   </message>
   <message>
     <source>Disc targets</source>
-    <translation type="unfinished"/>
+    <translation>円板標的</translation>
   </message>
   <message>
     <source>Epochs of the reference</source>
@@ -229,7 +217,7 @@
   </message>
   <message>
     <source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source>
-    <translation type="unfinished"/>
+    <translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation>
   </message>
   <message>
     <source>Evaluate a GNSS log</source>
@@ -237,35 +225,35 @@
   </message>
   <message>
     <source>Evaluation (HTML)</source>
-    <translation type="unfinished"/>
+    <translation>評価（HTML）</translation>
   </message>
   <message>
     <source>Every n-th point</source>
-    <translation type="unfinished"/>
+    <translation>n 点ごとに 1 点</translation>
   </message>
   <message>
     <source>Export results</source>
-    <translation type="unfinished"/>
+    <translation>実行結果のエクスポート</translation>
   </message>
   <message>
     <source>Extent</source>
-    <translation type="unfinished"/>
+    <translation>領域</translation>
   </message>
   <message>
     <source>Farm map</source>
-    <translation type="unfinished"/>
+    <translation>農場マップ</translation>
   </message>
   <message>
     <source>Farm map (GeoPackage)</source>
-    <translation type="unfinished"/>
+    <translation>農場マップ（GeoPackage）</translation>
   </message>
   <message>
     <source>Farm map (PostGIS)</source>
-    <translation type="unfinished"/>
+    <translation>農場マップ（PostGIS）</translation>
   </message>
   <message>
     <source>Field, drive and sensors. By default a small field that is tilled for a minute.</source>
-    <translation type="unfinished"/>
+    <translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation>
   </message>
   <message>
     <source>Figures by field (JSON)</source>
@@ -281,7 +269,7 @@
   </message>
   <message>
     <source>Fill gaps up to so far from seen heights, nothing outside.</source>
-    <translation type="unfinished"/>
+    <translation>計測した高さからこの幅までの欠損を補間します。外側は補間しません。</translation>
   </message>
   <message>
     <source>Findings (JSON)</source>
@@ -289,19 +277,15 @@
   </message>
   <message>
     <source>For cloud-optimised GeoTIFFs and surfaces.json.</source>
-    <translation type="unfinished"/>
+    <translation>クラウド最適化 GeoTIFF と surfaces.json を出力します。</translation>
   </message>
   <message>
     <source>For evaluation.json, an HTML page and a table of epochs.</source>
-    <translation type="unfinished"/>
+    <translation>evaluation.json、HTML ページ、エポックの表を出力します。</translation>
   </message>
   <message>
     <source>For recording, session file and ground truth.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>For the dates of sessions, such as Asia/Tokyo. By default by longitude.</source>
-    <translation type="unfinished"/>
+    <translation>記録、セッションファイル、真値を出力します。</translation>
   </message>
   <message>
     <source>Format</source>
@@ -309,47 +293,47 @@
   </message>
   <message>
     <source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source>
-    <translation type="unfinished"/>
+    <translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation>
   </message>
   <message>
     <source>Found in the recordings</source>
-    <translation type="unfinished"/>
+    <translation>記録から分かったこと</translation>
   </message>
   <message>
     <source>Give either '{one}' or '{other}'.</source>
-    <translation type="unfinished"/>
+    <translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation>
   </message>
   <message>
     <source>Ground classification</source>
-    <translation type="unfinished"/>
+    <translation>地面の分類</translation>
   </message>
   <message>
     <source>How ground is told, class 2; all but noise and furrowmap's machine is then class 1. none: classes stay.</source>
-    <translation type="unfinished"/>
+    <translation>地面（クラス 2）の分類方法。ノイズと furrowmap の車両・作業機以外はクラス 1 になります。none：クラスを変更しません。</translation>
   </message>
   <message>
     <source>How ground is told; auto: by the clouds' own classes where they have them, else smrf.</source>
-    <translation type="unfinished"/>
+    <translation>地面の分類方法。auto：点群にクラスがあればそれを、なければ smrf を使います。</translation>
   </message>
   <message>
     <source>How points that are alone are told, and left out.</source>
-    <translation type="unfinished"/>
+    <translation>除外する外れ値の検出方法。</translation>
   </message>
   <message>
     <source>How points that are alone are told; they become noise, class 7.</source>
-    <translation type="unfinished"/>
+    <translation>外れ値の検出方法。外れ値はノイズ（クラス 7）になります。</translation>
   </message>
   <message>
     <source>Inspect recordings</source>
     <translation>記録を調べる</translation>
   </message>
   <message>
-    <source>Instead of the latest session.</source>
-    <translation type="unfinished"/>
+    <source>Interpolate the reference across no longer steps [default: 1.5 of its intervals].</source>
+    <translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation>
   </message>
   <message>
     <source>Known point</source>
-    <translation type="unfinished"/>
+    <translation>既知点</translation>
   </message>
   <message>
     <source>LAS, LAZ or COPC files in one CRS.</source>
@@ -357,7 +341,7 @@
   </message>
   <message>
     <source>LAS, LAZ or COPC files; all go into one raster grid.</source>
-    <translation type="unfinished"/>
+    <translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation>
   </message>
   <message>
     <source>LAS, LAZ, COPC or GeoTIFF.</source>
@@ -365,27 +349,27 @@
   </message>
   <message>
     <source>Layers</source>
-    <translation type="unfinished"/>
+    <translation>レイヤ</translation>
   </message>
   <message>
     <source>Leave noise out, classes 7 and 18 of the clouds as well.</source>
-    <translation type="unfinished"/>
+    <translation>ノイズを除外します。元の点群のクラス 7 と 18 も除外します。</translation>
   </message>
   <message>
     <source>Leave out noise</source>
-    <translation type="unfinished"/>
+    <translation>ノイズを除外</translation>
   </message>
   <message>
     <source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source>
-    <translation type="unfinished"/>
+    <translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation>
   </message>
   <message>
     <source>List the sessions of the farm map</source>
-    <translation type="unfinished"/>
+    <translation>農場マップのセッション一覧</translation>
   </message>
   <message>
     <source>Lists the sessions of a farm map: identifier, date, worked area, name.</source>
-    <translation type="unfinished"/>
+    <translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation>
   </message>
   <message>
     <source>Log to evaluate</source>
@@ -393,15 +377,15 @@
   </message>
   <message>
     <source>Look for discs around the points, by this, for the horizontal error.</source>
-    <translation type="unfinished"/>
+    <translation>水平誤差を求めるために測量点の円板を探す手がかり。</translation>
   </message>
   <message>
     <source>Maximum gap to fill</source>
-    <translation type="unfinished"/>
+    <translation>補間する欠損の最大幅</translation>
   </message>
   <message>
     <source>Maximum interpolation gap</source>
-    <translation type="unfinished"/>
+    <translation>補間する最大間隔</translation>
   </message>
   <message>
     <source>Mean of all sessions</source>
@@ -409,7 +393,7 @@
   </message>
   <message>
     <source>Missing from the recordings</source>
-    <translation type="unfinished"/>
+    <translation>記録にないもの</translation>
   </message>
   <message>
     <source>Mosaic</source>
@@ -417,11 +401,11 @@
   </message>
   <message>
     <source>Mosaic of the farm map's surfaces</source>
-    <translation type="unfinished"/>
+    <translation>農場マップのサーフェスのモザイク</translation>
   </message>
   <message>
     <source>NMEA, or another log that 'Inspect recordings' reads.</source>
-    <translation type="unfinished"/>
+    <translation>NMEA、または「記録を調べる」で読めるログ。</translation>
   </message>
   <message>
     <source>Number of points</source>
@@ -433,11 +417,11 @@
   </message>
   <message>
     <source>Number of sessions left</source>
-    <translation type="unfinished"/>
+    <translation>残りのセッション数</translation>
   </message>
   <message>
     <source>Number of sessions removed</source>
-    <translation type="unfinished"/>
+    <translation>削除したセッション数</translation>
   </message>
   <message>
     <source>Number of surfaces</source>
@@ -445,7 +429,7 @@
   </message>
   <message>
     <source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source>
-    <translation type="unfinished"/>
+    <translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation>
   </message>
   <message>
     <source>On the command line:</source>
@@ -453,71 +437,71 @@
   </message>
   <message>
     <source>One per line: the identifier, the beginning of it, or the name.</source>
-    <translation type="unfinished"/>
+    <translation>1 行に一つ。識別子、その先頭部分、または名前。</translation>
   </message>
   <message>
     <source>One row per point.</source>
-    <translation type="unfinished"/>
+    <translation>1 点につき 1 行。</translation>
   </message>
   <message>
-    <source>Only points within this extent.</source>
-    <translation type="unfinished"/>
+    <source>Only points in this box, in the CRS of the cloud.</source>
+    <translation>この領域内の点だけを使います。</translation>
+  </message>
+  <message>
+    <source>Only points in this box, in the CRS of the surfaces.</source>
+    <translation>この領域内の点だけを使います。</translation>
   </message>
   <message>
     <source>Only the task of that id or name.</source>
-    <translation type="unfinished"/>
+    <translation>この ID または名前の作業だけを処理します。</translation>
   </message>
   <message>
     <source>Open the products as styled layers</source>
-    <translation type="unfinished"/>
+    <translation>成果物をスタイル付きのレイヤとして開く</translation>
   </message>
   <message>
     <source>Otherwise the algorithm stops if the output exists.</source>
-    <translation type="unfinished"/>
-  </message>
-  <message>
-    <source>Otherwise they are transformed.</source>
-    <translation>指定しない場合は座標変換します。</translation>
+    <translation>チェックしない場合、出力先が存在すると停止します。</translation>
   </message>
   <message>
     <source>Outlier detection method</source>
-    <translation type="unfinished"/>
+    <translation>外れ値の検出方法</translation>
   </message>
   <message>
     <source>Output file or folder</source>
-    <translation type="unfinished"/>
+    <translation>出力ファイルまたはフォルダ</translation>
   </message>
   <message>
     <source>Output folder</source>
-    <translation type="unfinished"/>
+    <translation>出力フォルダ</translation>
   </message>
   <message>
     <source>Overwrite existing files</source>
-    <translation type="unfinished"/>
+    <translation>既存のファイルを上書き</translation>
   </message>
   <message>
     <source>Overwrite the products of another session</source>
-    <translation type="unfinished"/>
+    <translation>別のセッションの成果物を上書き</translation>
   </message>
   <message>
     <source>Passes, overlaps and missed strips of all fields.</source>
-    <translation type="unfinished"/>
+    <translation>全圃場の行程、重複、作業残し。</translation>
   </message>
   <message>
     <source>Point cloud or surface</source>
-    <translation type="unfinished"/>
+    <translation>点群またはサーフェス</translation>
   </message>
   <message>
     <source>Point clouds</source>
-    <translation type="unfinished"/>
+    <translation>点群</translation>
   </message>
   <message>
     <source>PostGIS schema</source>
-    <translation type="unfinished"/>
+    <translation>PostGIS スキーマ</translation>
   </message>
   <message>
     <source>Preview only</source>
-    <translation type="unfinished"/>
+    <translation>プレビューのみ</translation>
   </message>
   <message>
     <source>Products of the same session in it are replaced.</source>
@@ -525,7 +509,7 @@
   </message>
   <message>
     <source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source>
-    <translation type="unfinished"/>
+    <translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation>
   </message>
   <message>
     <source>Recordings</source>
@@ -533,47 +517,51 @@
   </message>
   <message>
     <source>Reference log</source>
-    <translation type="unfinished"/>
+    <translation>基準のログ</translation>
   </message>
   <message>
     <source>Refuse sessions in another CRS</source>
-    <translation type="unfinished"/>
+    <translation>CRS の異なるセッションを拒否</translation>
+  </message>
+  <message>
+    <source>Refuse sessions of another CRS instead of transforming them.</source>
+    <translation>CRS の異なるセッションを座標変換せずに拒否します。</translation>
   </message>
   <message>
     <source>Remove sessions from the farm map</source>
-    <translation type="unfinished"/>
+    <translation>農場マップからセッションを削除</translation>
   </message>
   <message>
     <source>Removes sessions from a farm map. The folders of their results are not touched.</source>
-    <translation type="unfinished"/>
+    <translation>農場マップからセッションを削除します。実行結果のフォルダは変更しません。</translation>
   </message>
   <message>
     <source>Replace the products of another session in that folder.</source>
-    <translation type="unfinished"/>
+    <translation>フォルダにある別のセッションの成果物を置き換えます。</translation>
   </message>
   <message>
     <source>Report (HTML)</source>
-    <translation type="unfinished"/>
+    <translation>レポート（HTML）</translation>
   </message>
   <message>
     <source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source>
-    <translation type="unfinished"/>
+    <translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation>
   </message>
   <message>
     <source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source>
-    <translation type="unfinished"/>
+    <translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation>
   </message>
   <message>
     <source>Required horizontal RMSE</source>
-    <translation type="unfinished"/>
+    <translation>要求する水平 RMSE</translation>
   </message>
   <message>
     <source>Required vertical RMSE</source>
-    <translation type="unfinished"/>
+    <translation>要求する鉛直 RMSE</translation>
   </message>
   <message>
     <source>Requirements met</source>
-    <translation type="unfinished"/>
+    <translation>要求を満たす</translation>
   </message>
   <message>
     <source>Results of runs</source>
@@ -588,16 +576,20 @@
     <translation>シナリオ</translation>
   </message>
   <message>
-    <source>Schema of the tables in the database.</source>
-    <translation type="unfinished"/>
+    <source>Schema of the tables, in PostGIS.</source>
+    <translation>PostGIS でテーブルを置くスキーマ。</translation>
   </message>
   <message>
     <source>Session file</source>
     <translation>セッションファイル</translation>
   </message>
   <message>
+    <source>Session file to write [default: session.toml beside them].</source>
+    <translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation>
+  </message>
+  <message>
     <source>Session file written</source>
-    <translation type="unfinished"/>
+    <translation>セッションファイルに書き込み済み</translation>
   </message>
   <message>
     <source>Sessions</source>
@@ -609,7 +601,11 @@
   </message>
   <message>
     <source>Side of a cell [default: the least round one with four points in it].</source>
-    <translation type="unfinished"/>
+    <translation>セルの一辺。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation>
+  </message>
+  <message>
+    <source>Side of a cell.</source>
+    <translation>セルの一辺。</translation>
   </message>
   <message>
     <source>Simulate a recording</source>
@@ -617,7 +613,7 @@
   </message>
   <message>
     <source>Standard deviation of the survey</source>
-    <translation type="unfinished"/>
+    <translation>測量の標準偏差</translation>
   </message>
   <message>
     <source>Surface</source>
@@ -625,11 +621,11 @@
   </message>
   <message>
     <source>Surfaces and point clouds</source>
-    <translation type="unfinished"/>
+    <translation>サーフェスと点群</translation>
   </message>
   <message>
     <source>Surfaces from point clouds</source>
-    <translation type="unfinished"/>
+    <translation>点群からサーフェスを作成</translation>
   </message>
   <message>
     <source>Surveyed points</source>
@@ -641,47 +637,55 @@
   </message>
   <message>
     <source>Table of errors</source>
-    <translation type="unfinished"/>
+    <translation>誤差の表</translation>
   </message>
   <message>
     <source>Take one point of each cube of this side, the one nearest to its middle.</source>
-    <translation type="unfinished"/>
+    <translation>この辺長の立方体ごとに、中心に最も近い 1 点を残します。</translation>
   </message>
   <message>
     <source>Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection of the implement. The products of a run are not replaced.</source>
-    <translation type="unfinished"/>
+    <translation>数秒で、軌跡と、少数のスキャンによる粗いサーフェスを作成します。スキャンマッチングと作業機の検出は行いません。本処理の成果物は置き換えません。</translation>
   </message>
   <message>
     <source>Task</source>
-    <translation type="unfinished"/>
+    <translation>作業</translation>
   </message>
   <message>
     <source>Task data</source>
     <translation>作業データ</translation>
   </message>
   <message>
+    <source>Tells the days, such as Asia/Tokyo [default: by the longitude].</source>
+    <translation>セッションの日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation>
+  </message>
+  <message>
     <source>The CRS of the cloud, in metres [default: that of the clouds].</source>
-    <translation type="unfinished"/>
+    <translation>点群の CRS（メートル単位）。省略時は入力の点群の CRS。</translation>
   </message>
   <message>
     <source>The CRS of the points, and of a cloud, where their files state none [default: the product's].</source>
-    <translation type="unfinished"/>
+    <translation>ファイルに CRS がない場合の測量点と点群の CRS。省略時は検証する成果物の CRS。</translation>
   </message>
   <message>
     <source>The CRS of the surfaces, in metres [default: that of the clouds].</source>
-    <translation type="unfinished"/>
+    <translation>サーフェスの CRS（メートル単位）。省略時は点群の CRS。</translation>
   </message>
   <message>
     <source>The farm's GeoPackage.</source>
     <translation>農場の GeoPackage。</translation>
   </message>
   <message>
+    <source>The mean of all sessions instead of the latest session's cells.</source>
+    <translation>最新のセッションではなく全セッションの平均を使います。</translation>
+  </message>
+  <message>
     <source>The output MET says whether it is met.</source>
-    <translation type="unfinished"/>
+    <translation>満たすかどうかは出力 MET に示されます。</translation>
   </message>
   <message>
     <source>The report.json of each run; it stands for the folder of the run.</source>
-    <translation type="unfinished"/>
+    <translation>各実行の report.json。そのフォルダを表します。</translation>
   </message>
   <message>
     <source>The session.toml beside the recording.</source>
@@ -689,39 +693,39 @@
   </message>
   <message>
     <source>The session.toml beside the recording; 'Create a session file' writes one.</source>
-    <translation type="unfinished"/>
+    <translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation>
   </message>
   <message>
     <source>The survey's own standard deviation on each axis.</source>
-    <translation type="unfinished"/>
+    <translation>測量自体の標準偏差（各軸）。</translation>
   </message>
   <message>
     <source>Time zone</source>
     <translation>タイムゾーン</translation>
   </message>
   <message>
-    <source>UTC, as YYYY-MM-DD; for logs without dates.</source>
-    <translation type="unfinished"/>
+    <source>UTC date of the first position, for logs without dates.</source>
+    <translation>最初の測位の UTC 日付。日付のないログに使います。</translation>
   </message>
   <message>
     <source>Used for point clouds whose header has no CRS. Others keep their own.</source>
-    <translation type="unfinished"/>
+    <translation>ヘッダに CRS のない点群に使います。CRS のある点群はその CRS のままです。</translation>
   </message>
   <message>
     <source>Used only with disc targets.</source>
-    <translation type="unfinished"/>
+    <translation>円板標的を使う場合のみ有効です。</translation>
   </message>
   <message>
     <source>Values above 1 give a quick look.</source>
-    <translation type="unfinished"/>
+    <translation>2 以上にすると概略をすばやく確認できます。</translation>
   </message>
   <message>
     <source>Voxel size</source>
-    <translation type="unfinished"/>
+    <translation>ボクセルサイズ</translation>
   </message>
   <message>
     <source>What stands for the points of a cell: median, trimmed, mean, min, max, or a percentile such as p90.</source>
-    <translation type="unfinished"/>
+    <translation>セル内の点の代表値：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation>
   </message>
   <message>
     <source>Worked ground</source>
@@ -733,54 +737,54 @@
   </message>
   <message>
     <source>Working width</source>
-    <translation type="unfinished"/>
+    <translation>作業幅</translation>
   </message>
   <message>
     <source>Working width [default: the widest that the logs show].</source>
-    <translation type="unfinished"/>
+    <translation>作業幅。省略時はログにある最大の幅。</translation>
   </message>
   <message>
     <source>Write the results into the session file</source>
-    <translation type="unfinished"/>
+    <translation>結果をセッションファイルに書き込む</translation>
   </message>
   <message>
     <source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source>
-    <translation type="unfinished"/>
+    <translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation>
   </message>
   <message>
     <source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source>
-    <translation type="unfinished"/>
+    <translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation>
   </message>
   <message>
     <source>dsm: after the work; dsm_before: before it; change: the difference.</source>
-    <translation type="unfinished"/>
+    <translation>dsm：作業後、dsm_before：作業前、change：その差。</translation>
   </message>
   <message>
     <source>fixed: leave out epochs at which the reference has no RTK fix.</source>
-    <translation type="unfinished"/>
+    <translation>fixed：基準が RTK の FIX 解でないエポックを除外します。</translation>
   </message>
   <message>
     <source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source>
-    <translation type="unfinished"/>
+    <translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation>
   </message>
   <message>
     <source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source>
-    <translation type="unfinished"/>
+    <translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation>
   </message>
   <message>
-    <source>{parameter}: '{text}' is not a list of {count} numbers separated by commas.</source>
-    <translation type="unfinished"/>
+    <source>{parameter}: '{text}' has the wrong format. {help}</source>
+    <translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation>
   </message>
   <message>
     <source>{parameter}: {path} does not exist.</source>
-    <translation type="unfinished"/>
+    <translation>{parameter}：{path} が存在しません。</translation>
   </message>
 </context>
 <context>
   <name>BaseMap</name>
   <message>
-    <source>'{own}' is no base map: give a URL with {{z}}, {{x}} and {{y}}, one with {{TileMatrix}}, {{TileRow}} and {{TileCol}}, or an MBTiles file.</source>
-    <translation>「{own}」はベースマップとして使えません。{{z}}、{{x}}、{{y}} を含む URL、{{TileMatrix}}、{{TileRow}}、{{TileCol}} を含む URL、または MBTiles ファイルを指定してください。</translation>
+    <source>'{own}' is not a base map. Give a URL with {{z}}, {{x}} and {{y}}, or with {{TileMatrix}}, {{TileRow}} and {{TileCol}}, or an MBTiles file.</source>
+    <translation>「{own}」はベースマップではありません。{{z}}、{{x}}、{{y}} または {{TileMatrix}}、{{TileRow}}、{{TileCol}} を含む URL、あるいは MBTiles ファイルを指定してください。</translation>
   </message>
   <message>
     <source>GSI aerial photo</source>
@@ -818,8 +822,8 @@
     <translation>なし（オフライン）</translation>
   </message>
   <message>
-    <source>own tiles or file…</source>
-    <translation>独自のタイルまたはファイル…</translation>
+    <source>other tiles or file…</source>
+    <translation>その他のタイルまたはファイル…</translation>
   </message>
 </context>
 <context>
@@ -848,22 +852,6 @@
 <context>
   <name>Figures</name>
   <message>
-    <source>Accuracy across the ground</source>
-    <translation>水平の精度</translation>
-  </message>
-  <message>
-    <source>Accuracy of heading</source>
-    <translation>方位の精度</translation>
-  </message>
-  <message>
-    <source>Accuracy of heights</source>
-    <translation>高さの精度</translation>
-  </message>
-  <message>
-    <source>Begun</source>
-    <translation>開始</translation>
-  </message>
-  <message>
     <source>CRS</source>
     <translation>CRS</translation>
   </message>
@@ -872,82 +860,106 @@
     <translation>所要時間</translation>
   </message>
   <message>
+    <source>Heading accuracy</source>
+    <translation>方位角の精度</translation>
+  </message>
+  <message>
+    <source>Horizontal accuracy</source>
+    <translation>水平精度</translation>
+  </message>
+  <message>
     <source>Missed</source>
     <translation>作業残し</translation>
+  </message>
+  <message>
+    <source>Overlap</source>
+    <translation>重複</translation>
   </message>
   <message>
     <source>Passes</source>
     <translation>行程</translation>
   </message>
   <message>
+    <source>Path length</source>
+    <translation>走行距離</translation>
+  </message>
+  <message>
     <source>Points</source>
     <translation>点数</translation>
   </message>
   <message>
-    <source>Way driven</source>
-    <translation>走行距離</translation>
+    <source>Start</source>
+    <translation>開始</translation>
+  </message>
+  <message>
+    <source>Vertical accuracy</source>
+    <translation>鉛直精度</translation>
   </message>
   <message>
     <source>Worked</source>
     <translation>作業面積</translation>
   </message>
-  <message>
-    <source>Worked twice</source>
-    <translation>重複作業</translation>
-  </message>
 </context>
 <context>
   <name>Findings</name>
   <message>
-    <source>CRS: no recording tells where it was made.</source>
-    <translation>CRS：どの記録からも場所が分かりません。</translation>
+    <source>CRS: the recordings contain no position.</source>
+    <translation>CRS：記録に位置がありません。</translation>
   </message>
   <message>
-    <source>Found out</source>
-    <translation>分かったこと</translation>
+    <source>Found in the recordings</source>
+    <translation>記録から分かったこと</translation>
   </message>
   <message>
-    <source>GNSS antenna: where it is. Until then it counts as on the ground below the rear axle.</source>
-    <translation>GNSS アンテナ：取付位置。記入するまでは、後車軸の真下の地面にあるものとして扱います。</translation>
+    <source>GNSS antenna: position. Until then it is assumed on the ground below the rear axle.</source>
+    <translation>GNSS アンテナ：位置。入力するまでは後車軸の真下の地面にあるとみなします。</translation>
   </message>
   <message>
-    <source>Scanner: where it is and how it is turned. Until then there is no surface worth the name.</source>
-    <translation>スキャナ：取付位置と向き。記入するまでは、意味のある地表面は得られません。</translation>
+    <source>Implement: width and position. Until then no worked ground is computed.</source>
+    <translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation>
   </message>
   <message>
-    <source>The receiver's log: drop it together with the scanner's recording.</source>
-    <translation>受信機のログ：スキャナの記録と一緒にドロップしてください。</translation>
+    <source>Missing</source>
+    <translation>不足している項目</translation>
   </message>
   <message>
-    <source>The scanner's recording: drop it together with the receiver's log.</source>
-    <translation>スキャナの記録：受信機のログと一緒にドロップしてください。</translation>
+    <source>Scanner: position and orientation. Until then the surfaces are not usable.</source>
+    <translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation>
   </message>
   <message>
-    <source>To be filled in</source>
-    <translation>記入が必要な項目</translation>
+    <source>The receiver's log. Drop it together with the scanner's recording.</source>
+    <translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation>
   </message>
   <message>
-    <source>Tool: how wide it is and where. Until then no ground worked is computed.</source>
-    <translation>作業機：幅と位置。記入するまでは、作業済みの地面は計算されません。</translation>
+    <source>The scanner's recording. Drop it together with the receiver's log.</source>
+    <translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation>
   </message>
 </context>
 <context>
   <name>FurrowmapDock</name>
   <message>
+    <source>A task is running. Wait for its end, or cancel it.</source>
+    <translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation>
+  </message>
+  <message>
     <source>Add the session to the map first.</source>
     <translation>先にセッションを地図に追加してください。</translation>
   </message>
   <message>
-    <source>Line {number} of {name} is more than this form edits, so the session was taken as it is.</source>
-    <translation>{name} の {number} 行目はこのフォームでは編集できないため、セッションをそのまま使いました。</translation>
+    <source>Cancelled; no partial files are left.</source>
+    <translation>キャンセルしました。書きかけのファイルは残っていません。</translation>
+  </message>
+  <message>
+    <source>Inspecting the recordings</source>
+    <translation>記録を調べています</translation>
   </message>
   <message>
     <source>Log</source>
     <translation>ログ</translation>
   </message>
   <message>
-    <source>Looking at the recordings</source>
-    <translation>記録を調べています</translation>
+    <source>Opened the existing session of these recordings.</source>
+    <translation>この記録の既存のセッションを開きました。</translation>
   </message>
   <message>
     <source>Running {name}</source>
@@ -958,31 +970,23 @@
     <translation>{path} を保存しました</translation>
   </message>
   <message>
-    <source>Stopped; nothing half-written is left.</source>
-    <translation>止めました。書きかけのものは残っていません。</translation>
+    <source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source>
+    <translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation>
   </message>
   <message>
-    <source>The run failed; the log tells more.</source>
-    <translation>実行に失敗しました。詳しくはログをご覧ください。</translation>
+    <source>The form cannot edit line {number} of {name}. The session is run as it is.</source>
+    <translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation>
   </message>
   <message>
-    <source>The work before is being stopped; try again in a moment.</source>
-    <translation>前の処理を止めています。少し待ってからやり直してください。</translation>
+    <source>The previous task is being cancelled; try again in a moment.</source>
+    <translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation>
   </message>
   <message>
-    <source>These recordings have a session already: here it is.</source>
-    <translation>この記録にはすでにセッションがあります。それを開きました。</translation>
+    <source>The run failed; see the log.</source>
+    <translation>実行に失敗しました。ログを確認してください。</translation>
   </message>
   <message>
-    <source>To compute, furrowmap's worker has to be set up first; results can be opened without it.</source>
-    <translation>計算するには、まず furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation>
-  </message>
-  <message>
-    <source>Work is under way. Wait for its end, or cancel it first.</source>
-    <translation>処理中です。終わるのを待つか、先に取り消してください。</translation>
-  </message>
-  <message>
-    <source>furrowmap: looking at recordings</source>
+    <source>furrowmap: inspecting recordings</source>
     <translation>furrowmap：記録を調べています</translation>
   </message>
   <message>
@@ -990,8 +994,8 @@
     <translation>{path} を読めません：{reason}。</translation>
   </message>
   <message>
-    <source>{path} is not there.</source>
-    <translation>{path} がありません。</translation>
+    <source>{path} does not exist.</source>
+    <translation>{path} が存在しません。</translation>
   </message>
 </context>
 <context>
@@ -1002,30 +1006,101 @@
   </message>
 </context>
 <context>
+  <name>Installer</name>
+  <message>
+    <source>Check the network, or install from a folder of wheels.</source>
+    <translation>ネットワークを確認するか、wheel のフォルダからインストールしてください。</translation>
+  </message>
+  <message>
+    <source>Choose a wheel of furrowmap, its source checkout, or a folder of wheels with the plugin's version.</source>
+    <translation>furrowmap の wheel、ソースのチェックアウト、またはプラグインと同じバージョンを含む wheel のフォルダを選択してください。</translation>
+  </message>
+  <message>
+    <source>Download the wheels with the same version of Python on the same kind of computer.</source>
+    <translation>同じ種類のコンピュータと同じバージョンの Python で wheel をダウンロードしてください。</translation>
+  </message>
+  <message>
+    <source>Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again.</source>
+    <translation>python.org から Python をインストールし（Debian と Ubuntu では python3-venv パッケージ）、やり直してください。</translation>
+  </message>
+  <message>
+    <source>Installing failed: {reason}</source>
+    <translation>インストールに失敗しました：{reason}</translation>
+  </message>
+  <message>
+    <source>No Python {oldest} to {newest} with venv was found.</source>
+    <translation>venv を備えた Python {oldest}～{newest} が見つかりません。</translation>
+  </message>
+  <message>
+    <source>The checksum of {package} differs from the plugin's list.</source>
+    <translation>{package} のチェックサムがプラグインのリストと一致しません。</translation>
+  </message>
+  <message>
+    <source>The environment was not created; an existing one is unchanged.</source>
+    <translation>環境は作成されませんでした。既存の環境は変更されていません。</translation>
+  </message>
+  <message>
+    <source>The file is damaged or not the original. Download the wheels again, or use another source.</source>
+    <translation>ファイルが壊れているか、元のものではありません。wheel をダウンロードし直すか、別の入手元を使ってください。</translation>
+  </message>
+  <message>
+    <source>The log above has the details.</source>
+    <translation>詳細は上のログにあります。</translation>
+  </message>
+  <message>
+    <source>The package index cannot be reached.</source>
+    <translation>パッケージインデックスに接続できません。</translation>
+  </message>
+  <message>
+    <source>There is no wheel of {package} for this computer and this Python.</source>
+    <translation>このコンピュータと Python に対応する {package} の wheel がありません。</translation>
+  </message>
+  <message>
+    <source>{folder} has no wheel of {package} for this Python.</source>
+    <translation>{folder} に、この Python に対応する {package} の wheel がありません。</translation>
+  </message>
+  <message>
+    <source>{program} is not furrowmap.</source>
+    <translation>{program} は furrowmap ではありません。</translation>
+  </message>
+  <message>
+    <source>{source} has no furrowmap {version}.</source>
+    <translation>{source} に furrowmap {version} がありません。</translation>
+  </message>
+</context>
+<context>
   <name>Interpreter</name>
   <message>
     <source>Chosen below.</source>
     <translation>下で選ばれたものです。</translation>
   </message>
   <message>
-    <source>Found on the search path for programs.</source>
-    <translation>プログラムの検索パスで見つかりました。</translation>
+    <source>Created by this plugin.</source>
+    <translation>このプラグインが作成しました。</translation>
   </message>
   <message>
-    <source>It installed this plugin by 'furrowmap qgis install'.</source>
-    <translation>'furrowmap qgis install' でこのプラグインを入れたものです。</translation>
+    <source>Found on the PATH.</source>
+    <translation>PATH で見つかりました。</translation>
   </message>
   <message>
-    <source>None was found. Results of others can be opened; to compute your own, choose or make one.</source>
-    <translation>見つかりません。ほかの人の結果は開けます。自分で計算するには、選ぶか作ってください。</translation>
+    <source>It installed this plugin with 'furrowmap qgis install'.</source>
+    <translation>'furrowmap qgis install' でこのプラグインをインストールしたものです。</translation>
   </message>
   <message>
-    <source>This plugin made it.</source>
-    <translation>このプラグインが作りました。</translation>
+    <source>None found. Existing results can be opened; to run sessions, choose or create one.</source>
+    <translation>見つかりません。既存の結果は開けます。セッションを実行するには、選択または作成してください。</translation>
   </message>
 </context>
 <context>
   <name>Legends</name>
+  <message>
+    <source>Height change (m)</source>
+    <translation>高さの変化（m）</translation>
+  </message>
+  <message>
+    <source>Height difference of swaths (m)</source>
+    <translation>スワス間の高さの差（m）</translation>
+  </message>
   <message>
     <source>PPP</source>
     <translation>PPP</translation>
@@ -1039,20 +1114,12 @@
     <translation>RTK FLOAT</translation>
   </message>
   <message>
-    <source>Relief as left at the end</source>
+    <source>Relief after the work</source>
     <translation>作業後の起伏</translation>
   </message>
   <message>
     <source>Relief before the work</source>
     <translation>作業前の起伏</translation>
-  </message>
-  <message>
-    <source>Soil sunk or risen (m)</source>
-    <translation>土の沈下・隆起（m）</translation>
-  </message>
-  <message>
-    <source>Swaths apart in height (m)</source>
-    <translation>走査帯どうしの高さの差（m）</translation>
   </message>
   <message>
     <source>body of the field</source>
@@ -1124,129 +1191,98 @@
   </message>
 </context>
 <context>
-  <name>Making</name>
-  <message>
-    <source>Check the network, or install from a folder of wheels. The log above tells more.</source>
-    <translation>ネットワークを確かめるか、wheel のフォルダから入れてください。詳しくは上のログにあります。</translation>
-  </message>
-  <message>
-    <source>Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again.</source>
-    <translation>python.org から Python を入れてください（Debian、Ubuntu では python3-venv パッケージ）。そのあとやり直してください。</translation>
-  </message>
-  <message>
-    <source>Nothing half-made is left; an environment that was there is as it was.</source>
-    <translation>作りかけのものは残っていません。以前の環境があれば元のままです。</translation>
-  </message>
-  <message>
-    <source>The environment could not be made: {reason}</source>
-    <translation>環境を作れませんでした：{reason}</translation>
-  </message>
-  <message>
-    <source>The folder of wheels has to hold furrowmap {version} and all that it needs.</source>
-    <translation>wheel のフォルダには furrowmap {version} と、それに必要なものすべてが要ります。</translation>
-  </message>
-  <message>
-    <source>There is no Python {version} or newer that can make environments.</source>
-    <translation>環境を作れる Python {version} 以降がありません。</translation>
-  </message>
-  <message>
-    <source>furrowmap's worker needs one of its own, beside QGIS.</source>
-    <translation>furrowmap のワーカーには、QGIS とは別の Python が要ります。</translation>
-  </message>
-  <message>
-    <source>{program} is not furrowmap.</source>
-    <translation>{program} は furrowmap ではありません。</translation>
-  </message>
-</context>
-<context>
   <name>Options</name>
   <message>
-    <source>A Python environment for furrowmap will be made in {folder}. QGIS's own Python stays as it is. Go on?</source>
-    <translation>furrowmap 用の Python 環境を {folder} に作ります。QGIS 自身の Python は変わりません。続けますか？</translation>
-  </message>
-  <message>
-    <source>An environment of its own</source>
-    <translation>専用の環境</translation>
-  </message>
-  <message>
-    <source>Another one (a Python interpreter with furrowmap, or the command itself):</source>
+    <source>Another one (a Python interpreter with furrowmap, or the furrowmap command):</source>
     <translation>別のもの（furrowmap の入った Python インタプリタ、または furrowmap コマンド）：</translation>
   </message>
   <message>
-    <source>Check</source>
-    <translation>確認</translation>
+    <source>Cancel</source>
+    <translation>キャンセル</translation>
   </message>
   <message>
-    <source>Checking furrowmap</source>
-    <translation>furrowmap を確認しています</translation>
+    <source>Cancelled; nothing was changed.</source>
+    <translation>キャンセルしました。何も変更していません。</translation>
   </message>
   <message>
-    <source>Choose the folder that holds the wheels.</source>
-    <translation>wheel のあるフォルダを選んでください。</translation>
+    <source>Choose where furrowmap is to be installed from.</source>
+    <translation>furrowmap のインストール元を選択してください。</translation>
   </message>
   <message>
-    <source>Found by itself</source>
-    <translation>自動で探す</translation>
+    <source>Create a Python environment for furrowmap in {folder}? It takes 920 MB. QGIS's Python is not changed.</source>
+    <translation>furrowmap 用の Python 環境を {folder} に作成しますか？920 MB を使用します。QGIS の Python は変更しません。</translation>
   </message>
   <message>
-    <source>From a folder of wheels (no network; 920 MB on the disk)</source>
-    <translation>wheel のフォルダから（ネットワーク不要、ディスク：920 MB）</translation>
+    <source>Create environment…</source>
+    <translation>環境を作成…</translation>
   </message>
   <message>
-    <source>From the package index (network: about 240 MB; 920 MB on the disk)</source>
-    <translation>パッケージインデックスから（ネットワーク：約 240 MB、ディスク：920 MB）</translation>
+    <source>Created in {folder}</source>
+    <translation>作成済み：{folder}</translation>
   </message>
   <message>
-    <source>It is there: {folder}</source>
-    <translation>あります：{folder}</translation>
+    <source>Creating furrowmap's environment</source>
+    <translation>furrowmap の環境を作成しています</translation>
+  </message>
+  <message>
+    <source>Delete</source>
+    <translation>削除</translation>
+  </message>
+  <message>
+    <source>Deleting furrowmap's environment</source>
+    <translation>furrowmap の環境を削除しています</translation>
+  </message>
+  <message>
+    <source>Environment of the plugin</source>
+    <translation>プラグインの環境</translation>
+  </message>
+  <message>
+    <source>Found automatically</source>
+    <translation>自動検出</translation>
+  </message>
+  <message>
+    <source>From a folder with the wheels of furrowmap and its dependencies (offline)</source>
+    <translation>furrowmap と依存パッケージの wheel のフォルダから（オフライン）</translation>
+  </message>
+  <message>
+    <source>From a wheel or source checkout; dependencies from the package index (240 MB to download)</source>
+    <translation>wheel またはソースのチェックアウトから。依存パッケージはパッケージインデックスから（ダウンロード 240 MB）</translation>
   </message>
   <message>
     <source>It works: {program}</source>
     <translation>動作します：{program}</translation>
   </message>
   <message>
-    <source>Make environment…</source>
-    <translation>環境を作る…</translation>
-  </message>
-  <message>
-    <source>Making furrowmap's environment</source>
-    <translation>furrowmap の環境を作っています</translation>
-  </message>
-  <message>
     <source>None</source>
     <translation>なし</translation>
   </message>
   <message>
-    <source>Not made yet. It would get: {folder}</source>
-    <translation>まだありません。作る場所：{folder}</translation>
+    <source>Not created. Folder: {folder}</source>
+    <translation>未作成。作成先：{folder}</translation>
   </message>
   <message>
-    <source>Remove it</source>
-    <translation>削除</translation>
+    <source>Test</source>
+    <translation>テスト</translation>
   </message>
   <message>
-    <source>Removing furrowmap's environment</source>
-    <translation>furrowmap の環境を削除しています</translation>
-  </message>
-  <message>
-    <source>Stop</source>
-    <translation>中止</translation>
-  </message>
-  <message>
-    <source>Stopped; nothing is left of it.</source>
-    <translation>中止しました。何も残っていません。</translation>
+    <source>Testing furrowmap</source>
+    <translation>furrowmap をテストしています</translation>
   </message>
   <message>
     <source>The environment is ready: furrowmap {version}.</source>
     <translation>環境の準備ができました：furrowmap {version}。</translation>
   </message>
   <message>
-    <source>The environment was removed.</source>
+    <source>The environment was deleted.</source>
     <translation>環境を削除しました。</translation>
   </message>
   <message>
-    <source>furrowmap that does the work</source>
-    <translation>計算を行う furrowmap</translation>
+    <source>Wheel or checkout (furrowmap-*.whl pyproject.toml)</source>
+    <translation>wheel またはチェックアウト (furrowmap-*.whl pyproject.toml)</translation>
+  </message>
+  <message>
+    <source>furrowmap in use</source>
+    <translation>使用する furrowmap</translation>
   </message>
 </context>
 <context>
@@ -1275,12 +1311,12 @@
     <translation>プレビュー：{stage}…</translation>
   </message>
   <message>
-    <source>starting</source>
-    <translation>開始しています</translation>
+    <source>see the log.</source>
+    <translation>ログを確認してください。</translation>
   </message>
   <message>
-    <source>the log tells why.</source>
-    <translation>理由はログをご覧ください。</translation>
+    <source>starting</source>
+    <translation>開始しています</translation>
   </message>
 </context>
 <context>
@@ -1291,34 +1327,34 @@
   </message>
   <message>
     <source>coarse surface</source>
-    <translation>粗い地表面</translation>
+    <translation>粗いサーフェス</translation>
   </message>
   <message>
-    <source>track</source>
+    <source>trajectory</source>
     <translation>軌跡</translation>
   </message>
   <message>
-    <source>{distance:,.0f} m driven in {time:,.0f} s</source>
-    <translation>走行 {distance:,.0f} m、{time:,.0f} 秒</translation>
+    <source>{distance:,.0f} m in {time:,.0f} s</source>
+    <translation>{distance:,.0f} m、{time:,.0f} 秒</translation>
   </message>
   <message>
-    <source>{share:.0%} of the positions fixed</source>
-    <translation>測位の {share:.0%} がFIX解</translation>
+    <source>{share:.0%} RTK fixed</source>
+    <translation>RTK FIX {share:.0%}</translation>
   </message>
 </context>
 <context>
   <name>ResultPage</name>
   <message>
-    <source>A page with map, legend and figures, and a page for each pass</source>
-    <translation>地図、凡例、集計のページと、行程ごとのページ</translation>
+    <source>A layout with map, legend and figures, and a page per pass</source>
+    <translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation>
   </message>
   <message>
     <source>Add to map</source>
     <translation>地図に追加</translation>
   </message>
   <message>
-    <source>Back to the beginning</source>
-    <translation>最初に戻る</translation>
+    <source>Back to the start page</source>
+    <translation>開始ページに戻る</translation>
   </message>
   <message>
     <source>Open folder</source>
@@ -1329,8 +1365,16 @@
     <translation>レポートを開く</translation>
   </message>
   <message>
-    <source>Open the products, styled, in a group of their own</source>
-    <translation>成果物をスタイル付きで専用のグループに開く</translation>
+    <source>Open the HTML report in the browser</source>
+    <translation>HTML レポートをブラウザで開く</translation>
+  </message>
+  <message>
+    <source>Open the folder of the products</source>
+    <translation>成果物のフォルダを開く</translation>
+  </message>
+  <message>
+    <source>Open the products as styled layers in a group</source>
+    <translation>成果物をスタイル付きのレイヤとしてグループに開く</translation>
   </message>
   <message>
     <source>Other session</source>
@@ -1349,57 +1393,53 @@
     <translation>再生</translation>
   </message>
   <message>
-    <source>The page to read and to print, in the browser</source>
-    <translation>ブラウザで読んで印刷できるページ</translation>
+    <source>This folder has no report, so the accuracy is unknown.</source>
+    <translation>このフォルダにはレポートがないため、精度は不明です。</translation>
   </message>
   <message>
-    <source>There is no report in this folder, so nothing is known of its accuracy.</source>
-    <translation>このフォルダにはレポートがないため、精度は分かりません。</translation>
-  </message>
-  <message>
-    <source>To be aware of</source>
-    <translation>注意点</translation>
-  </message>
-  <message>
-    <source>Where the products lie</source>
-    <translation>成果物の場所</translation>
+    <source>Warnings</source>
+    <translation>警告</translation>
   </message>
 </context>
 <context>
   <name>Results</name>
   <message>
-    <source>No {products} that QGIS can open in {folder}. Choose the folder of a run.</source>
-    <translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選んでください。</translation>
+    <source>{folder} has no {products} that QGIS can open. Choose the folder of a run.</source>
+    <translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選択してください。</translation>
   </message>
 </context>
 <context>
   <name>RunPage</name>
   <message>
     <source>Cancel</source>
-    <translation>取り消し</translation>
+    <translation>キャンセル</translation>
   </message>
   <message>
-    <source>Stopping…</source>
-    <translation>止めています…</translation>
+    <source>Cancelling…</source>
+    <translation>キャンセルしています…</translation>
   </message>
   <message>
-    <source>{time} since the beginning</source>
-    <translation>開始から {time}</translation>
+    <source>Elapsed: {time}</source>
+    <translation>経過時間：{time}</translation>
   </message>
 </context>
 <context>
   <name>SessionLayout</name>
   <message>
-    <source>Change of the surface</source>
-    <translation>地表面の変化</translation>
-  </message>
-  <message>
     <source>Events</source>
     <translation>イベント</translation>
   </message>
   <message>
+    <source>Height change</source>
+    <translation>高さの変化</translation>
+  </message>
+  <message>
     <source>Missed</source>
     <translation>作業残し</translation>
+  </message>
+  <message>
+    <source>Overlap</source>
+    <translation>重複</translation>
   </message>
   <message>
     <source>Passes</source>
@@ -1414,16 +1454,12 @@
     <translation>作業した範囲</translation>
   </message>
   <message>
-    <source>Worked twice</source>
-    <translation>重複作業</translation>
-  </message>
-  <message>
     <source>pass</source>
     <translation>行程</translation>
   </message>
   <message>
-    <source>{path} could not be written.</source>
-    <translation>{path} に書き込めませんでした。</translation>
+    <source>{path} cannot be written.</source>
+    <translation>{path} に書き込めません。</translation>
   </message>
   <message>
     <source>▲ north</source>
@@ -1433,8 +1469,12 @@
 <context>
   <name>SessionPage</name>
   <message>
-    <source>A recording is missing: drop the scanner's recording and the receiver's log together, from one folder.</source>
-    <translation>記録が足りません。スキャナの記録と受信機のログを、1 つのフォルダから一緒にドロップしてください。</translation>
+    <source>A projected CRS in metres, for computation and output.</source>
+    <translation>計算と出力に使う、メートル単位の投影 CRS。</translation>
+  </message>
+  <message>
+    <source>A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder.</source>
+    <translation>記録が不足しています。スキャナの記録と受信機のログを、同じフォルダから一緒にドロップしてください。</translation>
   </message>
   <message>
     <source>Back</source>
@@ -1457,16 +1497,20 @@
     <translation>深さ</translation>
   </message>
   <message>
+    <source>Enter the width of the implement, or uncheck 'Implement'.</source>
+    <translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation>
+  </message>
+  <message>
     <source>Field</source>
     <translation>圃場</translation>
   </message>
   <message>
-    <source>From the ground below the middle of the rear axle to the antenna's phase centre: forward, to the left, up. A tape measure's centimetre is good enough. Unchecked: the antenna counts as there.</source>
-    <translation>後車軸中央の真下の地面から、アンテナの位相中心まで：前、左、上の順。巻尺で 1 cm まで測れば十分です。チェックを外すと、アンテナがその位置にあるとみなします。</translation>
-  </message>
-  <message>
     <source>GNSS antenna</source>
     <translation>GNSS アンテナ</translation>
+  </message>
+  <message>
+    <source>Implement</source>
+    <translation>作業機</translation>
   </message>
   <message>
     <source>Kind</source>
@@ -1477,12 +1521,20 @@
     <translation>名前</translation>
   </message>
   <message>
-    <source>Optional: the parcel's outline in the session's folder, to find what was missed.</source>
-    <translation>任意：セッションのフォルダにある区画の外形。作業残しを調べるのに使います。</translation>
+    <source>Optional: a polygon in the session's folder, to find missed ground.</source>
+    <translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation>
+  </message>
+  <message>
+    <source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0.</source>
+    <translation>後車軸中央の真下の地面から見たアンテナの位相中心：前、左、上の順。精度は 1 cm で十分です。チェックを外すと 0, 0, 0 とします。</translation>
   </message>
   <message>
     <source>Polygons (*.geojson *.gpkg *.shp *.kml)</source>
     <translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation>
+  </message>
+  <message>
+    <source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source>
+    <translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation>
   </message>
   <message>
     <source>Preview</source>
@@ -1501,10 +1553,6 @@
     <translation>保存して実行</translation>
   </message>
   <message>
-    <source>Say how wide the tool is, or uncheck 'Tool'.</source>
-    <translation>作業機の幅を入れるか、「作業機」のチェックを外してください。</translation>
-  </message>
-  <message>
     <source>Scanner</source>
     <translation>スキャナ</translation>
   </message>
@@ -1513,24 +1561,12 @@
     <translation>セッション</translation>
   </message>
   <message>
-    <source>The map's projected CRS in metres, in which everything is computed and written.</source>
-    <translation>地図の投影 CRS（メートル単位）。計算も書き出しもこの座標系で行います。</translation>
-  </message>
-  <message>
-    <source>Tool</source>
-    <translation>作業機</translation>
-  </message>
-  <message>
-    <source>Where the scanner is, and how it is turned from lying level with its cable to the back. Scanning backwards and tilted down is about 0, 40, 180. The run refines the angles; within 2° is enough.</source>
-    <translation>スキャナの位置と、ケーブルを後ろに向けて水平に置いた状態からの回転。後ろ下向きのスキャンなら、およそ 0, 40, 180 です。角度は実行時に補正されるので、2° 以内なら十分です。</translation>
-  </message>
-  <message>
     <source>Width</source>
     <translation>幅</translation>
   </message>
   <message>
-    <source>Working width, and the middle of the line along which it works, seen from the rear axle: a tool behind has a negative x. Depth 0 means unknown. Unchecked: no ground worked is computed.</source>
-    <translation>作業幅と、後車軸から見た作業線の中央。後方の作業機では x が負になります。深さ 0 は不明の意味です。チェックを外すと、作業した範囲は計算しません。</translation>
+    <source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source>
+    <translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation>
   </message>
   <message>
     <source>roll, pitch, yaw</source>
@@ -1561,11 +1597,11 @@
   </message>
   <message>
     <source>making surfaces</source>
-    <translation>地表面の作成</translation>
+    <translation>サーフェスの作成</translation>
   </message>
   <message>
     <source>matching scans</source>
-    <translation>スキャンの照合</translation>
+    <translation>スキャンマッチング</translation>
   </message>
   <message>
     <source>placing points</source>
@@ -1589,7 +1625,7 @@
   </message>
   <message>
     <source>writing layers</source>
-    <translation>レイヤーの書き出し</translation>
+    <translation>レイヤの書き出し</translation>
   </message>
   <message>
     <source>writing the preview</source>
@@ -1600,17 +1636,21 @@
   <name>StartPage</name>
   <message>
     <source>Choose recordings or a session…</source>
-    <translation>記録またはセッションを選ぶ…</translation>
+    <translation>記録またはセッションを選択…</translation>
   </message>
   <message>
-    <source>Drop here
+    <source>Drop here:
 the recordings of a drive,
 a session.toml
 or the folder of a run</source>
-    <translation>ここにドロップ
+    <translation>ここにドロップ：
 走行の記録、
 session.toml、
 または実行結果のフォルダ</translation>
+  </message>
+  <message>
+    <source>Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python environment. QGIS's Python is not changed.</source>
+    <translation>既存の結果はすぐに開けます。セッションを実行するには、furrowmap のワーカー（独立した Python 環境）を設定してください。QGIS の Python は変更しません。</translation>
   </message>
   <message>
     <source>Folder that 'furrowmap run' wrote</source>
@@ -1629,10 +1669,6 @@ session.toml、
     <translation>1 回の走行の記録、またはセッション</translation>
   </message>
   <message>
-    <source>Results of others can be opened at once. To compute your own, furrowmap's worker has to be set up once: a Python environment of its own, which leaves QGIS's as it is. The next page asks before it does anything.</source>
-    <translation>ほかの人の結果はすぐに開けます。自分で計算するには、furrowmap のワーカーを一度だけ設定します。QGIS とは別の Python 環境で、QGIS 自身には手を加えません。次の画面で確認してから始めます。</translation>
-  </message>
-  <message>
     <source>Set up…</source>
     <translation>設定…</translation>
   </message>
@@ -1640,16 +1676,16 @@ session.toml、
 <context>
   <name>VehicleView</name>
   <message>
-    <source>Upper: from the right side. Lower: from above. The origin is on the ground below the middle of the rear axle. Grey is a compact tractor to compare with. Blue lines show where the scanner's plane cuts.</source>
-    <translation>上：右側面から。下：真上から。原点は後車軸中央の真下の地面です。灰色は比較用の小型トラクタ、青い線はスキャナの走査面が切る所です。</translation>
-  </message>
-  <message>
-    <source>above</source>
-    <translation>上面</translation>
+    <source>Above: from the right side. Below: from the top. The origin is on the ground below the middle of the rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane.</source>
+    <translation>上：右側面図。下：上面図。原点は後車軸中央の真下の地面です。灰色：比較用の小型トラクタ。青線：走査面。</translation>
   </message>
   <message>
     <source>antenna</source>
     <translation>アンテナ</translation>
+  </message>
+  <message>
+    <source>implement</source>
+    <translation>作業機</translation>
   </message>
   <message>
     <source>scanner</source>
@@ -1660,71 +1696,71 @@ session.toml、
     <translation>側面</translation>
   </message>
   <message>
-    <source>tool</source>
-    <translation>作業機</translation>
+    <source>top</source>
+    <translation>上面</translation>
   </message>
 </context>
 <context>
   <name>Worker</name>
   <message>
-    <source>A line without end was thrown away.</source>
-    <translation>終わりのない行を捨てました。</translation>
+    <source>A line of output was too long and was dropped.</source>
+    <translation>出力の行が長すぎるため破棄しました。</translation>
   </message>
   <message>
-    <source>Check the interpreter in Settings › Options › furrowmap.</source>
-    <translation>「設定 › オプション › furrowmap」でインタプリタを確かめてください。</translation>
+    <source>Cancelled.</source>
+    <translation>キャンセルしました。</translation>
   </message>
   <message>
-    <source>Choose or make an environment in Settings › Options › furrowmap.</source>
-    <translation>「設定 › オプション › furrowmap」で環境を選ぶか作ってください。</translation>
+    <source>Choose or create an environment in Settings › Options › furrowmap.</source>
+    <translation>「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation>
   </message>
   <message>
-    <source>It left no message; perhaps the memory did not suffice.</source>
-    <translation>メッセージはありません。メモリが足りなかったのかもしれません。</translation>
+    <source>It wrote no output.</source>
+    <translation>出力はありません。</translation>
   </message>
   <message>
-    <source>It said nothing at all.</source>
-    <translation>何も出力しませんでした。</translation>
+    <source>It wrote no output; the computer may be out of memory.</source>
+    <translation>出力はありません。メモリ不足の可能性があります。</translation>
   </message>
   <message>
-    <source>Nothing half-written is left.</source>
-    <translation>書きかけのものは残っていません。</translation>
+    <source>No partial files are left.</source>
+    <translation>書きかけのファイルは残っていません。</translation>
   </message>
   <message>
-    <source>Stopped before the end.</source>
-    <translation>途中で止めました。</translation>
+    <source>Nothing was run.</source>
+    <translation>何も実行していません。</translation>
   </message>
   <message>
-    <source>The log has its last words. Products of an earlier run are as they were.</source>
-    <translation>最後の出力はログにあります。以前の成果物は元のままです。</translation>
+    <source>See its last lines in the log. Products of an earlier run are unchanged.</source>
+    <translation>最後の出力をログで確認してください。以前の成果物は変更されていません。</translation>
   </message>
   <message>
-    <source>The worker ended without an answer (exit status {status}).</source>
-    <translation>ワーカーが答えを返さずに終わりました（終了コード {status}）。</translation>
+    <source>Sessions cannot be run; existing results can still be opened.</source>
+    <translation>セッションは実行できませんが、既存の結果は開けます。</translation>
   </message>
   <message>
-    <source>They do not understand each other, so nothing was done.</source>
-    <translation>互いに通じないため、何も行いませんでした。</translation>
+    <source>Test it in Settings › Options › furrowmap.</source>
+    <translation>「設定 › オプション › furrowmap」でテストしてください。</translation>
   </message>
   <message>
-    <source>Update whichever is older: the plugin in QGIS's plugin manager, furrowmap in its environment.</source>
-    <translation>古いほうを更新してください：プラグインは QGIS のプラグイン管理で、furrowmap はその環境で。</translation>
+    <source>The worker ended without an answer (status {status}).</source>
+    <translation>ワーカーが応答せずに終了しました（終了コード {status}）。</translation>
   </message>
   <message>
-    <source>Without it nothing is computed; results that are there can still be opened.</source>
-    <translation>これがないと計算はできませんが、既存の結果は開けます。</translation>
+    <source>Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment.</source>
+    <translation>古いほうを更新してください。プラグインは QGIS の「プラグインの管理とインストール」で、furrowmap はその環境で更新します。</translation>
   </message>
   <message>
-    <source>furrowmap {version} speaks protocol {found}; this plugin speaks {own}.</source>
-    <translation>furrowmap {version} のプロトコルは {found}、このプラグインのプロトコルは {own} です。</translation>
+    <source>furrowmap {version} has protocol version {found}; this plugin needs version {own}.</source>
+    <translation>furrowmap {version} のプロトコルはバージョン {found} ですが、このプラグインにはバージョン {own} が必要です。</translation>
   </message>
   <message>
     <source>{program} could not be started: {reason}.</source>
     <translation>{program} を起動できませんでした：{reason}。</translation>
   </message>
   <message>
-    <source>{program} has not answered for {seconds:.0f} s.</source>
-    <translation>{program} が {seconds:.0f} 秒間応答しません。</translation>
+    <source>{program} did not answer within {seconds:.0f} s.</source>
+    <translation>{program} が {seconds:.0f} 秒以内に応答しませんでした。</translation>
   </message>
 </context>
 </TS>

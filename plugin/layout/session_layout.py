@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A session on paper: A4 with map, legend, figures and scale, and an atlas with a page for each pass."""
+"""The print layout of a session: A4 with map, legend, figures and scale, and an atlas with a page per pass."""
 
 import html
 
@@ -21,7 +21,7 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 from ..basemap import attribution_of
 from ..figures import figure_rows
-from ..legends import tell_band
+from ..legends import label_band
 
 MAP_MM = (10.0, 22.0, 200.0, 176.0)
 SIDE_MM = (214.0, 22.0, 76.0)
@@ -29,23 +29,23 @@ SIDE_MM = (214.0, 22.0, 76.0)
 FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
 LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
 NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
-"""All pages are north up."""
+"""North is up on all pages."""
 LEGEND = ("events", "trajectory", "misses", "overlaps", "coverage", "passes", "change")
-"""What needs words beside the map."""
+"""Layers in the legend."""
 MARGIN = 1.08
 ATLAS_MARGIN = 0.15
 
 
 def session_layout(project, group, report):
-    """Make the layout of an open session, in place of the one of before.
+    """Create the layout of an open session; it replaces the one before.
 
     Args:
         project: holds the layers.
-        group: of the session in the layer tree.
-        report: the content of its `report.json`; empty where there is none.
+        group: the session's group in the layer tree.
+        report: the content of its `report.json`; may be empty.
 
     Returns:
-        The layout, registered in the project; with passes it has an atlas.
+        The layout, added to the project; with an atlas if there are passes.
     """
     manager = project.layoutManager()
     name = f"furrowmap {group.name()}"
@@ -75,16 +75,16 @@ def export_pdf(layout, path):
     """Write the overview page as PDF.
 
     Raises:
-        OSError: if that fails.
+        OSError: if it cannot be written.
     """
     _check(QgsLayoutExporter(layout).exportToPdf(str(path), _settings()), path)
 
 
 def export_atlas(layout, path, feedback=None):
-    """Write the atlas, a page for each pass, as one PDF.
+    """Write the atlas, a page per pass, as one PDF.
 
     Raises:
-        OSError: if that fails.
+        OSError: if it cannot be written.
     """
     atlas = layout.atlas()
     atlas.setEnabled(True)
@@ -95,7 +95,7 @@ def export_atlas(layout, path, feedback=None):
 
 
 def _settings():
-    """Words stay words, to be found and copied."""
+    """Text stays text, which can be searched and copied."""
     settings = QgsLayoutExporter.PdfExportSettings()
     settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText
     return settings
@@ -103,7 +103,7 @@ def _settings():
 
 def _check(result, path):
     if result != QgsLayoutExporter.ExportResult.Success:
-        raise OSError(tr("{path} could not be written.").format(path=path))
+        raise OSError(tr("{path} cannot be written.").format(path=path))
 
 
 def _is_shown(project, layer):
@@ -112,7 +112,7 @@ def _is_shown(project, layer):
 
 
 def _extent(project, group):
-    """Of the field's layers in the project's CRS: those of the ground worked, else the trajectory, else all."""
+    """Extent in the project's CRS of the worked ground, else of the trajectory, else of all layers."""
     by_name = {node.name(): node.layer() for node in group.findLayers()}
     for names in (("coverage", "boundary"), ("trajectory",), tuple(by_name)):
         box = QgsRectangle()
@@ -150,7 +150,7 @@ def _legend(layout, page_map, layers):
     for layer in layers:
         node = tree.addLayer(layer)
         node.setCustomProperty("legend/title-label", layer_title(layer.name()))
-        tell_band(node)
+        label_band(node)
     legend.setLegendFilterByMapEnabled(True)
     for name, size in LEGEND_FONTS.items():
         style = legend.rstyle(getattr(QgsLegendStyle.Style, name))
@@ -163,15 +163,15 @@ def _legend(layout, page_map, layers):
 
 
 def layer_title(name):
-    """A layer's name in plain words, as the page has room for them."""
+    """A layer's title in the legend."""
     titles = {
         "events": tr("Events"),
         "trajectory": tr("Trajectory"),
         "misses": tr("Missed"),
-        "overlaps": tr("Worked twice"),
+        "overlaps": tr("Overlap"),
         "coverage": tr("Worked"),
         "passes": tr("Passes"),
-        "change": tr("Change of the surface"),
+        "change": tr("Height change"),
     }
     return titles.get(name, name)
 
@@ -195,7 +195,7 @@ def _scale(layout, page_map):
 
 
 def _atlas(layout, page_map, passes):
-    """A page for each pass; the map follows, and the title says which."""
+    """An atlas page per pass: the map follows, and the title names the pass."""
     atlas = layout.atlas()
     atlas.setCoverageLayer(passes)
     atlas.setPageNameExpression(f"'{tr('pass')} ' || \"pass\"")
@@ -204,11 +204,11 @@ def _atlas(layout, page_map, passes):
     page_map.setAtlasDriven(True)
     page_map.setAtlasScalingMode(QgsLayoutItemMap.AtlasScalingMode.Auto)
     page_map.setAtlasMargin(ATLAS_MARGIN)
-    atlas.setEnabled(False)  # the layout opens with its overview; its own button turns the pages
+    atlas.setEnabled(False)  # the layout opens with the overview; *Preview Atlas* shows the pages
 
 
 def _title(name):
-    """The session's name, on a page of the atlas with the pass: expressions see it once the atlas turns pages."""
+    """The session's name, and on pages of the atlas the pass."""
     page = "[% if(@atlas_pagename is null or @atlas_pagename = '', '', ', ' || @atlas_pagename) %]"
     return name.replace("[%", "[ %") + page
 

@@ -20,7 +20,7 @@ from qgis.utils import pluginMetadata
 from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
-from ..stages import stage_words
+from ..stages import stage_name
 from ..worker import WorkerCancelled, WorkerError, run_command
 from .algorithms import GROUPS
 from .loading import load_when_done
@@ -289,7 +289,7 @@ class _Listener:
         if kind == "progress":
             if message.get("stage") != self.stage:
                 self.stage = message.get("stage")
-                self.feedback.setProgressText(stage_words(self.stage))
+                self.feedback.setProgressText(stage_name(self.stage))
             self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
         elif kind == "warning":
             self.feedback.pushWarning(str(message.get("text", "")))

@@ -1,7 +1,7 @@
 """Runs inside QGIS: does what one job after another asks of the plugin's algorithms, and prints the answers as JSON.
 
 The first argument is the folder with the plugin, the second a JSON file with a list of jobs: ``{"do": NAME, ...}``.
-What QGIS's log says at warning level or above is told with each answer, but for what the plugin's own tab is meant for.
+Each answer has what QGIS logged meanwhile at warning level or above.
 """
 
 from __future__ import annotations
@@ -42,27 +42,27 @@ def listen(message: str, tab: str, level: Any) -> None:
 
 
 class Feedback(QgsProcessingFeedback):
-    """Keeps what it is told; cancels itself so long after the first stage, where that is asked for."""
+    """Keeps the messages; cancels itself some time after the first stage, if asked to."""
 
     def __init__(self, cancel_after_s: float | None = None) -> None:
         super().__init__(False)
-        self.told: list[str] = []
+        self.messages: list[str] = []
         self.cancel_after_s = cancel_after_s
 
     def pushInfo(self, text: str) -> None:
-        self.told.append(text)
+        self.messages.append(text)
 
     def pushCommandInfo(self, text: str) -> None:
-        self.told.append(text)
+        self.messages.append(text)
 
     def pushWarning(self, text: str) -> None:
-        self.told.append(text)
+        self.messages.append(text)
 
     def pushConsoleInfo(self, text: str) -> None:
-        self.told.append(text)
+        self.messages.append(text)
 
     def setProgressText(self, text: str) -> None:
-        self.told.append(text)
+        self.messages.append(text)
         if self.cancel_after_s is not None:
             threading.Timer(self.cancel_after_s, self.cancel).start()
             self.cancel_after_s = None
@@ -99,7 +99,7 @@ def check(job: dict[str, Any]) -> Any:
 
 
 def run(job: dict[str, Any]) -> Any:
-    """Outputs, what was told, what is to be loaded; or the error."""
+    """Outputs, messages, and layers to be loaded; or the error."""
     project = QgsProject()
     context = QgsProcessingContext()
     context.setProject(project)
@@ -125,7 +125,7 @@ def run(job: dict[str, Any]) -> Any:
     layers = [layer.name() for layer in project.mapLayers().values()]
     return {
         "outputs": outputs,
-        "told": feedback.told,
+        "messages": feedback.messages,
         "error": error,
         "loaded": loaded,
         "layers": layers,
@@ -148,11 +148,11 @@ def translate(job: dict[str, Any]) -> Any:
     from furrowmap.translation import install_translator
 
     translator = install_translator(job["locale"])
-    told = [QCoreApplication.translate(context, text) for context, text in job["strings"]]
+    translated = [QCoreApplication.translate(context, text) for context, text in job["strings"]]
     title = algorithm("run").create().displayName()
     if translator is not None:
         QCoreApplication.removeTranslator(translator)
-    return {"told": told, "title": title, "unknown": install_translator("xx_YY") is None}
+    return {"translated": translated, "title": title, "unknown": install_translator("xx_YY") is None}
 
 
 def options(job: dict[str, Any]) -> Any:
@@ -167,14 +167,17 @@ def options(job: dict[str, Any]) -> Any:
         if "wheels" in press:
             page.from_folder.setChecked(True)
             page.wheels.setFilePath(press["wheels"])
+        if "package" in press:
+            page.from_index.setChecked(True)
+            page.package.setFilePath(press["package"])
         if "chosen" in press:
             page.chosen.setFilePath(press["chosen"])
-        if press.get("button") == "make":
-            page.make()  # what the button does when the question was answered
+        if press.get("button") == "create":
+            page.create()  # what the button does when the question was answered
         elif press.get("button"):
             page.findChild(QPushButton, press["button"]).click()
         until = time.monotonic() + 120
-        while OptionsPage.deed is not None and time.monotonic() < until:
+        while OptionsPage.task is not None and time.monotonic() < until:
             QCoreApplication.processEvents()
             time.sleep(0.02)
         shown.append(page.findChild(QPlainTextEdit, "furrowmapLog").toPlainText())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -66,8 +67,23 @@ def script(path: Path, *lines: str) -> str:
     return str(path)
 
 
-def stand_in_wheel(folder: Path, version: str) -> None:
-    """What `pip install furrowmap` would bring, but small: it answers with its version, and says hello."""
+def write_wheel(folder: Path, name: str, version: str, files: dict[str, str], requires: str = "") -> str:
+    """Write a wheel with these files; returns its SHA-256."""
+    info = f"{name}-{version}.dist-info"
+    metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n" + requires
+    path = folder / f"{name}-{version}-py3-none-any.whl"
+    folder.mkdir(exist_ok=True)
+    with zipfile.ZipFile(path, "w") as wheel:
+        for file, content in files.items():
+            wheel.writestr(file, content)
+        wheel.writestr(f"{info}/METADATA", metadata)
+        wheel.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        wheel.writestr(f"{info}/RECORD", "")
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def stand_in_wheels(folder: Path, version: str) -> str:
+    """A small furrowmap, which answers with its version and a hello, and its one dependency: its line in the lock."""
     code = (
         "import json, sys\n"
         "if 'worker' in sys.argv:\n"
@@ -75,14 +91,10 @@ def stand_in_wheel(folder: Path, version: str) -> None:
         "    sys.stdin.read()\n"
         f"else:\n    print(json.dumps({{'furrowmap': {version!r}}}))\n"
     )
-    folder.mkdir()
-    with zipfile.ZipFile(folder / f"furrowmap-{version}-py3-none-any.whl", "w") as wheel:
-        wheel.writestr("furrowmap/cli/__init__.py", "")
-        wheel.writestr("furrowmap/cli/__main__.py", code)
-        info = f"furrowmap-{version}.dist-info"
-        wheel.writestr(f"{info}/METADATA", f"Metadata-Version: 2.1\nName: furrowmap\nVersion: {version}\n")
-        wheel.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
-        wheel.writestr(f"{info}/RECORD", "")
+    files = {"furrowmap/__init__.py": "", "furrowmap/__main__.py": code}
+    write_wheel(folder, "furrowmap", version, files, "Requires-Dist: needed>=1\n")
+    digest = write_wheel(folder, "needed", "1.0", {"needed.py": ""})
+    return f"needed==1.0 --hash=sha256:{digest}\n"
 
 
 def own_version() -> str:
@@ -94,8 +106,8 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
     """The jobs by name, in their order."""
 
     def run(algorithm: str, **parameters: Any) -> dict[str, Any]:
-        told = {name: str(value) if isinstance(value, Path) else value for name, value in parameters.items()}
-        return {"do": "run", "algorithm": algorithm, "parameters": told}
+        given = {name: str(value) if isinstance(value, Path) else value for name, value in parameters.items()}
+        return {"do": "run", "algorithm": algorithm, "parameters": given}
 
     def check(algorithm: str, **parameters: Any) -> dict[str, Any]:
         return {**run(algorithm, **parameters), "do": "check"}
@@ -107,7 +119,12 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
     versions = """case "$1" in --version) echo '{"furrowmap": "9.9"}'; exit;; esac"""
     foreign = script(folder / "foreign", versions, f"echo '{hello % 99}'", "cat >/dev/null")
     broken = script(folder / "broken", "echo 'ImportError: no numpy' >&2", "exit 1")
-    stand_in_wheel(folder / "wheels", own_version())
+    locked = stand_in_wheels(folder / "wheels", own_version())
+    (folder / "plugins" / "furrowmap" / "locked_packages.txt").write_text(locked)
+    stand_in_wheels(folder / "tampered", own_version())
+    write_wheel(folder / "tampered", "needed", "1.0", {"needed.py": "raise SystemExit"})
+    stand_in_wheels(folder / "incomplete", own_version())
+    (folder / "incomplete" / "needed-1.0-py3-none-any.whl").unlink()
     (folder / "no wheels").mkdir()
     poison = folder / "poison"
     poison.mkdir()
@@ -159,12 +176,15 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
                 {"button": "furrowmapCheck"},
                 {"chosen": str(folder / "nothing.pcap"), "button": "furrowmapCheck"},
                 {"chosen": foreign, "button": "furrowmapCheck"},
-                {"chosen": "", "wheels": str(folder / "no wheels"), "button": "make"},
+                {"chosen": "", "wheels": str(folder / "no wheels"), "button": "create"},
+                {"wheels": str(folder / "incomplete"), "button": "create"},
+                {"wheels": str(folder / "tampered"), "button": "create"},
+                {"package": str(folder / "no wheels"), "button": "create"},
             ],
         },
-        "nothing made": {"do": "find"},
-        "make": {"do": "options", "press": [{"wheels": str(folder / "wheels"), "button": "make"}]},
-        "made": {"do": "find"},
+        "nothing created": {"do": "find"},
+        "create": {"do": "options", "press": [{"wheels": str(folder / "wheels"), "button": "create"}]},
+        "created": {"do": "find"},
         "remove": {"do": "options", "press": [{"button": "furrowmapRemove"}]},
         "removed": {"do": "find"},
         "choose crashing": {"do": "settings", "interpreter": crashing},
@@ -180,8 +200,8 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
 
 
 @pytest.fixture(scope="module")
-def told(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[str, Any]:
-    """What QGIS answered to each job."""
+def answers(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[str, Any]:
+    """QGIS's answer to each job."""
     returns = laspy.read(by_hand / "cloud.copc.laz").xyz[::1000]
     rows = "".join(f"P{number},{e:.3f},{n:.3f},{h:.3f}\n" for number, (e, n, h) in enumerate(returns))
     (folder / "points.csv").write_text("name,e_m,n_m,h_m\n" + rows)
@@ -191,7 +211,7 @@ def told(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[str, 
     script = CHECKOUT / "tests" / "plugin" / "in_qgis.py"
     out = qgis.run("env", kept, "python3", script, folder / "plugins", folder / "jobs.json", timeout_s=500)
     answers = dict(zip(jobs, json.loads(out.splitlines()[-1]), strict=True))
-    answers["logged"] = {"answer": {name: told["logged"] for name, told in answers.items() if told["logged"]}}
+    answers["logged"] = {"answer": {name: each["logged"] for name, each in answers.items() if each["logged"]}}
     return {name: answer["answer"] for name, answer in answers.items()}
 
 
@@ -202,19 +222,19 @@ def by_hand(folder: Path) -> Path:
     return folder / "by_hand"
 
 
-def test_log__has_nothing_but_the_errors_that_were_provoked(told: dict[str, Any]) -> None:
-    assert set(told["logged"]) == {"calibrate", "crashing", "foreign", "broken"}
-    assert [text for texts in told["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
+def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
+    assert set(answers["logged"]) == {"calibrate", "crashing", "foreign", "broken"}
+    assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
 
-def test_algorithms__are_there_for_every_command(told: dict[str, Any]) -> None:
-    found = {a["command"]: name for name, a in told["describe"].items()}
+def test_algorithms__are_there_for_every_command(answers: dict[str, Any]) -> None:
+    found = {a["command"]: name for name, a in answers["describe"].items()}
     assert set(found) == {words for words, _ in commands()}
     assert all(name == words.replace(" ", "_") for words, name in found.items())
 
 
-def test_algorithms__have_every_option_and_choice_of_their_command(told: dict[str, Any]) -> None:
-    algorithms = {a["command"]: a for a in told["describe"].values()}
+def test_algorithms__have_every_option_and_choice_of_their_command(answers: dict[str, Any]) -> None:
+    algorithms = {a["command"]: a for a in answers["describe"].values()}
     for words, command in commands():
         algorithm, options = algorithms[words], options_of(command)
         assert set(algorithm["options"].values()) == set(options), words
@@ -223,8 +243,8 @@ def test_algorithms__have_every_option_and_choice_of_their_command(told: dict[st
                 assert algorithm["choices"][name] == options[option]["choices"]
 
 
-def test_algorithms__explain_themselves_without_a_network(told: dict[str, Any]) -> None:
-    for name, a in told["describe"].items():
+def test_algorithms__explain_themselves_without_a_network(answers: dict[str, Any]) -> None:
+    for name, a in answers["describe"].items():
         silent = [parameter for parameter, (_, title, words) in a["parameters"].items() if not (title and words)]
         assert silent == [], name
         assert a["title"]
@@ -233,34 +253,34 @@ def test_algorithms__explain_themselves_without_a_network(told: dict[str, Any]) 
         assert "http" not in a["help"]
 
 
-def test_check__tells_what_is_wrong_before_anything_starts(told: dict[str, Any], folder: Path) -> None:
-    assert told["check: no file"] == [False, f"Point clouds: {folder / 'no.laz'} does not exist."]
-    assert told["check: classes"][0] is False
-    assert "soil" in told["check: classes"][1]
-    assert told["check: two bases"] == [False, "Give either 'Farm map (GeoPackage)' or 'Farm map (PostGIS)'."]
-    assert told["check: well"] == [True, ""]
+def test_check__finds_what_is_wrong_before_anything_starts(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["check: no file"] == [False, f"Point clouds: {folder / 'no.laz'} does not exist."]
+    assert answers["check: classes"][0] is False
+    assert "soil" in answers["check: classes"][1]
+    assert answers["check: two bases"] == [False, "Give either 'Farm map (GeoPackage)' or 'Farm map (PostGIS)'."]
+    assert answers["check: well"] == [True, ""]
 
 
-def test_run__without_a_worker_says_where_to_get_one(told: dict[str, Any], folder: Path) -> None:
-    assert told["nobody"]["program"] is None
-    assert "Settings › Options › furrowmap" in told["run without a worker"]["cannot"]
+def test_run__without_a_worker_says_where_to_get_one(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["nobody"]["program"] is None
+    assert "Settings › Options › furrowmap" in answers["run without a worker"]["cannot"]
     assert not (folder / "never").exists()
 
 
-def test_run__gives_what_the_command_line_gives(told: dict[str, Any], folder: Path, by_hand: Path) -> None:
-    assert told["run"]["error"] is None
+def test_run__gives_what_the_command_line_gives(answers: dict[str, Any], folder: Path, by_hand: Path) -> None:
+    assert answers["run"]["error"] is None
     same_products(folder / "result", by_hand)
     report = json.loads((folder / "result" / "report.json").read_text(encoding="utf-8"))
-    assert told["run"]["outputs"]["POINTS"] == report["figures"]["points"]
-    assert told["run"]["outputs"]["FOLDER"] == str(folder / "result")
-    assert {"trajectory", "cloud"} <= set(told["run"]["layers"])
+    assert answers["run"]["outputs"]["POINTS"] == report["figures"]["points"]
+    assert answers["run"]["outputs"]["FOLDER"] == str(folder / "result")
+    assert {"trajectory", "cloud"} <= set(answers["run"]["layers"])
 
 
-def test_run__as_a_preview_opens_the_track(told: dict[str, Any], folder: Path) -> None:
+def test_run__as_a_preview_opens_the_trajectory(answers: dict[str, Any], folder: Path) -> None:
     """Where the session does not say how the scanner is mounted, there is no surface."""
-    assert told["preview"]["error"] is None
-    assert told["preview"]["layers"] == ["track"]
-    assert told["preview"]["outputs"]["REPORT"] == ""
+    assert answers["preview"]["error"] is None
+    assert answers["preview"]["layers"] == ["trajectory"]
+    assert answers["preview"]["outputs"]["REPORT"] == ""
     assert not (folder / "look" / "report.json").exists()
 
 
@@ -275,46 +295,46 @@ def same_products(folder: Path, other: Path) -> None:
         assert tables[0].equals(tables[1]), name
 
 
-def test_worker__works_where_qgis_has_variables_of_its_own(told: dict[str, Any], folder: Path) -> None:
+def test_worker__works_where_qgis_has_variables_of_its_own(answers: dict[str, Any], folder: Path) -> None:
     """PYTHONHOME, PYTHONPATH, GDAL_DATA and PROJ_LIB, as QGIS's launchers set them, break other Pythons and GDALs."""
-    assert told["export"]["error"] is None
+    assert answers["export"]["error"] is None
     assert pyogrio.read_info(folder / "web" / "trajectory.geojson")["features"] == 5
 
 
-def test_inspect__has_the_findings_of_the_others_where_one_file_is_refused(told: dict[str, Any]) -> None:
-    good, bad = json.loads(told["inspect"]["outputs"]["FINDINGS"])["files"]
+def test_inspect__has_the_findings_of_the_others_where_one_file_is_refused(answers: dict[str, Any]) -> None:
+    good, bad = json.loads(answers["inspect"]["outputs"]["FINDINGS"])["files"]
     assert good["facts"]["model"] == "VLP-16"
     assert bad["error"]["what"]
 
 
-def test_init__says_what_is_missing(told: dict[str, Any], folder: Path) -> None:
-    outputs = told["init"]["outputs"]
+def test_init__says_what_is_missing(answers: dict[str, Any], folder: Path) -> None:
+    outputs = answers["init"]["outputs"]
     assert outputs["SESSION"] == str(folder / "begun.toml")
     assert outputs["MISSING"]
     assert (folder / "begun.toml").read_text(encoding="utf-8").count("furrowmap = 1") == 1
 
 
-def test_cloud__is_opened_by_its_classes(told: dict[str, Any], folder: Path) -> None:
-    assert told["cloud"]["error"] is None
+def test_cloud__is_opened_by_its_classes(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["cloud"]["error"] is None
     clean, whole = (laspy.read(folder / name) for name in ("clean.copc.laz", Path("result", "cloud.copc.laz")))
-    assert told["cloud"]["outputs"]["POINTS"] == len(clean.points)
+    assert answers["cloud"]["outputs"]["POINTS"] == len(clean.points)
     assert 0 < len(clean.points) == len(np.unique(np.floor(clean.xyz / 0.5), axis=0)) < len(whole.points)
-    assert told["cloud"]["loaded"]["clean"] == ["Clean point cloud", True, "classified"]
+    assert answers["cloud"]["loaded"]["clean"] == ["Clean point cloud", True, "classified"]
 
 
-def test_surface__is_opened_in_its_style(told: dict[str, Any], folder: Path) -> None:
-    assert told["surface"]["error"] is None
-    assert told["surface"]["outputs"]["DSM"] == str(folder / "surfaces" / "dsm.tif")
-    assert told["surface"]["loaded"]["dsm"] == ["surfaces", True, "hillshade"]
+def test_surface__is_opened_in_its_style(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["surface"]["error"] is None
+    assert answers["surface"]["outputs"]["DSM"] == str(folder / "surfaces" / "dsm.tif")
+    assert answers["surface"]["loaded"]["dsm"] == ["surfaces", True, "hillshade"]
     parameters = json.loads((folder / "surfaces" / "surfaces.json").read_text(encoding="utf-8"))["parameters"]
     assert parameters["ground"] == "none"
 
 
-def test_fields__gives_layers(told: dict[str, Any]) -> None:
-    assert told["fields"]["error"] is None
-    assert told["fields"]["outputs"]["WORKED_AREA_M2"] == pytest.approx(299.4, abs=1.0)
-    assert told["fields"]["loaded"]
-    assert all(valid for _, valid, _ in told["fields"]["loaded"].values())
+def test_fields__gives_layers(answers: dict[str, Any]) -> None:
+    assert answers["fields"]["error"] is None
+    assert answers["fields"]["outputs"]["WORKED_AREA_M2"] == pytest.approx(299.4, abs=1.0)
+    assert answers["fields"]["loaded"]
+    assert all(valid for _, valid, _ in answers["fields"]["loaded"].values())
 
 
 def answer_of(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[str, Any]:
@@ -325,114 +345,117 @@ def answer_of(capsys: pytest.CaptureFixture[str], *words: str | Path) -> dict[st
     return answer
 
 
-def test_crs__tells_what_the_command_line_tells(
-    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+def test_crs__gives_what_the_command_line_gives(
+    answers: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert told["crs"]["error"] is None
-    assert json.loads(told["crs"]["outputs"]["FINDINGS"]) == answer_of(capsys, "crs", folder / "session.toml")
+    assert answers["crs"]["error"] is None
+    assert json.loads(answers["crs"]["outputs"]["FINDINGS"]) == answer_of(capsys, "crs", folder / "session.toml")
 
 
-def test_gnss_evaluate__tells_what_the_command_line_tells(
-    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+def test_gnss_evaluate__gives_what_the_command_line_gives(
+    answers: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert told["gnss_evaluate"]["error"] is None
+    assert answers["gnss_evaluate"]["error"] is None
     by_hand = answer_of(capsys, "gnss", "evaluate", folder / "gnss.nmea", folder / "reference.nmea")
-    findings = json.loads(told["gnss_evaluate"]["outputs"]["FINDINGS"])
+    findings = json.loads(answers["gnss_evaluate"]["outputs"]["FINDINGS"])
     assert {key: findings[key] for key in by_hand if key not in ("output", "products")} == {
         key: value for key, value in by_hand.items() if key not in ("output", "products")
     }
-    assert "<html" in Path(told["gnss_evaluate"]["outputs"]["PAGE"]).read_text(encoding="utf-8")
+    assert "<html" in Path(answers["gnss_evaluate"]["outputs"]["PAGE"]).read_text(encoding="utf-8")
 
 
-def test_check__tells_what_the_command_line_tells(
-    told: dict[str, Any], folder: Path, by_hand: Path, capsys: pytest.CaptureFixture[str]
+def test_check__gives_what_the_command_line_gives(
+    answers: dict[str, Any], folder: Path, by_hand: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert told["check"]["error"] is None
+    assert answers["check"]["error"] is None
     points = ("check", by_hand / "cloud.copc.laz", folder / "points.csv", "--points-sigma=0.01")
     answer = answer_of(capsys, *points, "--require-vertical=1.0")
-    assert json.loads(told["check"]["outputs"]["FINDINGS"])["accuracy"] == answer["accuracy"]
-    assert told["check"]["outputs"]["RMSE_VERTICAL_M"] == answer["accuracy"]["rmse_vertical_m"]
-    assert told["check"]["outputs"]["MET"] is answer["verdicts"]["vertical"]["met"]
+    assert json.loads(answers["check"]["outputs"]["FINDINGS"])["accuracy"] == answer["accuracy"]
+    assert answers["check"]["outputs"]["RMSE_VERTICAL_M"] == answer["accuracy"]["rmse_vertical_m"]
+    assert answers["check"]["outputs"]["MET"] is answer["verdicts"]["vertical"]["met"]
     assert (folder / "errors.csv").read_text(encoding="utf-8").count("\n") > 10
 
 
-def test_algorithms__have_all_been_asked_to_work(told: dict[str, Any]) -> None:
-    asked = {name for name in told["describe"] if name in told or name == "simulate"}
-    assert asked == set(told["describe"])
+def test_algorithms__have_all_been_asked_to_work(answers: dict[str, Any]) -> None:
+    asked = {name for name in answers["describe"] if name in answers or name == "simulate"}
+    assert asked == set(answers["describe"])
 
 
-def test_base__takes_lists_and_gives_back_sessions(told: dict[str, Any], folder: Path) -> None:
-    assert told["base_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
-    assert [told[name]["error"] for name in ("base_add", "base_list", "base_mosaic", "base_remove")] == [None] * 4
-    assert told["base_add"]["outputs"]["ADDED"] == 1
-    assert told["base_add"]["loaded"]
-    assert [s["name"] for s in json.loads(told["base_list"]["outputs"]["SESSIONS"])] == ["straight"]
-    assert (told["base_remove"]["outputs"]["REMOVED"], told["base_remove"]["outputs"]["SESSIONS"]) == (1, 0)
+def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["base_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
+    assert [answers[name]["error"] for name in ("base_add", "base_list", "base_mosaic", "base_remove")] == [None] * 4
+    assert answers["base_add"]["outputs"]["ADDED"] == 1
+    assert answers["base_add"]["loaded"]
+    assert [s["name"] for s in json.loads(answers["base_list"]["outputs"]["SESSIONS"])] == ["straight"]
+    assert (answers["base_remove"]["outputs"]["REMOVED"], answers["base_remove"]["outputs"]["SESSIONS"]) == (1, 0)
 
 
 def test_errors__are_the_three_lines_of_the_command_line(
-    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+    answers: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert command_line(["calibrate", str(folder / "no_session.toml")]) == 3
-    assert told["calibrate"]["error"].splitlines() == capsys.readouterr().err.splitlines()
-    assert len(told["calibrate"]["error"].splitlines()) == 3
+    assert answers["calibrate"]["error"].splitlines() == capsys.readouterr().err.splitlines()
+    assert len(answers["calibrate"]["error"].splitlines()) == 3
 
 
-def test_cancel__ends_the_work_and_leaves_nothing(told: dict[str, Any], folder: Path) -> None:
-    assert told["cancel"]["error"] is None
-    assert told["cancel"]["outputs"] == {}
-    assert "Cancelled" in told["cancel"]["told"][-1]
+def test_cancel__ends_the_work_and_leaves_nothing(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["cancel"]["error"] is None
+    assert answers["cancel"]["outputs"] == {}
+    assert "Cancelled" in answers["cancel"]["messages"][-1]
     assert not list(folder.glob("cancelled/*"))
 
 
-def test_worker__that_crashes_is_told_with_its_last_words(told: dict[str, Any]) -> None:
-    lines = told["crashing"]["error"].splitlines()
+def test_worker__that_crashes_is_reported_with_its_last_words(answers: dict[str, Any]) -> None:
+    lines = answers["crashing"]["error"].splitlines()
     assert len(lines) == 3
     assert lines[1] == "last words"
 
 
-def test_worker__of_another_protocol_is_told_with_both_versions(told: dict[str, Any]) -> None:
-    assert told["foreign"]["error"].startswith("furrowmap 9.9 speaks protocol 99; this plugin speaks 1.")
+def test_worker__of_another_protocol_is_reported_with_both_versions(answers: dict[str, Any]) -> None:
+    assert answers["foreign"]["error"].startswith("furrowmap 9.9 has protocol version 99; this plugin needs version 1.")
 
 
-def test_worker__that_ends_before_its_hello_is_told_with_its_last_words(told: dict[str, Any]) -> None:
-    assert told["broken"]["error"].splitlines()[1] == "ImportError: no numpy"
+def test_worker__that_ends_before_its_hello_is_reported_with_its_last_words(answers: dict[str, Any]) -> None:
+    assert answers["broken"]["error"].splitlines()[1] == "ImportError: no numpy"
 
 
-def test_options__tell_which_is_used_and_what_is_wrong_with_another(told: dict[str, Any], worker: str) -> None:
-    used, checked, no_program, foreign, not_made, setting = told["options"]
+def test_options__show_which_is_used_and_what_is_wrong_with_another(answers: dict[str, Any], worker: str) -> None:
+    used, checked, no_program, foreign, none, incomplete, tampered, no_package, setting = answers["options"]
     assert used == f"{worker}\nChosen below."
     assert f"furrowmap {own_version()}" in checked.splitlines()
     assert "nothing.pcap" in no_program
-    assert "protocol 99" in foreign
-    assert "The environment could not be made" in not_made
+    assert "protocol version 99" in foreign
+    assert f"has no furrowmap {own_version()}." in none
+    assert "has no wheel of needed==1.0 for this Python" in incomplete
+    assert "The checksum of needed==1.0 differs from the plugin's list." in tampered
+    assert f"has no furrowmap {own_version()}." in no_package
     assert setting == ""
-    assert told["nothing made"]["left"] == []
+    assert answers["nothing created"]["left"] == []
 
 
-def test_options__make_an_environment_from_wheels_and_remove_it(told: dict[str, Any]) -> None:
-    assert told["make"][1].endswith(f"The environment is ready: furrowmap {own_version()}.")
-    assert told["made"]["origin"] == "made"
-    assert told["made"]["program"][0].endswith("/furrowmap/environment/bin/python")
-    assert told["made"]["left"] == ["environment"]
-    assert told["removed"] == {"program": None, "origin": None, "left": []}
+def test_options__create_an_environment_from_wheels_and_remove_it(answers: dict[str, Any]) -> None:
+    assert answers["create"][1].endswith(f"The environment is ready: furrowmap {own_version()}.")
+    assert answers["created"]["origin"] == "created"
+    assert answers["created"]["program"][0].endswith("/furrowmap/environment/bin/python")
+    assert answers["created"]["left"] == ["environment"]
+    assert answers["removed"] == {"program": None, "origin": None, "left": []}
 
 
-def test_sources__name_enums_as_qt_6_has_them(told: dict[str, Any]) -> None:
-    assert told["enums"]["unscoped"] == []
-    assert told["enums"]["scoped"] > 20
+def test_sources__name_enums_as_qt_6_has_them(answers: dict[str, Any]) -> None:
+    assert answers["enums"]["unscoped"] == []
+    assert answers["enums"]["scoped"] > 20
 
 
-def test_translation__has_every_string_of_the_plugin_in_japanese(told: dict[str, Any]) -> None:
+def test_translation__has_every_string_of_the_plugin_in_japanese(answers: dict[str, Any]) -> None:
     known = translations()
     assert [string for string in STRINGS if string not in known] == []
     assert [string for string in known if string not in STRINGS] == []
     for (_, source), words in known.items():
         assert sorted(placeholders(source)) == sorted(placeholders(words)), source
-    assert told["japanese"]["told"] == [known[string] for string in STRINGS]
-    assert told["japanese"]["title"] == known["Algorithms", "Run a session"]
-    assert told["japanese"]["unknown"]
-    assert told["english"]["told"] == [source for _, source in STRINGS]
+    assert answers["japanese"]["translated"] == [known[string] for string in STRINGS]
+    assert answers["japanese"]["title"] == known["Algorithms", "Run a session"]
+    assert answers["japanese"]["unknown"]
+    assert answers["english"]["translated"] == [source for _, source in STRINGS]
 
 
 def placeholders(text: str) -> list[str]:

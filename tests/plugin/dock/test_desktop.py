@@ -73,7 +73,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def seen(qgis: QgisRoot, worker: str, plugins: Path, drive: Path, results: Path, out: Path) -> dict[str, Any]:
-    """What the story told in use_dock.py has seen: QGIS is started once for all that follows.
+    """What use_dock.py has seen: QGIS is started once for all tests.
 
     Its times are for people (`pytest -s`): other work on the machine stretches them.
     """
@@ -112,19 +112,19 @@ def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, 
 
 def test_preview__is_on_the_map_before_anything_is_filled_in(seen: dict[str, Any]) -> None:
     """In a group of its own, which goes when the run's products come; its files are none of the drive's."""
-    assert seen["first_look"]["groups"] == {"Preview: loop, 圃場 1": ["track"]}
-    assert seen["first_look"]["words"].startswith("Preview on the map: 61 m driven in 60 s; 100%")
+    assert seen["first_look"]["groups"] == {"Preview: loop, 圃場 1": ["trajectory"]}
+    assert seen["first_look"]["words"].startswith("Preview on the map: 61 m in 60 s; 100%")
     assert seen["first_look"]["files"] == ["boundary.geojson", "gnss.nmea", "recording.pcap.gz", "session.toml"]
 
 
-def test_preview__has_a_surface_as_soon_as_the_scanner_is_told(seen: dict[str, Any]) -> None:
-    assert seen["preview"] == {"Preview: North field": ["track", "coarse surface"]}
+def test_preview__has_a_surface_as_soon_as_the_scanner_is_placed(seen: dict[str, Any]) -> None:
+    assert seen["preview"] == {"Preview: North field": ["trajectory", "coarse surface"]}
     assert seen["dropped_preview"] == seen["preview"]
 
 
-def test_form__tells_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> None:
+def test_form__shows_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> None:
     assert seen["still_in_form"]
-    assert "how wide the tool is" in seen["fault_told"]
+    assert "width of the implement" in seen["fault"]
 
 
 def test_cancel__leaves_nothing(seen: dict[str, Any]) -> None:
@@ -142,11 +142,11 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
     assert seen["styles"]["trajectory"] == "categorizedSymbol"
     assert set(seen["map_tips"]) >= {"trajectory", "passes", "coverage", "events"}
     assert seen["terrain"] == "raster"
-    assert seen["legend"] == "Soil sunk or risen (m)"
+    assert seen["legend"] == "Height change (m)"
     assert seen["workers_after_run"] == []
 
 
-def test_run__tells_its_stages_and_figures(seen: dict[str, Any], drive: Path) -> None:
+def test_run__shows_its_stages_and_figures(seen: dict[str, Any], drive: Path) -> None:
     stages = [text[2:] for text in seen["stages"]]
     assert stages[:3] == ["reading scans", "matching scans", "placing points"]
     assert {"writing cloud", "making surfaces", "writing layers"} <= set(stages)
@@ -202,8 +202,8 @@ def test_killed_qgis__leaves_no_worker(
     drive = recordings(
         shared_data, tmp_path / "killed", "recording.pcap.gz", "gnss.nmea", "boundary.geojson", "session.toml"
     )
-    told = qgis.run("python3", HERE / "kill_qgis.py", plugins, drive / "session.toml", worker, timeout_s=300)
-    answer = json.loads(told.splitlines()[-1])
+    out = qgis.run("python3", HERE / "kill_qgis.py", plugins, drive / "session.toml", worker, timeout_s=300)
+    answer = json.loads(out.splitlines()[-1])
     assert answer["status"] == 128 + 9
     assert answer["workers"] == []
     assert answer["seconds"] < 10.0

@@ -26,7 +26,7 @@ MOUNTING = {
     "furrowmapAntenna": (1.847, -0.052, 1.624),
     "furrowmapLidar": (-0.632, 0.041, 2.416),
     "furrowmapLidarTurn": (0.8, 40.6, 179.3),
-    "furrowmapTool": (-1.62, 0.0),
+    "furrowmapImplementXy": (-1.62, 0.0),
 }
 SEEN: dict[str, Any] = {}
 LOGGED: list[str] = []
@@ -151,7 +151,7 @@ def new_session() -> Iterator[Any]:
     widget("furrowmapImplementGroup").setChecked(True)
     click("furrowmapRun")  # the tool has no width yet
     yield
-    SEEN["fault_told"] = widget("furrowmapFindings").text()
+    SEEN["fault"] = widget("furrowmapFindings").text()
     SEEN["still_in_form"] = page("session")()
     for name, values in MOUNTING.items():
         for k, value in enumerate(values):

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Creates the virtual environment in which the worker runs, in the user's own data folder.
+
+Dependencies are installed from `locked_packages.txt`, which has their versions and checksums. furrowmap itself is on no
+package index: it comes from a wheel, a source checkout or a folder of wheels that the user chooses. The environment is
+built in another folder, tested and renamed, so a failure changes nothing. QGIS's Python only creates it; nothing is
+installed into that. The functions block: call them in a task's thread.
+"""
+
+import configparser
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from qgis.PyQt.QtCore import QCoreApplication
+
+from .interpreter import command_of, environment_folder, python_in
+from .program import ProgramError, run_program
+from .worker import WorkerError, greet
+
+OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 14)
+"""Those for which :data:`LOCKED` has wheels."""
+LOCKED = Path(__file__).with_name("locked_packages.txt")
+"""Not named requirements.txt: there are plugins that install such a file into QGIS's Python."""
+_ASKED = f"import ensurepip, sys, venv; print({OLDEST_PYTHON} <= sys.version_info[:2] <= {NEWEST_PYTHON})"
+_OFFLINE = re.compile("NewConnectionError|NameResolutionError|ConnectTimeout|ProxyError|SSLError|Retrying")
+
+
+class InstallError(Exception):
+    """No environment was created; one that existed is unchanged. Three lines for the user."""
+
+    def __init__(self, what, remedy):
+        self.lines = (what, tr("The environment was not created; an existing one is unchanged."), remedy)
+        super().__init__("\n".join(self.lines))
+
+
+def create_environment(source, on_line, is_cancelled, folder=None):
+    """Create the environment; an existing one is replaced after the new one has been tested.
+
+    Args:
+        source: a wheel of furrowmap or a source checkout, for which dependencies come from the package index; or a
+            folder with the wheels of furrowmap and of all dependencies, for which the network is not used.
+        on_line: is called with each line of the log.
+        is_cancelled: is asked ten times a second.
+        folder: of the environment, by default the plugin's own.
+
+    Returns:
+        The versions in it, as `furrowmap --version --json` has them.
+
+    Raises:
+        InstallError: if it could not be created.
+        ProgramError: if the user cancelled it.
+    """
+    package, wheels = package_in(Path(source))
+    folder = folder or environment_folder()
+    building = folder.with_name(f"{folder.name}.building")
+    try:
+        _delete(building)
+        building.parent.mkdir(parents=True, exist_ok=True)
+        run_program([base_python(is_cancelled), "-I", "-m", "venv", str(building)], on_line, is_cancelled)
+        pip = [str(python_in(building)), "-I", "-m", "pip"]
+        install = [*pip, "install", "--no-input", "--disable-pip-version-check"]
+        offline = ["--no-index", "--find-links", str(wheels)] if wheels else []
+        locked = ["--require-hashes", "--only-binary=:all:", "--requirement", str(LOCKED)]
+        run_program([*install, *offline, *locked], on_line, is_cancelled)
+        run_program([*install, "--no-index", "--no-deps", "--no-build-isolation", str(package)], on_line, is_cancelled)
+        run_program([*pip, "check"], on_line, is_cancelled)
+        versions = check(command_of(building), on_line, is_cancelled)
+        _replace(folder, building)
+    except (ProgramError, WorkerError, OSError) as error:
+        if getattr(error, "cancelled", False):
+            raise
+        raise InstallError(*_reason(error, wheels)) from error
+    finally:
+        _delete(building)
+    return versions
+
+
+def package_in(source):
+    """What to install furrowmap from, and the folder of wheels if that has the dependencies as well.
+
+    Raises:
+        InstallError: if there is no furrowmap in it.
+    """
+    if source.suffix == ".whl" and source.name.startswith("furrowmap-") and source.is_file():
+        return source, None
+    checkout = source.parent if source.name == "pyproject.toml" else source
+    if _is_checkout(checkout):
+        return checkout, None
+    wheel = next(iter(sorted(source.glob(f"furrowmap-{own_version()}-*.whl"))), None)
+    if wheel is None:
+        raise InstallError(
+            tr("{source} has no furrowmap {version}.").format(source=source, version=own_version()),
+            tr("Choose a wheel of furrowmap, its source checkout, or a folder of wheels with the plugin's version."),
+        )
+    return wheel, source
+
+
+def _is_checkout(folder):
+    try:
+        text = (folder / "pyproject.toml").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return re.search(r'^name = "furrowmap"$', text, re.MULTILINE) is not None
+
+
+def _reason(error, wheels):
+    """What went wrong and what to do about it, from the output of pip or of furrowmap."""
+    lines = list(getattr(error, "output", ())) or str(error).splitlines()
+    text = "\n".join(lines)
+    log = tr("The log above has the details.")
+    missing = re.search(r"No matching distribution found for (\S+)", text)
+    if "DO NOT MATCH THE HASHES" in text:
+        package = re.search(r"^\s+(\S+==\S+)", text[text.index("DO NOT MATCH") :], re.MULTILINE)
+        return (
+            tr("The checksum of {package} differs from the plugin's list.").format(
+                package=package[1] if package else ""
+            ),
+            tr("The file is damaged or not the original. Download the wheels again, or use another source."),
+        )
+    if not wheels and _OFFLINE.search(text):
+        return tr("The package index cannot be reached."), tr("Check the network, or install from a folder of wheels.")
+    if missing and wheels:
+        return (
+            tr("{folder} has no wheel of {package} for this Python.").format(folder=wheels, package=missing[1]),
+            tr("Download the wheels with the same version of Python on the same kind of computer."),
+        )
+    if missing:
+        return tr("There is no wheel of {package} for this computer and this Python.").format(package=missing[1]), log
+    errors = [line[len("ERROR:") :].strip() for line in lines if line.startswith("ERROR:")]
+    return tr("Installing failed: {reason}").format(reason=(errors or lines[-1:] or [""])[0]), log
+
+
+def remove_environment(folder=None):
+    """Remove the environment that the plugin created."""
+    folder = folder or environment_folder()
+    if folder.exists():
+        leaving = folder.with_name(f"{folder.name}.removed")
+        _delete(leaving)
+        folder.rename(leaving)
+        _delete(leaving)
+
+
+def check(program, on_line, is_cancelled):
+    """Start furrowmap twice: for its versions, and for the worker's hello.
+
+    Returns:
+        The versions.
+
+    Raises:
+        ProgramError: if it does not answer.
+        WorkerError: if its worker does not, or has another protocol version.
+    """
+    text = run_program([*program, "--version", "--json"], on_line, is_cancelled)
+    try:
+        versions = json.loads(text)
+        versions["furrowmap"]
+    except (ValueError, KeyError, TypeError):
+        raise ProgramError(tr("{program} is not furrowmap.").format(program=program[0])) from None
+    greet(program, is_cancelled)
+    return versions
+
+
+def base_python(is_cancelled):
+    """A Python that can create environments: QGIS's own, else one on the search path.
+
+    Raises:
+        InstallError: if there is none.
+    """
+    prefix = Path(sys.base_prefix)
+    running = Path(sys.executable or "")  # in the desktop on Windows that is QGIS
+    candidates = [str(running)] if running.stem.lower().startswith("python") else []
+    candidates += [str(prefix / name) for name in ("python.exe", "bin/python3") if (prefix / name).is_file()]
+    candidates += [found for found in map(shutil.which, ("python3", "python")) if found]
+    for candidate in dict.fromkeys(candidates):
+        try:
+            if run_program([candidate, "-I", "-c", _ASKED], _ignore, is_cancelled).strip() == "True":
+                return candidate
+        except ProgramError as error:
+            if error.cancelled:
+                raise
+    oldest, newest = (".".join(map(str, version)) for version in (OLDEST_PYTHON, NEWEST_PYTHON))
+    raise InstallError(
+        tr("No Python {oldest} to {newest} with venv was found.").format(oldest=oldest, newest=newest),
+        tr("Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again."),
+    )
+
+
+def own_version():
+    """The plugin's version, which is furrowmap's."""
+    metadata = configparser.ConfigParser(interpolation=None)
+    metadata.read(Path(__file__).with_name("metadata.txt"), encoding="utf-8")
+    return metadata["general"]["version"]
+
+
+def _replace(folder, building):
+    """Rename the new environment to its final name; the old one comes back if that fails."""
+    old = folder.with_name(f"{folder.name}.old")
+    _delete(old)
+    if folder.exists():
+        folder.rename(old)
+    try:
+        building.rename(folder)
+    except OSError:
+        if old.exists():
+            old.rename(folder)
+        raise
+    _delete(old)
+
+
+def _delete(folder):
+    if folder.exists():
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _ignore(line):
+    """No log is wanted."""
+
+
+def tr(text):
+    """`text` in the user's language."""
+    return QCoreApplication.translate("Installer", text)
