@@ -1,7 +1,7 @@
 """What the site of QGIS's plugins checks of an upload, as far as it can be checked here.
 
 Its rules: bandit's critical tests, detect-secrets, some of flake8, names and sizes in the zip, the metadata. That enums
-are named as Qt 6 has them is told by QGIS itself, in test_algorithms.py.
+are named as Qt 6 has them is tested in QGIS itself, by test_algorithms.py.
 """
 
 from __future__ import annotations
