@@ -16,7 +16,8 @@ from xml.sax.saxutils import escape
 from furrowmap.plugin.processing.algorithms import ALGORITHMS, GROUPS
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
-WORDS = PLUGIN / "i18n" / "furrowmap_ja.ts"
+UNFINISHED = '<translation type="unfinished"/>'
+TRANSLATIONS = PLUGIN / "i18n" / "furrowmap_ja.ts"
 Strings = dict[tuple[str, str], str]
 
 
@@ -24,7 +25,7 @@ def source_strings() -> list[tuple[str, str]]:
     """(context, string) of every string in the plugin that is to be translated, sorted.
 
     Raises:
-        ValueError: if what is to be translated is no literal, or its context cannot be told.
+        ValueError: if the string is not a literal, or has no context.
     """
     found = {("Algorithms", text) for text in description_strings()}
     for path in sorted(PLUGIN.rglob("*.py")):
@@ -74,7 +75,7 @@ def _literal(node: ast.expr) -> str | None:
     return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
 
 
-def translations(path: Path = WORDS) -> Strings:
+def translations(path: Path = TRANSLATIONS) -> Strings:
     """(context, string) → translation, of those that are finished."""
     if not path.is_file():
         return {}
@@ -92,17 +93,17 @@ def page(strings: list[tuple[str, str]], known: Strings) -> str:
     for context in sorted({context for context, _ in strings}):
         lines += ["<context>", f"  <name>{context}</name>"]
         for source in (text for name, text in strings if name == context):
-            words = known.get((context, source))
-            told = f"<translation>{escape(words)}</translation>" if words else '<translation type="unfinished"/>'
-            lines += ["  <message>", f"    <source>{escape(source)}</source>", f"    {told}", "  </message>"]
+            translation = known.get((context, source))
+            done = f"<translation>{escape(translation)}</translation>" if translation else UNFINISHED
+            lines += [f"  <message><source>{escape(source)}</source>{done}</message>"]
         lines += ["</context>"]
     return "\n".join([*lines, "</TS>", ""])
 
 
 if __name__ == "__main__":
     strings, known = source_strings(), translations()
-    WORDS.parent.mkdir(exist_ok=True)
-    WORDS.write_text(page(strings, known), encoding="utf-8")
+    TRANSLATIONS.parent.mkdir(exist_ok=True)
+    TRANSLATIONS.write_text(page(strings, known), encoding="utf-8")
     waiting = [string for string in strings if string not in known]
-    print(f"{WORDS}: {len(strings)} strings, {len(waiting)} wait for their translation")
+    print(f"{TRANSLATIONS}: {len(strings)} strings, {len(waiting)} wait for their translation")
     sys.exit(bool(waiting))

@@ -3,1764 +3,501 @@
 <TS version="2.1" language="ja">
 <context>
   <name>Algorithms</name>
-  <message>
-    <source>A .tif or .vrt file.</source>
-    <translation>.tif または .vrt ファイル。</translation>
-  </message>
-  <message>
-    <source>A COPC file; its name ends in .copc.laz.</source>
-    <translation>COPC ファイル。名前は .copc.laz で終わります。</translation>
-  </message>
-  <message>
-    <source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source>
-    <translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation>
-  </message>
-  <message>
-    <source>Accuracy</source>
-    <translation>精度</translation>
-  </message>
-  <message>
-    <source>Add results to the farm map</source>
-    <translation>実行結果を農場マップに追加</translation>
-  </message>
-  <message>
-    <source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source>
-    <translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation>
-  </message>
-  <message>
-    <source>Adds them to the project when the algorithm has finished.</source>
-    <translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation>
-  </message>
-  <message>
-    <source>All other lines of the file stay as they are.</source>
-    <translation>ファイルのほかの行は変更しません。</translation>
-  </message>
-  <message>
-    <source>Another log of the same drive, or a trajectory.</source>
-    <translation>同じ走行の別のログ、または軌跡。</translation>
-  </message>
-  <message>
-    <source>Antenna offset (m)</source>
-    <translation>アンテナのオフセット（m）</translation>
-  </message>
-  <message>
-    <source>By default all layers.</source>
-    <translation>省略時はすべてのレイヤ。</translation>
-  </message>
-  <message>
-    <source>By default beside the results. Formats with one layer per file need a folder.</source>
-    <translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation>
-  </message>
-  <message>
-    <source>CRS of a new base, such as EPSG:6677 [default: the first session's].</source>
-    <translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation>
-  </message>
-  <message>
-    <source>CRS of a new farm map</source>
-    <translation>新しい農場マップの CRS</translation>
-  </message>
-  <message>
-    <source>CRS of clouds without one</source>
-    <translation>CRS のない点群に使う CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the clean point cloud</source>
-    <translation>クリーニング後の点群の CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the map, such as EPSG:6677 [default: one that fits the place].</source>
-    <translation>出力の CRS（例：EPSG:6677）。省略時は場所に合う投影 CRS。</translation>
-  </message>
-  <message>
-    <source>CRS of the mosaic</source>
-    <translation>モザイクの CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the output</source>
-    <translation>出力の CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the points</source>
-    <translation>測量点の CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the raster [default: that of the surfaces].</source>
-    <translation>ラスタの CRS。省略時はサーフェスの CRS。</translation>
-  </message>
-  <message>
-    <source>CRS of the surfaces</source>
-    <translation>サーフェスの CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the vectors</source>
-    <translation>ベクタの CRS</translation>
-  </message>
-  <message>
-    <source>CRS of the vectors, such as EPSG:4326 [default: the session's].</source>
-    <translation>ベクタの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation>
-  </message>
-  <message>
-    <source>CSV or GeoPackage.</source>
-    <translation>CSV または GeoPackage。</translation>
-  </message>
-  <message>
-    <source>Calibrate the mounting</source>
-    <translation>取り付けのキャリブレーション</translation>
-  </message>
-  <message>
-    <source>Cancelled; no partial files are left.</source>
-    <translation>キャンセルしました。書きかけのファイルは残っていません。</translation>
-  </message>
-  <message>
-    <source>Captures, bags, GNSS logs, trajectories, point clouds.</source>
-    <translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation>
-  </message>
-  <message>
-    <source>Cell size</source>
-    <translation>セルサイズ</translation>
-  </message>
-  <message>
-    <source>Cell statistic</source>
-    <translation>セルの統計量</translation>
-  </message>
-  <message>
-    <source>Check against surveyed points</source>
-    <translation>測量点による精度検証</translation>
-  </message>
-  <message>
-    <source>Class codes, separated by commas, such as 2,9. 64,65 is the machine in clouds of furrowmap.</source>
-    <translation>2,9 のようにコンマで区切ったクラスコード。furrowmap の点群では 64,65 が車両と作業機です。</translation>
-  </message>
-  <message>
-    <source>Class codes, separated by commas, such as 2,9. By default all but noise.</source>
-    <translation>2,9 のようにコンマで区切ったクラスコード。省略時はノイズ以外のすべて。</translation>
-  </message>
-  <message>
-    <source>Classes to leave out</source>
-    <translation>除外するクラス</translation>
-  </message>
-  <message>
-    <source>Classes to use</source>
-    <translation>使用するクラス</translation>
-  </message>
-  <message>
-    <source>Clean point cloud</source>
-    <translation>クリーニング後の点群</translation>
-  </message>
-  <message>
-    <source>Clean point clouds</source>
-    <translation>点群を整える</translation>
-  </message>
-  <message>
-    <source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source>
-    <translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation>
-  </message>
-  <message>
-    <source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source>
-    <translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation>
-  </message>
-  <message>
-    <source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source>
-    <translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。</translation>
-  </message>
-  <message>
-    <source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source>
-    <translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation>
-  </message>
-  <message>
-    <source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source>
-    <translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation>
-  </message>
-  <message>
-    <source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source>
-    <translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation>
-  </message>
-  <message>
-    <source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source>
-    <translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation>
-  </message>
-  <message>
-    <source>Coordinate transformations of a session</source>
-    <translation>セッションの座標変換</translation>
-  </message>
-  <message>
-    <source>Create a session file</source>
-    <translation>セッションファイルの作成</translation>
-  </message>
-  <message>
-    <source>Data exchange</source>
-    <translation>データ交換</translation>
-  </message>
-  <message>
-    <source>Date of the first position</source>
-    <translation>最初の測位の日付</translation>
-  </message>
-  <message>
-    <source>Diameter of the discs</source>
-    <translation>円板の直径</translation>
-  </message>
-  <message>
-    <source>Direction of tillage</source>
-    <translation>耕うん方向</translation>
-  </message>
-  <message>
-    <source>Direction of tillage, clockwise from grid north: random roughness is then told without its marks.</source>
-    <translation>耕うん方向（座標北から時計回り）。ランダム粗度から作業機の跡を除きます。</translation>
-  </message>
-  <message>
-    <source>Disc targets</source>
-    <translation>円板標的</translation>
-  </message>
-  <message>
-    <source>Epochs of the reference</source>
-    <translation>基準のエポック</translation>
-  </message>
-  <message>
-    <source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source>
-    <translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation>
-  </message>
-  <message>
-    <source>Evaluate a GNSS log</source>
-    <translation>GNSS ログの評価</translation>
-  </message>
-  <message>
-    <source>Evaluation (HTML)</source>
-    <translation>評価（HTML）</translation>
-  </message>
-  <message>
-    <source>Every n-th point</source>
-    <translation>n 点ごとに 1 点</translation>
-  </message>
-  <message>
-    <source>Export results</source>
-    <translation>実行結果のエクスポート</translation>
-  </message>
-  <message>
-    <source>Extent</source>
-    <translation>領域</translation>
-  </message>
-  <message>
-    <source>Farm map</source>
-    <translation>農場マップ</translation>
-  </message>
-  <message>
-    <source>Farm map (GeoPackage)</source>
-    <translation>農場マップ（GeoPackage）</translation>
-  </message>
-  <message>
-    <source>Farm map (PostGIS)</source>
-    <translation>農場マップ（PostGIS）</translation>
-  </message>
-  <message>
-    <source>Field, drive and sensors. By default a small field that is tilled for a minute.</source>
-    <translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation>
-  </message>
-  <message>
-    <source>Figures by field (JSON)</source>
-    <translation>圃場ごとの集計（JSON）</translation>
-  </message>
-  <message>
-    <source>File or folder written</source>
-    <translation>書き出したファイルまたはフォルダ</translation>
-  </message>
-  <message>
-    <source>Files written</source>
-    <translation>書き出したファイル</translation>
-  </message>
-  <message>
-    <source>Fill gaps up to so far from seen heights, nothing outside.</source>
-    <translation>計測した高さからこの幅までの欠損を補間します。外側は補間しません。</translation>
-  </message>
-  <message>
-    <source>Findings (JSON)</source>
-    <translation>調査結果（JSON）</translation>
-  </message>
-  <message>
-    <source>For cloud-optimised GeoTIFFs and surfaces.json.</source>
-    <translation>クラウド最適化 GeoTIFF と surfaces.json を出力します。</translation>
-  </message>
-  <message>
-    <source>For evaluation.json, an HTML page and a table of epochs.</source>
-    <translation>evaluation.json、HTML ページ、エポックの表を出力します。</translation>
-  </message>
-  <message>
-    <source>For recording, session file and ground truth.</source>
-    <translation>記録、セッションファイル、真値を出力します。</translation>
-  </message>
-  <message>
-    <source>Format</source>
-    <translation>形式</translation>
-  </message>
-  <message>
-    <source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source>
-    <translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation>
-  </message>
-  <message>
-    <source>Found in the recordings</source>
-    <translation>記録から分かったこと</translation>
-  </message>
-  <message>
-    <source>Give either '{one}' or '{other}'.</source>
-    <translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation>
-  </message>
-  <message>
-    <source>Ground classification</source>
-    <translation>地面の分類</translation>
-  </message>
-  <message>
-    <source>How ground is told, class 2; all but noise and furrowmap's machine is then class 1. none: classes stay.</source>
-    <translation>地面（クラス 2）の分類方法。ノイズと furrowmap の車両・作業機以外はクラス 1 になります。none：クラスを変更しません。</translation>
-  </message>
-  <message>
-    <source>How ground is told; auto: by the clouds' own classes where they have them, else smrf.</source>
-    <translation>地面の分類方法。auto：点群にクラスがあればそれを、なければ smrf を使います。</translation>
-  </message>
-  <message>
-    <source>How points that are alone are told, and left out.</source>
-    <translation>除外する外れ値の検出方法。</translation>
-  </message>
-  <message>
-    <source>How points that are alone are told; they become noise, class 7.</source>
-    <translation>外れ値の検出方法。外れ値はノイズ（クラス 7）になります。</translation>
-  </message>
-  <message>
-    <source>Inspect recordings</source>
-    <translation>記録を調べる</translation>
-  </message>
-  <message>
-    <source>Interpolate the reference across no longer steps [default: 1.5 of its intervals].</source>
-    <translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation>
-  </message>
-  <message>
-    <source>Known point</source>
-    <translation>既知点</translation>
-  </message>
-  <message>
-    <source>LAS, LAZ or COPC files in one CRS.</source>
-    <translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation>
-  </message>
-  <message>
-    <source>LAS, LAZ or COPC files; all go into one raster grid.</source>
-    <translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation>
-  </message>
-  <message>
-    <source>LAS, LAZ, COPC or GeoTIFF.</source>
-    <translation>LAS、LAZ、COPC、または GeoTIFF。</translation>
-  </message>
-  <message>
-    <source>Layers</source>
-    <translation>レイヤ</translation>
-  </message>
-  <message>
-    <source>Leave noise out, classes 7 and 18 of the clouds as well.</source>
-    <translation>ノイズを除外します。元の点群のクラス 7 と 18 も除外します。</translation>
-  </message>
-  <message>
-    <source>Leave out noise</source>
-    <translation>ノイズを除外</translation>
-  </message>
-  <message>
-    <source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source>
-    <translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation>
-  </message>
-  <message>
-    <source>List the sessions of the farm map</source>
-    <translation>農場マップのセッション一覧</translation>
-  </message>
-  <message>
-    <source>Lists the sessions of a farm map: identifier, date, worked area, name.</source>
-    <translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation>
-  </message>
-  <message>
-    <source>Log to evaluate</source>
-    <translation>評価するログ</translation>
-  </message>
-  <message>
-    <source>Look for discs around the points, by this, for the horizontal error.</source>
-    <translation>水平誤差を求めるために測量点の円板を探す手がかり。</translation>
-  </message>
-  <message>
-    <source>Maximum gap to fill</source>
-    <translation>補間する欠損の最大幅</translation>
-  </message>
-  <message>
-    <source>Maximum interpolation gap</source>
-    <translation>補間する最大間隔</translation>
-  </message>
-  <message>
-    <source>Mean of all sessions</source>
-    <translation>全セッションの平均</translation>
-  </message>
-  <message>
-    <source>Missing from the recordings</source>
-    <translation>記録にないもの</translation>
-  </message>
-  <message>
-    <source>Mosaic</source>
-    <translation>モザイク</translation>
-  </message>
-  <message>
-    <source>Mosaic of the farm map's surfaces</source>
-    <translation>農場マップのサーフェスのモザイク</translation>
-  </message>
-  <message>
-    <source>NMEA, or another log that 'Inspect recordings' reads.</source>
-    <translation>NMEA、または「記録を調べる」で読めるログ。</translation>
-  </message>
-  <message>
-    <source>Number of points</source>
-    <translation>点の数</translation>
-  </message>
-  <message>
-    <source>Number of sessions</source>
-    <translation>セッションの数</translation>
-  </message>
-  <message>
-    <source>Number of sessions left</source>
-    <translation>残りのセッション数</translation>
-  </message>
-  <message>
-    <source>Number of sessions removed</source>
-    <translation>削除したセッション数</translation>
-  </message>
-  <message>
-    <source>Number of surfaces</source>
-    <translation>サーフェスの数</translation>
-  </message>
-  <message>
-    <source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source>
-    <translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation>
-  </message>
-  <message>
-    <source>On the command line:</source>
-    <translation>コマンドライン：</translation>
-  </message>
-  <message>
-    <source>One per line: the identifier, the beginning of it, or the name.</source>
-    <translation>1 行に一つ。識別子、その先頭部分、または名前。</translation>
-  </message>
-  <message>
-    <source>One row per point.</source>
-    <translation>1 点につき 1 行。</translation>
-  </message>
-  <message>
-    <source>Only points in this box, in the CRS of the cloud.</source>
-    <translation>この領域内の点だけを使います。</translation>
-  </message>
-  <message>
-    <source>Only points in this box, in the CRS of the surfaces.</source>
-    <translation>この領域内の点だけを使います。</translation>
-  </message>
-  <message>
-    <source>Only the task of that id or name.</source>
-    <translation>この ID または名前の作業だけを処理します。</translation>
-  </message>
-  <message>
-    <source>Open the products as styled layers</source>
-    <translation>成果物をスタイル付きのレイヤとして開く</translation>
-  </message>
-  <message>
-    <source>Otherwise the algorithm stops if the output exists.</source>
-    <translation>チェックしない場合、出力先が存在すると停止します。</translation>
-  </message>
-  <message>
-    <source>Outlier detection method</source>
-    <translation>外れ値の検出方法</translation>
-  </message>
-  <message>
-    <source>Output file or folder</source>
-    <translation>出力ファイルまたはフォルダ</translation>
-  </message>
-  <message>
-    <source>Output folder</source>
-    <translation>出力フォルダ</translation>
-  </message>
-  <message>
-    <source>Overwrite existing files</source>
-    <translation>既存のファイルを上書き</translation>
-  </message>
-  <message>
-    <source>Overwrite the products of another session</source>
-    <translation>別のセッションの成果物を上書き</translation>
-  </message>
-  <message>
-    <source>Passes, overlaps and missed strips of all fields.</source>
-    <translation>全圃場の行程、重複、作業残し。</translation>
-  </message>
-  <message>
-    <source>Point cloud or surface</source>
-    <translation>点群またはサーフェス</translation>
-  </message>
-  <message>
-    <source>Point clouds</source>
-    <translation>点群</translation>
-  </message>
-  <message>
-    <source>PostGIS schema</source>
-    <translation>PostGIS スキーマ</translation>
-  </message>
-  <message>
-    <source>Preview only</source>
-    <translation>プレビューのみ</translation>
-  </message>
-  <message>
-    <source>Products of the same session in it are replaced.</source>
-    <translation>同じセッションの成果物は置き換えられます。</translation>
-  </message>
-  <message>
-    <source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source>
-    <translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation>
-  </message>
-  <message>
-    <source>Recordings</source>
-    <translation>記録</translation>
-  </message>
-  <message>
-    <source>Reference log</source>
-    <translation>基準のログ</translation>
-  </message>
-  <message>
-    <source>Refuse sessions in another CRS</source>
-    <translation>CRS の異なるセッションを拒否</translation>
-  </message>
-  <message>
-    <source>Refuse sessions of another CRS instead of transforming them.</source>
-    <translation>CRS の異なるセッションを座標変換せずに拒否します。</translation>
-  </message>
-  <message>
-    <source>Remove sessions from the farm map</source>
-    <translation>農場マップからセッションを削除</translation>
-  </message>
-  <message>
-    <source>Removes sessions from a farm map. The folders of their results are not touched.</source>
-    <translation>農場マップからセッションを削除します。実行結果のフォルダは変更しません。</translation>
-  </message>
-  <message>
-    <source>Replace the products of another session in that folder.</source>
-    <translation>フォルダにある別のセッションの成果物を置き換えます。</translation>
-  </message>
-  <message>
-    <source>Report (HTML)</source>
-    <translation>レポート（HTML）</translation>
-  </message>
-  <message>
-    <source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source>
-    <translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation>
-  </message>
-  <message>
-    <source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source>
-    <translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation>
-  </message>
-  <message>
-    <source>Required horizontal RMSE</source>
-    <translation>要求する水平 RMSE</translation>
-  </message>
-  <message>
-    <source>Required vertical RMSE</source>
-    <translation>要求する鉛直 RMSE</translation>
-  </message>
-  <message>
-    <source>Requirements met</source>
-    <translation>要求を満たす</translation>
-  </message>
-  <message>
-    <source>Results of runs</source>
-    <translation>実行結果</translation>
-  </message>
-  <message>
-    <source>Run a session</source>
-    <translation>セッションの実行</translation>
-  </message>
-  <message>
-    <source>Scenario</source>
-    <translation>シナリオ</translation>
-  </message>
-  <message>
-    <source>Schema of the tables, in PostGIS.</source>
-    <translation>PostGIS でテーブルを置くスキーマ。</translation>
-  </message>
-  <message>
-    <source>Session file</source>
-    <translation>セッションファイル</translation>
-  </message>
-  <message>
-    <source>Session file to write [default: session.toml beside them].</source>
-    <translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation>
-  </message>
-  <message>
-    <source>Session file written</source>
-    <translation>セッションファイルに書き込み済み</translation>
-  </message>
-  <message>
-    <source>Sessions</source>
-    <translation>セッション</translation>
-  </message>
-  <message>
-    <source>Sessions (JSON)</source>
-    <translation>セッション（JSON）</translation>
-  </message>
-  <message>
-    <source>Side of a cell [default: the least round one with four points in it].</source>
-    <translation>セルの一辺。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation>
-  </message>
-  <message>
-    <source>Side of a cell.</source>
-    <translation>セルの一辺。</translation>
-  </message>
-  <message>
-    <source>Simulate a recording</source>
-    <translation>記録のシミュレーション</translation>
-  </message>
-  <message>
-    <source>Standard deviation of the survey</source>
-    <translation>測量の標準偏差</translation>
-  </message>
-  <message>
-    <source>Surface</source>
-    <translation>サーフェス</translation>
-  </message>
-  <message>
-    <source>Surfaces and point clouds</source>
-    <translation>サーフェスと点群</translation>
-  </message>
-  <message>
-    <source>Surfaces from point clouds</source>
-    <translation>点群からサーフェスを作成</translation>
-  </message>
-  <message>
-    <source>Surveyed points</source>
-    <translation>測量点</translation>
-  </message>
-  <message>
-    <source>TASKDATA.XML in its folder, or a .zip of the folder.</source>
-    <translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation>
-  </message>
-  <message>
-    <source>Table of errors</source>
-    <translation>誤差の表</translation>
-  </message>
-  <message>
-    <source>Take one point of each cube of this side, the one nearest to its middle.</source>
-    <translation>この辺長の立方体ごとに、中心に最も近い 1 点を残します。</translation>
-  </message>
-  <message>
-    <source>Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection of the implement. The products of a run are not replaced.</source>
-    <translation>数秒で、軌跡と、少数のスキャンによる粗いサーフェスを作成します。スキャンマッチングと作業機の検出は行いません。本処理の成果物は置き換えません。</translation>
-  </message>
-  <message>
-    <source>Task</source>
-    <translation>作業</translation>
-  </message>
-  <message>
-    <source>Task data</source>
-    <translation>作業データ</translation>
-  </message>
-  <message>
-    <source>Tells the days, such as Asia/Tokyo [default: by the longitude].</source>
-    <translation>セッションの日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation>
-  </message>
-  <message>
-    <source>The CRS of the cloud, in metres [default: that of the clouds].</source>
-    <translation>点群の CRS（メートル単位）。省略時は入力の点群の CRS。</translation>
-  </message>
-  <message>
-    <source>The CRS of the points, and of a cloud, where their files state none [default: the product's].</source>
-    <translation>ファイルに CRS がない場合の測量点と点群の CRS。省略時は検証する成果物の CRS。</translation>
-  </message>
-  <message>
-    <source>The CRS of the surfaces, in metres [default: that of the clouds].</source>
-    <translation>サーフェスの CRS（メートル単位）。省略時は点群の CRS。</translation>
-  </message>
-  <message>
-    <source>The farm's GeoPackage.</source>
-    <translation>農場の GeoPackage。</translation>
-  </message>
-  <message>
-    <source>The mean of all sessions instead of the latest session's cells.</source>
-    <translation>最新のセッションではなく全セッションの平均を使います。</translation>
-  </message>
-  <message>
-    <source>The output MET says whether it is met.</source>
-    <translation>満たすかどうかは出力 MET に示されます。</translation>
-  </message>
-  <message>
-    <source>The report.json of each run; it stands for the folder of the run.</source>
-    <translation>各実行の report.json。そのフォルダを表します。</translation>
-  </message>
-  <message>
-    <source>The session.toml beside the recording.</source>
-    <translation>記録の隣にある session.toml。</translation>
-  </message>
-  <message>
-    <source>The session.toml beside the recording; 'Create a session file' writes one.</source>
-    <translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation>
-  </message>
-  <message>
-    <source>The survey's own standard deviation on each axis.</source>
-    <translation>測量自体の標準偏差（各軸）。</translation>
-  </message>
-  <message>
-    <source>Time zone</source>
-    <translation>タイムゾーン</translation>
-  </message>
-  <message>
-    <source>UTC date of the first position, for logs without dates.</source>
-    <translation>最初の測位の UTC 日付。日付のないログに使います。</translation>
-  </message>
-  <message>
-    <source>Used for point clouds whose header has no CRS. Others keep their own.</source>
-    <translation>ヘッダに CRS のない点群に使います。CRS のある点群はその CRS のままです。</translation>
-  </message>
-  <message>
-    <source>Used only with disc targets.</source>
-    <translation>円板標的を使う場合のみ有効です。</translation>
-  </message>
-  <message>
-    <source>Values above 1 give a quick look.</source>
-    <translation>2 以上にすると概略をすばやく確認できます。</translation>
-  </message>
-  <message>
-    <source>Voxel size</source>
-    <translation>ボクセルサイズ</translation>
-  </message>
-  <message>
-    <source>What stands for the points of a cell: median, trimmed, mean, min, max, or a percentile such as p90.</source>
-    <translation>セル内の点の代表値：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation>
-  </message>
-  <message>
-    <source>Worked ground</source>
-    <translation>作業した範囲</translation>
-  </message>
-  <message>
-    <source>Worked ground from task data (ISOXML)</source>
-    <translation>作業データ（ISOXML）から作業した範囲</translation>
-  </message>
-  <message>
-    <source>Working width</source>
-    <translation>作業幅</translation>
-  </message>
-  <message>
-    <source>Working width [default: the widest that the logs show].</source>
-    <translation>作業幅。省略時はログにある最大の幅。</translation>
-  </message>
-  <message>
-    <source>Write the results into the session file</source>
-    <translation>結果をセッションファイルに書き込む</translation>
-  </message>
-  <message>
-    <source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source>
-    <translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation>
-  </message>
-  <message>
-    <source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source>
-    <translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation>
-  </message>
-  <message>
-    <source>dsm: after the work; dsm_before: before it; change: the difference.</source>
-    <translation>dsm：作業後、dsm_before：作業前、change：その差。</translation>
-  </message>
-  <message>
-    <source>fixed: leave out epochs at which the reference has no RTK fix.</source>
-    <translation>fixed：基準が RTK の FIX 解でないエポックを除外します。</translation>
-  </message>
-  <message>
-    <source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source>
-    <translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation>
-  </message>
-  <message>
-    <source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source>
-    <translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation>
-  </message>
-  <message>
-    <source>{parameter}: '{text}' has the wrong format. {help}</source>
-    <translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation>
-  </message>
-  <message>
-    <source>{parameter}: {path} does not exist.</source>
-    <translation>{parameter}：{path} が存在しません。</translation>
-  </message>
+  <message><source>A .tif or .vrt file.</source><translation>.tif または .vrt ファイル。</translation></message>
+  <message><source>A COPC file; its name ends in .copc.laz.</source><translation>COPC ファイル。名前は .copc.laz で終わります。</translation></message>
+  <message><source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source><translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation></message>
+  <message><source>Accuracy</source><translation>精度</translation></message>
+  <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
+  <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
+  <message><source>Adds them to the project when the algorithm has finished.</source><translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation></message>
+  <message><source>All other lines of the file stay as they are.</source><translation>ファイルのほかの行は変更しません。</translation></message>
+  <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
+  <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
+  <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
+  <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
+  <message><source>CRS of a new base, such as EPSG:6677 [default: the first session's].</source><translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation></message>
+  <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
+  <message><source>CRS of clouds without one</source><translation>CRS のない点群に使う CRS</translation></message>
+  <message><source>CRS of the clean point cloud</source><translation>クリーニング後の点群の CRS</translation></message>
+  <message><source>CRS of the map, such as EPSG:6677 [default: one that fits the place].</source><translation>出力の CRS（例：EPSG:6677）。省略時は場所に合う投影 CRS。</translation></message>
+  <message><source>CRS of the mosaic</source><translation>モザイクの CRS</translation></message>
+  <message><source>CRS of the output</source><translation>出力の CRS</translation></message>
+  <message><source>CRS of the points</source><translation>測量点の CRS</translation></message>
+  <message><source>CRS of the raster [default: that of the surfaces].</source><translation>ラスタの CRS。省略時はサーフェスの CRS。</translation></message>
+  <message><source>CRS of the surfaces</source><translation>サーフェスの CRS</translation></message>
+  <message><source>CRS of the vectors</source><translation>ベクタの CRS</translation></message>
+  <message><source>CRS of the vectors, such as EPSG:4326 [default: the session's].</source><translation>ベクタの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation></message>
+  <message><source>CSV or GeoPackage.</source><translation>CSV または GeoPackage。</translation></message>
+  <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
+  <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
+  <message><source>Captures, bags, GNSS logs, trajectories, point clouds.</source><translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation></message>
+  <message><source>Cell size</source><translation>セルサイズ</translation></message>
+  <message><source>Cell statistic</source><translation>セルの統計量</translation></message>
+  <message><source>Check against surveyed points</source><translation>測量点による精度検証</translation></message>
+  <message><source>Class codes, separated by commas, such as 2,9. 64,65 is the machine in clouds of furrowmap.</source><translation>2,9 のようにコンマで区切ったクラスコード。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
+  <message><source>Class codes, separated by commas, such as 2,9. By default all but noise.</source><translation>2,9 のようにコンマで区切ったクラスコード。省略時はノイズ以外のすべて。</translation></message>
+  <message><source>Classes to leave out</source><translation>除外するクラス</translation></message>
+  <message><source>Classes to use</source><translation>使用するクラス</translation></message>
+  <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
+  <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
+  <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
+  <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
+  <message><source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。</translation></message>
+  <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
+  <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
+  <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
+  <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
+  <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
+  <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
+  <message><source>Data exchange</source><translation>データ交換</translation></message>
+  <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
+  <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
+  <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
+  <message><source>Direction of tillage, clockwise from grid north: random roughness is then told without its marks.</source><translation>耕うん方向（座標北から時計回り）。ランダム粗度から作業機の跡を除きます。</translation></message>
+  <message><source>Disc targets</source><translation>円板標的</translation></message>
+  <message><source>Epochs of the reference</source><translation>基準のエポック</translation></message>
+  <message><source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source><translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation></message>
+  <message><source>Evaluate a GNSS log</source><translation>GNSS ログの評価</translation></message>
+  <message><source>Evaluation (HTML)</source><translation>評価（HTML）</translation></message>
+  <message><source>Every n-th point</source><translation>n 点ごとに 1 点</translation></message>
+  <message><source>Export results</source><translation>実行結果のエクスポート</translation></message>
+  <message><source>Extent</source><translation>領域</translation></message>
+  <message><source>Farm map</source><translation>農場マップ</translation></message>
+  <message><source>Farm map (GeoPackage)</source><translation>農場マップ（GeoPackage）</translation></message>
+  <message><source>Farm map (PostGIS)</source><translation>農場マップ（PostGIS）</translation></message>
+  <message><source>Field, drive and sensors. By default a small field that is tilled for a minute.</source><translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation></message>
+  <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
+  <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
+  <message><source>Files written</source><translation>書き出したファイル</translation></message>
+  <message><source>Fill gaps up to so far from seen heights, nothing outside.</source><translation>計測した高さからこの幅までの欠損を補間します。外側は補間しません。</translation></message>
+  <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
+  <message><source>For cloud-optimised GeoTIFFs and surfaces.json.</source><translation>クラウド最適化 GeoTIFF と surfaces.json を出力します。</translation></message>
+  <message><source>For evaluation.json, an HTML page and a table of epochs.</source><translation>evaluation.json、HTML ページ、エポックの表を出力します。</translation></message>
+  <message><source>For recording, session file and ground truth.</source><translation>記録、セッションファイル、真値を出力します。</translation></message>
+  <message><source>Format</source><translation>形式</translation></message>
+  <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
+  <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
+  <message><source>Give either '{one}' or '{other}'.</source><translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation></message>
+  <message><source>Ground classification</source><translation>地面の分類</translation></message>
+  <message><source>How ground is told, class 2; all but noise and furrowmap's machine is then class 1. none: classes stay.</source><translation>地面（クラス 2）の分類方法。ノイズと furrowmap の車両・作業機以外はクラス 1 になります。none：クラスを変更しません。</translation></message>
+  <message><source>How ground is told; auto: by the clouds' own classes where they have them, else smrf.</source><translation>地面の分類方法。auto：点群にクラスがあればそれを、なければ smrf を使います。</translation></message>
+  <message><source>How points that are alone are told, and left out.</source><translation>除外する外れ値の検出方法。</translation></message>
+  <message><source>How points that are alone are told; they become noise, class 7.</source><translation>外れ値の検出方法。外れ値はノイズ（クラス 7）になります。</translation></message>
+  <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
+  <message><source>Interpolate the reference across no longer steps [default: 1.5 of its intervals].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
+  <message><source>Known point</source><translation>既知点</translation></message>
+  <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
+  <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
+  <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
+  <message><source>Layers</source><translation>レイヤ</translation></message>
+  <message><source>Leave noise out, classes 7 and 18 of the clouds as well.</source><translation>ノイズを除外します。元の点群のクラス 7 と 18 も除外します。</translation></message>
+  <message><source>Leave out noise</source><translation>ノイズを除外</translation></message>
+  <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
+  <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
+  <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
+  <message><source>Log to evaluate</source><translation>評価するログ</translation></message>
+  <message><source>Look for discs around the points, by this, for the horizontal error.</source><translation>水平誤差を求めるために測量点の円板を探す手がかり。</translation></message>
+  <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
+  <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
+  <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
+  <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
+  <message><source>Mosaic</source><translation>モザイク</translation></message>
+  <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
+  <message><source>NMEA, or another log that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>Number of points</source><translation>点の数</translation></message>
+  <message><source>Number of sessions</source><translation>セッションの数</translation></message>
+  <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
+  <message><source>Number of sessions removed</source><translation>削除したセッション数</translation></message>
+  <message><source>Number of surfaces</source><translation>サーフェスの数</translation></message>
+  <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
+  <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
+  <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
+  <message><source>One row per point.</source><translation>1 点につき 1 行。</translation></message>
+  <message><source>Only points in this box, in the CRS of the cloud.</source><translation>この領域内の点だけを使います。</translation></message>
+  <message><source>Only points in this box, in the CRS of the surfaces.</source><translation>この領域内の点だけを使います。</translation></message>
+  <message><source>Only the task of that id or name.</source><translation>この ID または名前の作業だけを処理します。</translation></message>
+  <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
+  <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>
+  <message><source>Outlier detection method</source><translation>外れ値の検出方法</translation></message>
+  <message><source>Output file or folder</source><translation>出力ファイルまたはフォルダ</translation></message>
+  <message><source>Output folder</source><translation>出力フォルダ</translation></message>
+  <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
+  <message><source>Overwrite the products of another session</source><translation>別のセッションの成果物を上書き</translation></message>
+  <message><source>Passes, overlaps and missed strips of all fields.</source><translation>全圃場の行程、重複、作業残し。</translation></message>
+  <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
+  <message><source>Point clouds</source><translation>点群</translation></message>
+  <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
+  <message><source>Preview only</source><translation>プレビューのみ</translation></message>
+  <message><source>Products of the same session in it are replaced.</source><translation>同じセッションの成果物は置き換えられます。</translation></message>
+  <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
+  <message><source>Recordings</source><translation>記録</translation></message>
+  <message><source>Reference log</source><translation>基準のログ</translation></message>
+  <message><source>Refuse sessions in another CRS</source><translation>CRS の異なるセッションを拒否</translation></message>
+  <message><source>Refuse sessions of another CRS instead of transforming them.</source><translation>CRS の異なるセッションを座標変換せずに拒否します。</translation></message>
+  <message><source>Remove sessions from the farm map</source><translation>農場マップからセッションを削除</translation></message>
+  <message><source>Removes sessions from a farm map. The folders of their results are not touched.</source><translation>農場マップからセッションを削除します。実行結果のフォルダは変更しません。</translation></message>
+  <message><source>Replace the products of another session in that folder.</source><translation>フォルダにある別のセッションの成果物を置き換えます。</translation></message>
+  <message><source>Report (HTML)</source><translation>レポート（HTML）</translation></message>
+  <message><source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source><translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation></message>
+  <message><source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source><translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation></message>
+  <message><source>Required horizontal RMSE</source><translation>要求する水平 RMSE</translation></message>
+  <message><source>Required vertical RMSE</source><translation>要求する鉛直 RMSE</translation></message>
+  <message><source>Requirements met</source><translation>要求を満たす</translation></message>
+  <message><source>Results of runs</source><translation>実行結果</translation></message>
+  <message><source>Run a session</source><translation>セッションの実行</translation></message>
+  <message><source>Scenario</source><translation>シナリオ</translation></message>
+  <message><source>Schema of the tables, in PostGIS.</source><translation>PostGIS でテーブルを置くスキーマ。</translation></message>
+  <message><source>Session file</source><translation>セッションファイル</translation></message>
+  <message><source>Session file to write [default: session.toml beside them].</source><translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation></message>
+  <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
+  <message><source>Sessions</source><translation>セッション</translation></message>
+  <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
+  <message><source>Side of a cell [default: the least round one with four points in it].</source><translation>セルの一辺。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
+  <message><source>Side of a cell.</source><translation>セルの一辺。</translation></message>
+  <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
+  <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
+  <message><source>Surface</source><translation>サーフェス</translation></message>
+  <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
+  <message><source>Surfaces from point clouds</source><translation>点群からサーフェスを作成</translation></message>
+  <message><source>Surveyed points</source><translation>測量点</translation></message>
+  <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
+  <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Take one point of each cube of this side, the one nearest to its middle.</source><translation>この辺長の立方体ごとに、中心に最も近い 1 点を残します。</translation></message>
+  <message><source>Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection of the implement. The products of a run are not replaced.</source><translation>数秒で、軌跡と、少数のスキャンによる粗いサーフェスを作成します。スキャンマッチングと作業機の検出は行いません。本処理の成果物は置き換えません。</translation></message>
+  <message><source>Task</source><translation>作業</translation></message>
+  <message><source>Task data</source><translation>作業データ</translation></message>
+  <message><source>Tells the days, such as Asia/Tokyo [default: by the longitude].</source><translation>セッションの日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation></message>
+  <message><source>The CRS of the cloud, in metres [default: that of the clouds].</source><translation>点群の CRS（メートル単位）。省略時は入力の点群の CRS。</translation></message>
+  <message><source>The CRS of the points, and of a cloud, where their files state none [default: the product's].</source><translation>ファイルに CRS がない場合の測量点と点群の CRS。省略時は検証する成果物の CRS。</translation></message>
+  <message><source>The CRS of the surfaces, in metres [default: that of the clouds].</source><translation>サーフェスの CRS（メートル単位）。省略時は点群の CRS。</translation></message>
+  <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
+  <message><source>The mean of all sessions instead of the latest session's cells.</source><translation>最新のセッションではなく全セッションの平均を使います。</translation></message>
+  <message><source>The output MET says whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
+  <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
+  <message><source>The session.toml beside the recording.</source><translation>記録の隣にある session.toml。</translation></message>
+  <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
+  <message><source>The survey's own standard deviation on each axis.</source><translation>測量自体の標準偏差（各軸）。</translation></message>
+  <message><source>Time zone</source><translation>タイムゾーン</translation></message>
+  <message><source>UTC date of the first position, for logs without dates.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
+  <message><source>Used for point clouds whose header has no CRS. Others keep their own.</source><translation>ヘッダに CRS のない点群に使います。CRS のある点群はその CRS のままです。</translation></message>
+  <message><source>Used only with disc targets.</source><translation>円板標的を使う場合のみ有効です。</translation></message>
+  <message><source>Values above 1 give a quick look.</source><translation>2 以上にすると概略をすばやく確認できます。</translation></message>
+  <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
+  <message><source>What stands for the points of a cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セル内の点の代表値：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
+  <message><source>Worked ground</source><translation>作業した範囲</translation></message>
+  <message><source>Worked ground from task data (ISOXML)</source><translation>作業データ（ISOXML）から作業した範囲</translation></message>
+  <message><source>Working width</source><translation>作業幅</translation></message>
+  <message><source>Working width [default: the widest that the logs show].</source><translation>作業幅。省略時はログにある最大の幅。</translation></message>
+  <message><source>Write the results into the session file</source><translation>結果をセッションファイルに書き込む</translation></message>
+  <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
+  <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
+  <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
+  <message><source>fixed: leave out epochs at which the reference has no RTK fix.</source><translation>fixed：基準が RTK の FIX 解でないエポックを除外します。</translation></message>
+  <message><source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source><translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
+  <message><source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source><translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation></message>
+  <message><source>{parameter}: '{text}' has the wrong format. {help}</source><translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation></message>
+  <message><source>{parameter}: {path} does not exist.</source><translation>{parameter}：{path} が存在しません。</translation></message>
 </context>
 <context>
   <name>BaseMap</name>
-  <message>
-    <source>'{own}' is not a base map. Give a URL with {{z}}, {{x}} and {{y}}, or with {{TileMatrix}}, {{TileRow}} and {{TileCol}}, or an MBTiles file.</source>
-    <translation>「{own}」はベースマップではありません。{{z}}、{{x}}、{{y}} または {{TileMatrix}}、{{TileRow}}、{{TileCol}} を含む URL、あるいは MBTiles ファイルを指定してください。</translation>
-  </message>
-  <message>
-    <source>GSI aerial photo</source>
-    <translation>地理院タイル（写真）</translation>
-  </message>
-  <message>
-    <source>GSI standard map</source>
-    <translation>地理院タイル（標準地図）</translation>
-  </message>
-  <message>
-    <source>Geospatial Information Authority of Japan (GSI) tiles</source>
-    <translation>国土地理院（GSI）タイル</translation>
-  </message>
-  <message>
-    <source>Own base map</source>
-    <translation>独自のベースマップ</translation>
-  </message>
-  <message>
-    <source>© OpenStreetMap contributors</source>
-    <translation>© OpenStreetMap contributors</translation>
-  </message>
+  <message><source>'{own}' is not a base map. Give a URL with {{z}}, {{x}} and {{y}}, or with {{TileMatrix}}, {{TileRow}} and {{TileCol}}, or an MBTiles file.</source><translation>「{own}」はベースマップではありません。{{z}}、{{x}}、{{y}} または {{TileMatrix}}、{{TileRow}}、{{TileCol}} を含む URL、あるいは MBTiles ファイルを指定してください。</translation></message>
+  <message><source>GSI aerial photo</source><translation>地理院タイル（写真）</translation></message>
+  <message><source>GSI standard map</source><translation>地理院タイル（標準地図）</translation></message>
+  <message><source>Geospatial Information Authority of Japan (GSI) tiles</source><translation>国土地理院（GSI）タイル</translation></message>
+  <message><source>Own base map</source><translation>独自のベースマップ</translation></message>
+  <message><source>© OpenStreetMap contributors</source><translation>© OpenStreetMap contributors</translation></message>
 </context>
 <context>
   <name>BaseMapChooser</name>
-  <message>
-    <source>Base map</source>
-    <translation>ベースマップ</translation>
-  </message>
-  <message>
-    <source>URL of XYZ tiles or of a RESTful WMTS in Web Mercator, or the path of an MBTiles file</source>
-    <translation>Web メルカトルの XYZ タイルか RESTful WMTS の URL、または MBTiles ファイルのパス</translation>
-  </message>
-  <message>
-    <source>none (offline)</source>
-    <translation>なし（オフライン）</translation>
-  </message>
-  <message>
-    <source>other tiles or file…</source>
-    <translation>その他のタイルまたはファイル…</translation>
-  </message>
+  <message><source>Base map</source><translation>ベースマップ</translation></message>
+  <message><source>URL of XYZ tiles or of a RESTful WMTS in Web Mercator, or the path of an MBTiles file</source><translation>Web メルカトルの XYZ タイルか RESTful WMTS の URL、または MBTiles ファイルのパス</translation></message>
+  <message><source>none (offline)</source><translation>なし（オフライン）</translation></message>
+  <message><source>other tiles or file…</source><translation>その他のタイルまたはファイル…</translation></message>
 </context>
 <context>
   <name>Classes</name>
-  <message>
-    <source>ground</source>
-    <translation>地面</translation>
-  </message>
-  <message>
-    <source>implement</source>
-    <translation>作業機</translation>
-  </message>
-  <message>
-    <source>noise</source>
-    <translation>ノイズ</translation>
-  </message>
-  <message>
-    <source>other</source>
-    <translation>その他</translation>
-  </message>
-  <message>
-    <source>vehicle</source>
-    <translation>車両</translation>
-  </message>
+  <message><source>ground</source><translation>地面</translation></message>
+  <message><source>implement</source><translation>作業機</translation></message>
+  <message><source>noise</source><translation>ノイズ</translation></message>
+  <message><source>other</source><translation>その他</translation></message>
+  <message><source>vehicle</source><translation>車両</translation></message>
 </context>
 <context>
   <name>Figures</name>
-  <message>
-    <source>CRS</source>
-    <translation>CRS</translation>
-  </message>
-  <message>
-    <source>Duration</source>
-    <translation>所要時間</translation>
-  </message>
-  <message>
-    <source>Heading accuracy</source>
-    <translation>方位角の精度</translation>
-  </message>
-  <message>
-    <source>Horizontal accuracy</source>
-    <translation>水平精度</translation>
-  </message>
-  <message>
-    <source>Missed</source>
-    <translation>作業残し</translation>
-  </message>
-  <message>
-    <source>Overlap</source>
-    <translation>重複</translation>
-  </message>
-  <message>
-    <source>Passes</source>
-    <translation>行程</translation>
-  </message>
-  <message>
-    <source>Path length</source>
-    <translation>走行距離</translation>
-  </message>
-  <message>
-    <source>Points</source>
-    <translation>点数</translation>
-  </message>
-  <message>
-    <source>Start</source>
-    <translation>開始</translation>
-  </message>
-  <message>
-    <source>Vertical accuracy</source>
-    <translation>鉛直精度</translation>
-  </message>
-  <message>
-    <source>Worked</source>
-    <translation>作業面積</translation>
-  </message>
+  <message><source>CRS</source><translation>CRS</translation></message>
+  <message><source>Duration</source><translation>所要時間</translation></message>
+  <message><source>Heading accuracy</source><translation>方位角の精度</translation></message>
+  <message><source>Horizontal accuracy</source><translation>水平精度</translation></message>
+  <message><source>Missed</source><translation>作業残し</translation></message>
+  <message><source>Overlap</source><translation>重複</translation></message>
+  <message><source>Passes</source><translation>行程</translation></message>
+  <message><source>Path length</source><translation>走行距離</translation></message>
+  <message><source>Points</source><translation>点数</translation></message>
+  <message><source>Start</source><translation>開始</translation></message>
+  <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
+  <message><source>Worked</source><translation>作業面積</translation></message>
 </context>
 <context>
   <name>Findings</name>
-  <message>
-    <source>CRS: the recordings contain no position.</source>
-    <translation>CRS：記録に位置がありません。</translation>
-  </message>
-  <message>
-    <source>Found in the recordings</source>
-    <translation>記録から分かったこと</translation>
-  </message>
-  <message>
-    <source>GNSS antenna: position. Until then it is assumed on the ground below the rear axle.</source>
-    <translation>GNSS アンテナ：位置。入力するまでは後車軸の真下の地面にあるとみなします。</translation>
-  </message>
-  <message>
-    <source>Implement: width and position. Until then no worked ground is computed.</source>
-    <translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation>
-  </message>
-  <message>
-    <source>Missing</source>
-    <translation>不足している項目</translation>
-  </message>
-  <message>
-    <source>Scanner: position and orientation. Until then the surfaces are not usable.</source>
-    <translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation>
-  </message>
-  <message>
-    <source>The receiver's log. Drop it together with the scanner's recording.</source>
-    <translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation>
-  </message>
-  <message>
-    <source>The scanner's recording. Drop it together with the receiver's log.</source>
-    <translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation>
-  </message>
+  <message><source>CRS: the recordings contain no position.</source><translation>CRS：記録に位置がありません。</translation></message>
+  <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
+  <message><source>GNSS antenna: position. Until then it is assumed on the ground below the rear axle.</source><translation>GNSS アンテナ：位置。入力するまでは後車軸の真下の地面にあるとみなします。</translation></message>
+  <message><source>Implement: width and position. Until then no worked ground is computed.</source><translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation></message>
+  <message><source>Missing</source><translation>不足している項目</translation></message>
+  <message><source>Scanner: position and orientation. Until then the surfaces are not usable.</source><translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation></message>
+  <message><source>The receiver's log. Drop it together with the scanner's recording.</source><translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation></message>
+  <message><source>The scanner's recording. Drop it together with the receiver's log.</source><translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation></message>
 </context>
 <context>
   <name>FurrowmapDock</name>
-  <message>
-    <source>A task is running. Wait for its end, or cancel it.</source>
-    <translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation>
-  </message>
-  <message>
-    <source>Add the session to the map first.</source>
-    <translation>先にセッションを地図に追加してください。</translation>
-  </message>
-  <message>
-    <source>Cancelled; no partial files are left.</source>
-    <translation>キャンセルしました。書きかけのファイルは残っていません。</translation>
-  </message>
-  <message>
-    <source>Inspecting the recordings</source>
-    <translation>記録を調べています</translation>
-  </message>
-  <message>
-    <source>Log</source>
-    <translation>ログ</translation>
-  </message>
-  <message>
-    <source>Opened the existing session of these recordings.</source>
-    <translation>この記録の既存のセッションを開きました。</translation>
-  </message>
-  <message>
-    <source>Running {name}</source>
-    <translation>{name} を実行中</translation>
-  </message>
-  <message>
-    <source>Saved {path}</source>
-    <translation>{path} を保存しました</translation>
-  </message>
-  <message>
-    <source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source>
-    <translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation>
-  </message>
-  <message>
-    <source>The form cannot edit line {number} of {name}. The session is run as it is.</source>
-    <translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation>
-  </message>
-  <message>
-    <source>The previous task is being cancelled; try again in a moment.</source>
-    <translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation>
-  </message>
-  <message>
-    <source>The run failed; see the log.</source>
-    <translation>実行に失敗しました。ログを確認してください。</translation>
-  </message>
-  <message>
-    <source>furrowmap: inspecting recordings</source>
-    <translation>furrowmap：記録を調べています</translation>
-  </message>
-  <message>
-    <source>{path} cannot be read: {reason}.</source>
-    <translation>{path} を読めません：{reason}。</translation>
-  </message>
-  <message>
-    <source>{path} does not exist.</source>
-    <translation>{path} が存在しません。</translation>
-  </message>
+  <message><source>A task is running. Wait for its end, or cancel it.</source><translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation></message>
+  <message><source>Add the session to the map first.</source><translation>先にセッションを地図に追加してください。</translation></message>
+  <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
+  <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
+  <message><source>Log</source><translation>ログ</translation></message>
+  <message><source>Opened the existing session of these recordings.</source><translation>この記録の既存のセッションを開きました。</translation></message>
+  <message><source>Running {name}</source><translation>{name} を実行中</translation></message>
+  <message><source>Saved {path}</source><translation>{path} を保存しました</translation></message>
+  <message><source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source><translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation></message>
+  <message><source>The form cannot edit line {number} of {name}. The session is run as it is.</source><translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation></message>
+  <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
+  <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
+  <message><source>furrowmap: inspecting recordings</source><translation>furrowmap：記録を調べています</translation></message>
+  <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
+  <message><source>{path} does not exist.</source><translation>{path} が存在しません。</translation></message>
 </context>
 <context>
   <name>FurrowmapPlugin</name>
-  <message>
-    <source>furrowmap</source>
-    <translation>furrowmap</translation>
-  </message>
+  <message><source>furrowmap</source><translation>furrowmap</translation></message>
 </context>
 <context>
   <name>Installer</name>
-  <message>
-    <source>Check the network, or install from a folder of wheels.</source>
-    <translation>ネットワークを確認するか、wheel のフォルダからインストールしてください。</translation>
-  </message>
-  <message>
-    <source>Choose a wheel of furrowmap, its source checkout, or a folder of wheels with the plugin's version.</source>
-    <translation>furrowmap の wheel、ソースのチェックアウト、またはプラグインと同じバージョンを含む wheel のフォルダを選択してください。</translation>
-  </message>
-  <message>
-    <source>Download the wheels with the same version of Python on the same kind of computer.</source>
-    <translation>同じ種類のコンピュータと同じバージョンの Python で wheel をダウンロードしてください。</translation>
-  </message>
-  <message>
-    <source>Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again.</source>
-    <translation>python.org から Python をインストールし（Debian と Ubuntu では python3-venv パッケージ）、やり直してください。</translation>
-  </message>
-  <message>
-    <source>Installing failed: {reason}</source>
-    <translation>インストールに失敗しました：{reason}</translation>
-  </message>
-  <message>
-    <source>No Python {oldest} to {newest} with venv was found.</source>
-    <translation>venv を備えた Python {oldest}～{newest} が見つかりません。</translation>
-  </message>
-  <message>
-    <source>The checksum of {package} differs from the plugin's list.</source>
-    <translation>{package} のチェックサムがプラグインのリストと一致しません。</translation>
-  </message>
-  <message>
-    <source>The environment was not created; an existing one is unchanged.</source>
-    <translation>環境は作成されませんでした。既存の環境は変更されていません。</translation>
-  </message>
-  <message>
-    <source>The file is damaged or not the original. Download the wheels again, or use another source.</source>
-    <translation>ファイルが壊れているか、元のものではありません。wheel をダウンロードし直すか、別の入手元を使ってください。</translation>
-  </message>
-  <message>
-    <source>The log above has the details.</source>
-    <translation>詳細は上のログにあります。</translation>
-  </message>
-  <message>
-    <source>The package index cannot be reached.</source>
-    <translation>パッケージインデックスに接続できません。</translation>
-  </message>
-  <message>
-    <source>There is no wheel of {package} for this computer and this Python.</source>
-    <translation>このコンピュータと Python に対応する {package} の wheel がありません。</translation>
-  </message>
-  <message>
-    <source>{folder} has no wheel of {package} for this Python.</source>
-    <translation>{folder} に、この Python に対応する {package} の wheel がありません。</translation>
-  </message>
-  <message>
-    <source>{program} is not furrowmap.</source>
-    <translation>{program} は furrowmap ではありません。</translation>
-  </message>
-  <message>
-    <source>{source} has no furrowmap {version}.</source>
-    <translation>{source} に furrowmap {version} がありません。</translation>
-  </message>
+  <message><source>Check the network, or install from a folder of wheels.</source><translation>ネットワークを確認するか、wheel のフォルダからインストールしてください。</translation></message>
+  <message><source>Choose a wheel of furrowmap, its source checkout, or a folder of wheels with the plugin's version.</source><translation>furrowmap の wheel、ソースのチェックアウト、またはプラグインと同じバージョンを含む wheel のフォルダを選択してください。</translation></message>
+  <message><source>Download the wheels with the same version of Python on the same kind of computer.</source><translation>同じ種類のコンピュータと同じバージョンの Python で wheel をダウンロードしてください。</translation></message>
+  <message><source>Install Python from python.org; on Debian and Ubuntu the package python3-venv. Then try again.</source><translation>python.org から Python をインストールし（Debian と Ubuntu では python3-venv パッケージ）、やり直してください。</translation></message>
+  <message><source>Installing failed: {reason}</source><translation>インストールに失敗しました：{reason}</translation></message>
+  <message><source>No Python {oldest} to {newest} with venv was found.</source><translation>venv を備えた Python {oldest}～{newest} が見つかりません。</translation></message>
+  <message><source>The checksum of {package} differs from the plugin's list.</source><translation>{package} のチェックサムがプラグインのリストと一致しません。</translation></message>
+  <message><source>The environment was not created; an existing one is unchanged.</source><translation>環境は作成されませんでした。既存の環境は変更されていません。</translation></message>
+  <message><source>The file is damaged or not the original. Download the wheels again, or use another source.</source><translation>ファイルが壊れているか、元のものではありません。wheel をダウンロードし直すか、別の入手元を使ってください。</translation></message>
+  <message><source>The log above has the details.</source><translation>詳細は上のログにあります。</translation></message>
+  <message><source>The package index cannot be reached.</source><translation>パッケージインデックスに接続できません。</translation></message>
+  <message><source>There is no wheel of {package} for this computer and this Python.</source><translation>このコンピュータと Python に対応する {package} の wheel がありません。</translation></message>
+  <message><source>{folder} has no wheel of {package} for this Python.</source><translation>{folder} に、この Python に対応する {package} の wheel がありません。</translation></message>
+  <message><source>{program} is not furrowmap.</source><translation>{program} は furrowmap ではありません。</translation></message>
+  <message><source>{source} has no furrowmap {version}.</source><translation>{source} に furrowmap {version} がありません。</translation></message>
 </context>
 <context>
   <name>Interpreter</name>
-  <message>
-    <source>Chosen below.</source>
-    <translation>下で選ばれたものです。</translation>
-  </message>
-  <message>
-    <source>Created by this plugin.</source>
-    <translation>このプラグインが作成しました。</translation>
-  </message>
-  <message>
-    <source>Found on the PATH.</source>
-    <translation>PATH で見つかりました。</translation>
-  </message>
-  <message>
-    <source>It installed this plugin with 'furrowmap qgis install'.</source>
-    <translation>'furrowmap qgis install' でこのプラグインをインストールしたものです。</translation>
-  </message>
-  <message>
-    <source>None found. Existing results can be opened; to run sessions, choose or create one.</source>
-    <translation>見つかりません。既存の結果は開けます。セッションを実行するには、選択または作成してください。</translation>
-  </message>
+  <message><source>Chosen below.</source><translation>下で選ばれたものです。</translation></message>
+  <message><source>Created by this plugin.</source><translation>このプラグインが作成しました。</translation></message>
+  <message><source>Found on the PATH.</source><translation>PATH で見つかりました。</translation></message>
+  <message><source>It installed this plugin with 'furrowmap qgis install'.</source><translation>'furrowmap qgis install' でこのプラグインをインストールしたものです。</translation></message>
+  <message><source>None found. Existing results can be opened; to run sessions, choose or create one.</source><translation>見つかりません。既存の結果は開けます。セッションを実行するには、選択または作成してください。</translation></message>
 </context>
 <context>
   <name>Legends</name>
-  <message>
-    <source>Height change (m)</source>
-    <translation>高さの変化（m）</translation>
-  </message>
-  <message>
-    <source>Height difference of swaths (m)</source>
-    <translation>スワス間の高さの差（m）</translation>
-  </message>
-  <message>
-    <source>PPP</source>
-    <translation>PPP</translation>
-  </message>
-  <message>
-    <source>RTK fixed</source>
-    <translation>RTK FIX</translation>
-  </message>
-  <message>
-    <source>RTK float</source>
-    <translation>RTK FLOAT</translation>
-  </message>
-  <message>
-    <source>Relief after the work</source>
-    <translation>作業後の起伏</translation>
-  </message>
-  <message>
-    <source>Relief before the work</source>
-    <translation>作業前の起伏</translation>
-  </message>
-  <message>
-    <source>body of the field</source>
-    <translation>圃場の本体</translation>
-  </message>
-  <message>
-    <source>differential</source>
-    <translation>ディファレンシャル</translation>
-  </message>
-  <message>
-    <source>drives backwards</source>
-    <translation>後退</translation>
-  </message>
-  <message>
-    <source>drives forward</source>
-    <translation>前進</translation>
-  </message>
-  <message>
-    <source>headland</source>
-    <translation>枕地</translation>
-  </message>
-  <message>
-    <source>missed along the boundary</source>
-    <translation>境界沿いの作業残し</translation>
-  </message>
-  <message>
-    <source>missed between passes</source>
-    <translation>行程間の作業残し</translation>
-  </message>
-  <message>
-    <source>other</source>
-    <translation>その他</translation>
-  </message>
-  <message>
-    <source>other, or from a file</source>
-    <translation>その他、またはファイルから</translation>
-  </message>
-  <message>
-    <source>positions end</source>
-    <translation>測位の途切れ</translation>
-  </message>
-  <message>
-    <source>single</source>
-    <translation>単独測位</translation>
-  </message>
-  <message>
-    <source>stop</source>
-    <translation>停止</translation>
-  </message>
-  <message>
-    <source>tool down</source>
-    <translation>作業機 下</translation>
-  </message>
-  <message>
-    <source>tool lifted</source>
-    <translation>作業機を上げた</translation>
-  </message>
-  <message>
-    <source>tool lowered</source>
-    <translation>作業機を下ろした</translation>
-  </message>
-  <message>
-    <source>tool up</source>
-    <translation>作業機 上</translation>
-  </message>
-  <message>
-    <source>unknown</source>
-    <translation>不明</translation>
-  </message>
+  <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
+  <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
+  <message><source>PPP</source><translation>PPP</translation></message>
+  <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
+  <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
+  <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
+  <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
+  <message><source>body of the field</source><translation>圃場の本体</translation></message>
+  <message><source>differential</source><translation>ディファレンシャル</translation></message>
+  <message><source>drives backwards</source><translation>後退</translation></message>
+  <message><source>drives forward</source><translation>前進</translation></message>
+  <message><source>headland</source><translation>枕地</translation></message>
+  <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
+  <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
+  <message><source>other</source><translation>その他</translation></message>
+  <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
+  <message><source>positions end</source><translation>測位の途切れ</translation></message>
+  <message><source>single</source><translation>単独測位</translation></message>
+  <message><source>stop</source><translation>停止</translation></message>
+  <message><source>tool down</source><translation>作業機 下</translation></message>
+  <message><source>tool lifted</source><translation>作業機を上げた</translation></message>
+  <message><source>tool lowered</source><translation>作業機を下ろした</translation></message>
+  <message><source>tool up</source><translation>作業機 上</translation></message>
+  <message><source>unknown</source><translation>不明</translation></message>
 </context>
 <context>
   <name>Options</name>
-  <message>
-    <source>Another one (a Python interpreter with furrowmap, or the furrowmap command):</source>
-    <translation>別のもの（furrowmap の入った Python インタプリタ、または furrowmap コマンド）：</translation>
-  </message>
-  <message>
-    <source>Cancel</source>
-    <translation>キャンセル</translation>
-  </message>
-  <message>
-    <source>Cancelled; nothing was changed.</source>
-    <translation>キャンセルしました。何も変更していません。</translation>
-  </message>
-  <message>
-    <source>Choose where furrowmap is to be installed from.</source>
-    <translation>furrowmap のインストール元を選択してください。</translation>
-  </message>
-  <message>
-    <source>Create a Python environment for furrowmap in {folder}? It takes 920 MB. QGIS's Python is not changed.</source>
-    <translation>furrowmap 用の Python 環境を {folder} に作成しますか？920 MB を使用します。QGIS の Python は変更しません。</translation>
-  </message>
-  <message>
-    <source>Create environment…</source>
-    <translation>環境を作成…</translation>
-  </message>
-  <message>
-    <source>Created in {folder}</source>
-    <translation>作成済み：{folder}</translation>
-  </message>
-  <message>
-    <source>Creating furrowmap's environment</source>
-    <translation>furrowmap の環境を作成しています</translation>
-  </message>
-  <message>
-    <source>Delete</source>
-    <translation>削除</translation>
-  </message>
-  <message>
-    <source>Deleting furrowmap's environment</source>
-    <translation>furrowmap の環境を削除しています</translation>
-  </message>
-  <message>
-    <source>Environment of the plugin</source>
-    <translation>プラグインの環境</translation>
-  </message>
-  <message>
-    <source>Found automatically</source>
-    <translation>自動検出</translation>
-  </message>
-  <message>
-    <source>From a folder with the wheels of furrowmap and its dependencies (offline)</source>
-    <translation>furrowmap と依存パッケージの wheel のフォルダから（オフライン）</translation>
-  </message>
-  <message>
-    <source>From a wheel or source checkout; dependencies from the package index (240 MB to download)</source>
-    <translation>wheel またはソースのチェックアウトから。依存パッケージはパッケージインデックスから（ダウンロード 240 MB）</translation>
-  </message>
-  <message>
-    <source>It works: {program}</source>
-    <translation>動作します：{program}</translation>
-  </message>
-  <message>
-    <source>None</source>
-    <translation>なし</translation>
-  </message>
-  <message>
-    <source>Not created. Folder: {folder}</source>
-    <translation>未作成。作成先：{folder}</translation>
-  </message>
-  <message>
-    <source>Test</source>
-    <translation>テスト</translation>
-  </message>
-  <message>
-    <source>Testing furrowmap</source>
-    <translation>furrowmap をテストしています</translation>
-  </message>
-  <message>
-    <source>The environment is ready: furrowmap {version}.</source>
-    <translation>環境の準備ができました：furrowmap {version}。</translation>
-  </message>
-  <message>
-    <source>The environment was deleted.</source>
-    <translation>環境を削除しました。</translation>
-  </message>
-  <message>
-    <source>Wheel or checkout (furrowmap-*.whl pyproject.toml)</source>
-    <translation>wheel またはチェックアウト (furrowmap-*.whl pyproject.toml)</translation>
-  </message>
-  <message>
-    <source>furrowmap in use</source>
-    <translation>使用する furrowmap</translation>
-  </message>
+  <message><source>Another one (a Python interpreter with furrowmap, or the furrowmap command):</source><translation>別のもの（furrowmap の入った Python インタプリタ、または furrowmap コマンド）：</translation></message>
+  <message><source>Cancel</source><translation>キャンセル</translation></message>
+  <message><source>Cancelled; nothing was changed.</source><translation>キャンセルしました。何も変更していません。</translation></message>
+  <message><source>Choose where furrowmap is to be installed from.</source><translation>furrowmap のインストール元を選択してください。</translation></message>
+  <message><source>Create a Python environment for furrowmap in {folder}? It takes 920 MB. QGIS's Python is not changed.</source><translation>furrowmap 用の Python 環境を {folder} に作成しますか？920 MB を使用します。QGIS の Python は変更しません。</translation></message>
+  <message><source>Create environment…</source><translation>環境を作成…</translation></message>
+  <message><source>Created in {folder}</source><translation>作成済み：{folder}</translation></message>
+  <message><source>Creating furrowmap's environment</source><translation>furrowmap の環境を作成しています</translation></message>
+  <message><source>Delete</source><translation>削除</translation></message>
+  <message><source>Deleting furrowmap's environment</source><translation>furrowmap の環境を削除しています</translation></message>
+  <message><source>Environment of the plugin</source><translation>プラグインの環境</translation></message>
+  <message><source>Found automatically</source><translation>自動検出</translation></message>
+  <message><source>From a folder with the wheels of furrowmap and its dependencies (offline)</source><translation>furrowmap と依存パッケージの wheel のフォルダから（オフライン）</translation></message>
+  <message><source>From a wheel or source checkout; dependencies from the package index (240 MB to download)</source><translation>wheel またはソースのチェックアウトから。依存パッケージはパッケージインデックスから（ダウンロード 240 MB）</translation></message>
+  <message><source>It works: {program}</source><translation>動作します：{program}</translation></message>
+  <message><source>None</source><translation>なし</translation></message>
+  <message><source>Not created. Folder: {folder}</source><translation>未作成。作成先：{folder}</translation></message>
+  <message><source>Test</source><translation>テスト</translation></message>
+  <message><source>Testing furrowmap</source><translation>furrowmap をテストしています</translation></message>
+  <message><source>The environment is ready: furrowmap {version}.</source><translation>環境の準備ができました：furrowmap {version}。</translation></message>
+  <message><source>The environment was deleted.</source><translation>環境を削除しました。</translation></message>
+  <message><source>Wheel or checkout (furrowmap-*.whl pyproject.toml)</source><translation>wheel またはチェックアウト (furrowmap-*.whl pyproject.toml)</translation></message>
+  <message><source>furrowmap in use</source><translation>使用する furrowmap</translation></message>
 </context>
 <context>
   <name>PassLocator</name>
-  <message>
-    <source>Pass {number}</source>
-    <translation>行程 {number}</translation>
-  </message>
-  <message>
-    <source>furrowmap passes</source>
-    <translation>furrowmap の行程</translation>
-  </message>
+  <message><source>Pass {number}</source><translation>行程 {number}</translation></message>
+  <message><source>furrowmap passes</source><translation>furrowmap の行程</translation></message>
 </context>
 <context>
   <name>Previewer</name>
-  <message>
-    <source>No preview: {reason}</source>
-    <translation>プレビューできません：{reason}</translation>
-  </message>
-  <message>
-    <source>Preview on the map: {figures}.</source>
-    <translation>プレビューを地図に表示しました：{figures}。</translation>
-  </message>
-  <message>
-    <source>Preview: {stage}…</source>
-    <translation>プレビュー：{stage}…</translation>
-  </message>
-  <message>
-    <source>see the log.</source>
-    <translation>ログを確認してください。</translation>
-  </message>
-  <message>
-    <source>starting</source>
-    <translation>開始しています</translation>
-  </message>
+  <message><source>No preview: {reason}</source><translation>プレビューできません：{reason}</translation></message>
+  <message><source>Preview on the map: {figures}.</source><translation>プレビューを地図に表示しました：{figures}。</translation></message>
+  <message><source>Preview: {stage}…</source><translation>プレビュー：{stage}…</translation></message>
+  <message><source>see the log.</source><translation>ログを確認してください。</translation></message>
+  <message><source>starting</source><translation>開始しています</translation></message>
 </context>
 <context>
   <name>Previews</name>
-  <message>
-    <source>Preview: {name}</source>
-    <translation>プレビュー：{name}</translation>
-  </message>
-  <message>
-    <source>coarse surface</source>
-    <translation>粗いサーフェス</translation>
-  </message>
-  <message>
-    <source>trajectory</source>
-    <translation>軌跡</translation>
-  </message>
-  <message>
-    <source>{distance:,.0f} m in {time:,.0f} s</source>
-    <translation>{distance:,.0f} m、{time:,.0f} 秒</translation>
-  </message>
-  <message>
-    <source>{share:.0%} RTK fixed</source>
-    <translation>RTK FIX {share:.0%}</translation>
-  </message>
+  <message><source>Preview: {name}</source><translation>プレビュー：{name}</translation></message>
+  <message><source>coarse surface</source><translation>粗いサーフェス</translation></message>
+  <message><source>trajectory</source><translation>軌跡</translation></message>
+  <message><source>{distance:,.0f} m in {time:,.0f} s</source><translation>{distance:,.0f} m、{time:,.0f} 秒</translation></message>
+  <message><source>{share:.0%} RTK fixed</source><translation>RTK FIX {share:.0%}</translation></message>
 </context>
 <context>
   <name>ResultPage</name>
-  <message>
-    <source>A layout with map, legend and figures, and a page per pass</source>
-    <translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation>
-  </message>
-  <message>
-    <source>Add to map</source>
-    <translation>地図に追加</translation>
-  </message>
-  <message>
-    <source>Back to the start page</source>
-    <translation>開始ページに戻る</translation>
-  </message>
-  <message>
-    <source>Open folder</source>
-    <translation>フォルダを開く</translation>
-  </message>
-  <message>
-    <source>Open report</source>
-    <translation>レポートを開く</translation>
-  </message>
-  <message>
-    <source>Open the HTML report in the browser</source>
-    <translation>HTML レポートをブラウザで開く</translation>
-  </message>
-  <message>
-    <source>Open the folder of the products</source>
-    <translation>成果物のフォルダを開く</translation>
-  </message>
-  <message>
-    <source>Open the products as styled layers in a group</source>
-    <translation>成果物をスタイル付きのレイヤとしてグループに開く</translation>
-  </message>
-  <message>
-    <source>Other session</source>
-    <translation>別のセッション</translation>
-  </message>
-  <message>
-    <source>Play the drive in the temporal controller</source>
-    <translation>走行を時系列コントローラで再生する</translation>
-  </message>
-  <message>
-    <source>Print…</source>
-    <translation>印刷…</translation>
-  </message>
-  <message>
-    <source>Replay</source>
-    <translation>再生</translation>
-  </message>
-  <message>
-    <source>This folder has no report, so the accuracy is unknown.</source>
-    <translation>このフォルダにはレポートがないため、精度は不明です。</translation>
-  </message>
-  <message>
-    <source>Warnings</source>
-    <translation>警告</translation>
-  </message>
+  <message><source>A layout with map, legend and figures, and a page per pass</source><translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation></message>
+  <message><source>Add to map</source><translation>地図に追加</translation></message>
+  <message><source>Back to the start page</source><translation>開始ページに戻る</translation></message>
+  <message><source>Open folder</source><translation>フォルダを開く</translation></message>
+  <message><source>Open report</source><translation>レポートを開く</translation></message>
+  <message><source>Open the HTML report in the browser</source><translation>HTML レポートをブラウザで開く</translation></message>
+  <message><source>Open the folder of the products</source><translation>成果物のフォルダを開く</translation></message>
+  <message><source>Open the products as styled layers in a group</source><translation>成果物をスタイル付きのレイヤとしてグループに開く</translation></message>
+  <message><source>Other session</source><translation>別のセッション</translation></message>
+  <message><source>Play the drive in the temporal controller</source><translation>走行を時系列コントローラで再生する</translation></message>
+  <message><source>Print…</source><translation>印刷…</translation></message>
+  <message><source>Replay</source><translation>再生</translation></message>
+  <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
+  <message><source>Warnings</source><translation>警告</translation></message>
 </context>
 <context>
   <name>Results</name>
-  <message>
-    <source>{folder} has no {products} that QGIS can open. Choose the folder of a run.</source>
-    <translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選択してください。</translation>
-  </message>
+  <message><source>{folder} has no {products} that QGIS can open. Choose the folder of a run.</source><translation>{folder} には QGIS で開ける {products} がありません。実行結果のフォルダを選択してください。</translation></message>
 </context>
 <context>
   <name>RunPage</name>
-  <message>
-    <source>Cancel</source>
-    <translation>キャンセル</translation>
-  </message>
-  <message>
-    <source>Cancelling…</source>
-    <translation>キャンセルしています…</translation>
-  </message>
-  <message>
-    <source>Elapsed: {time}</source>
-    <translation>経過時間：{time}</translation>
-  </message>
+  <message><source>Cancel</source><translation>キャンセル</translation></message>
+  <message><source>Cancelling…</source><translation>キャンセルしています…</translation></message>
+  <message><source>Elapsed: {time}</source><translation>経過時間：{time}</translation></message>
 </context>
 <context>
   <name>SessionLayout</name>
-  <message>
-    <source>Events</source>
-    <translation>イベント</translation>
-  </message>
-  <message>
-    <source>Height change</source>
-    <translation>高さの変化</translation>
-  </message>
-  <message>
-    <source>Missed</source>
-    <translation>作業残し</translation>
-  </message>
-  <message>
-    <source>Overlap</source>
-    <translation>重複</translation>
-  </message>
-  <message>
-    <source>Passes</source>
-    <translation>行程</translation>
-  </message>
-  <message>
-    <source>Trajectory</source>
-    <translation>軌跡</translation>
-  </message>
-  <message>
-    <source>Worked</source>
-    <translation>作業した範囲</translation>
-  </message>
-  <message>
-    <source>pass</source>
-    <translation>行程</translation>
-  </message>
-  <message>
-    <source>{path} cannot be written.</source>
-    <translation>{path} に書き込めません。</translation>
-  </message>
-  <message>
-    <source>▲ north</source>
-    <translation>▲ 北</translation>
-  </message>
+  <message><source>Events</source><translation>イベント</translation></message>
+  <message><source>Height change</source><translation>高さの変化</translation></message>
+  <message><source>Missed</source><translation>作業残し</translation></message>
+  <message><source>Overlap</source><translation>重複</translation></message>
+  <message><source>Passes</source><translation>行程</translation></message>
+  <message><source>Trajectory</source><translation>軌跡</translation></message>
+  <message><source>Worked</source><translation>作業した範囲</translation></message>
+  <message><source>pass</source><translation>行程</translation></message>
+  <message><source>{path} cannot be written.</source><translation>{path} に書き込めません。</translation></message>
+  <message><source>▲ north</source><translation>▲ 北</translation></message>
 </context>
 <context>
   <name>SessionPage</name>
-  <message>
-    <source>A projected CRS in metres, for computation and output.</source>
-    <translation>計算と出力に使う、メートル単位の投影 CRS。</translation>
-  </message>
-  <message>
-    <source>A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder.</source>
-    <translation>記録が不足しています。スキャナの記録と受信機のログを、同じフォルダから一緒にドロップしてください。</translation>
-  </message>
-  <message>
-    <source>Back</source>
-    <translation>戻る</translation>
-  </message>
-  <message>
-    <source>Boundary</source>
-    <translation>境界</translation>
-  </message>
-  <message>
-    <source>CRS</source>
-    <translation>CRS</translation>
-  </message>
-  <message>
-    <source>Choose the map's coordinate reference system.</source>
-    <translation>地図の座標参照系を選んでください。</translation>
-  </message>
-  <message>
-    <source>Depth</source>
-    <translation>深さ</translation>
-  </message>
-  <message>
-    <source>Enter the width of the implement, or uncheck 'Implement'.</source>
-    <translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation>
-  </message>
-  <message>
-    <source>Field</source>
-    <translation>圃場</translation>
-  </message>
-  <message>
-    <source>GNSS antenna</source>
-    <translation>GNSS アンテナ</translation>
-  </message>
-  <message>
-    <source>Implement</source>
-    <translation>作業機</translation>
-  </message>
-  <message>
-    <source>Kind</source>
-    <translation>種類</translation>
-  </message>
-  <message>
-    <source>Name</source>
-    <translation>名前</translation>
-  </message>
-  <message>
-    <source>Optional: a polygon in the session's folder, to find missed ground.</source>
-    <translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation>
-  </message>
-  <message>
-    <source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0.</source>
-    <translation>後車軸中央の真下の地面から見たアンテナの位相中心：前、左、上の順。精度は 1 cm で十分です。チェックを外すと 0, 0, 0 とします。</translation>
-  </message>
-  <message>
-    <source>Polygons (*.geojson *.gpkg *.shp *.kml)</source>
-    <translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation>
-  </message>
-  <message>
-    <source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source>
-    <translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation>
-  </message>
-  <message>
-    <source>Preview</source>
-    <translation>プレビュー</translation>
-  </message>
-  <message>
-    <source>Recordings</source>
-    <translation>記録</translation>
-  </message>
-  <message>
-    <source>Save</source>
-    <translation>保存</translation>
-  </message>
-  <message>
-    <source>Save and run</source>
-    <translation>保存して実行</translation>
-  </message>
-  <message>
-    <source>Scanner</source>
-    <translation>スキャナ</translation>
-  </message>
-  <message>
-    <source>Session</source>
-    <translation>セッション</translation>
-  </message>
-  <message>
-    <source>Width</source>
-    <translation>幅</translation>
-  </message>
-  <message>
-    <source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source>
-    <translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation>
-  </message>
-  <message>
-    <source>roll, pitch, yaw</source>
-    <translation>ロール、ピッチ、ヨー</translation>
-  </message>
-  <message>
-    <source>x, y</source>
-    <translation>x、y</translation>
-  </message>
-  <message>
-    <source>x, y, z</source>
-    <translation>x、y、z</translation>
-  </message>
-  <message>
-    <source>{path} cannot be written: {reason}.</source>
-    <translation>{path} に書き込めません：{reason}。</translation>
-  </message>
+  <message><source>A projected CRS in metres, for computation and output.</source><translation>計算と出力に使う、メートル単位の投影 CRS。</translation></message>
+  <message><source>A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder.</source><translation>記録が不足しています。スキャナの記録と受信機のログを、同じフォルダから一緒にドロップしてください。</translation></message>
+  <message><source>Back</source><translation>戻る</translation></message>
+  <message><source>Boundary</source><translation>境界</translation></message>
+  <message><source>CRS</source><translation>CRS</translation></message>
+  <message><source>Choose the map's coordinate reference system.</source><translation>地図の座標参照系を選んでください。</translation></message>
+  <message><source>Depth</source><translation>深さ</translation></message>
+  <message><source>Enter the width of the implement, or uncheck 'Implement'.</source><translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation></message>
+  <message><source>Field</source><translation>圃場</translation></message>
+  <message><source>GNSS antenna</source><translation>GNSS アンテナ</translation></message>
+  <message><source>Implement</source><translation>作業機</translation></message>
+  <message><source>Kind</source><translation>種類</translation></message>
+  <message><source>Name</source><translation>名前</translation></message>
+  <message><source>Optional: a polygon in the session's folder, to find missed ground.</source><translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation></message>
+  <message><source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0.</source><translation>後車軸中央の真下の地面から見たアンテナの位相中心：前、左、上の順。精度は 1 cm で十分です。チェックを外すと 0, 0, 0 とします。</translation></message>
+  <message><source>Polygons (*.geojson *.gpkg *.shp *.kml)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation></message>
+  <message><source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source><translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation></message>
+  <message><source>Preview</source><translation>プレビュー</translation></message>
+  <message><source>Recordings</source><translation>記録</translation></message>
+  <message><source>Save</source><translation>保存</translation></message>
+  <message><source>Save and run</source><translation>保存して実行</translation></message>
+  <message><source>Scanner</source><translation>スキャナ</translation></message>
+  <message><source>Session</source><translation>セッション</translation></message>
+  <message><source>Width</source><translation>幅</translation></message>
+  <message><source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source><translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation></message>
+  <message><source>roll, pitch, yaw</source><translation>ロール、ピッチ、ヨー</translation></message>
+  <message><source>x, y</source><translation>x、y</translation></message>
+  <message><source>x, y, z</source><translation>x、y、z</translation></message>
+  <message><source>{path} cannot be written: {reason}.</source><translation>{path} に書き込めません：{reason}。</translation></message>
 </context>
 <context>
   <name>Stages</name>
-  <message>
-    <source>hashing inputs</source>
-    <translation>入力ファイルのハッシュ計算</translation>
-  </message>
-  <message>
-    <source>looking at scans</source>
-    <translation>スキャンの確認</translation>
-  </message>
-  <message>
-    <source>making surfaces</source>
-    <translation>サーフェスの作成</translation>
-  </message>
-  <message>
-    <source>matching scans</source>
-    <translation>スキャンマッチング</translation>
-  </message>
-  <message>
-    <source>placing points</source>
-    <translation>点の配置</translation>
-  </message>
-  <message>
-    <source>reading positions</source>
-    <translation>測位の読み込み</translation>
-  </message>
-  <message>
-    <source>reading scans</source>
-    <translation>スキャンの読み込み</translation>
-  </message>
-  <message>
-    <source>work</source>
-    <translation>作業の計算</translation>
-  </message>
-  <message>
-    <source>writing cloud</source>
-    <translation>点群の書き出し</translation>
-  </message>
-  <message>
-    <source>writing layers</source>
-    <translation>レイヤの書き出し</translation>
-  </message>
-  <message>
-    <source>writing the preview</source>
-    <translation>プレビューの書き出し</translation>
-  </message>
+  <message><source>hashing inputs</source><translation>入力ファイルのハッシュ計算</translation></message>
+  <message><source>looking at scans</source><translation>スキャンの確認</translation></message>
+  <message><source>making surfaces</source><translation>サーフェスの作成</translation></message>
+  <message><source>matching scans</source><translation>スキャンマッチング</translation></message>
+  <message><source>placing points</source><translation>点の配置</translation></message>
+  <message><source>reading positions</source><translation>測位の読み込み</translation></message>
+  <message><source>reading scans</source><translation>スキャンの読み込み</translation></message>
+  <message><source>work</source><translation>作業の計算</translation></message>
+  <message><source>writing cloud</source><translation>点群の書き出し</translation></message>
+  <message><source>writing layers</source><translation>レイヤの書き出し</translation></message>
+  <message><source>writing the preview</source><translation>プレビューの書き出し</translation></message>
 </context>
 <context>
   <name>StartPage</name>
-  <message>
-    <source>Choose recordings or a session…</source>
-    <translation>記録またはセッションを選択…</translation>
-  </message>
-  <message>
-    <source>Drop here:
+  <message><source>Choose recordings or a session…</source><translation>記録またはセッションを選択…</translation></message>
+  <message><source>Drop here:
 the recordings of a drive,
 a session.toml
-or the folder of a run</source>
-    <translation>ここにドロップ：
+or the folder of a run</source><translation>ここにドロップ：
 走行の記録、
 session.toml、
-または実行結果のフォルダ</translation>
-  </message>
-  <message>
-    <source>Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python environment. QGIS's Python is not changed.</source>
-    <translation>既存の結果はすぐに開けます。セッションを実行するには、furrowmap のワーカー（独立した Python 環境）を設定してください。QGIS の Python は変更しません。</translation>
-  </message>
-  <message>
-    <source>Folder that 'furrowmap run' wrote</source>
-    <translation>'furrowmap run' が書き出したフォルダ</translation>
-  </message>
-  <message>
-    <source>Open the folder of a run…</source>
-    <translation>実行結果のフォルダを開く…</translation>
-  </message>
-  <message>
-    <source>Recent sessions</source>
-    <translation>最近のセッション</translation>
-  </message>
-  <message>
-    <source>Recordings of one drive, or a session</source>
-    <translation>1 回の走行の記録、またはセッション</translation>
-  </message>
-  <message>
-    <source>Set up…</source>
-    <translation>設定…</translation>
-  </message>
+または実行結果のフォルダ</translation></message>
+  <message><source>Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python environment. QGIS's Python is not changed.</source><translation>既存の結果はすぐに開けます。セッションを実行するには、furrowmap のワーカー（独立した Python 環境）を設定してください。QGIS の Python は変更しません。</translation></message>
+  <message><source>Folder that 'furrowmap run' wrote</source><translation>'furrowmap run' が書き出したフォルダ</translation></message>
+  <message><source>Open the folder of a run…</source><translation>実行結果のフォルダを開く…</translation></message>
+  <message><source>Recent sessions</source><translation>最近のセッション</translation></message>
+  <message><source>Recordings of one drive, or a session</source><translation>1 回の走行の記録、またはセッション</translation></message>
+  <message><source>Set up…</source><translation>設定…</translation></message>
 </context>
 <context>
   <name>VehicleView</name>
-  <message>
-    <source>Above: from the right side. Below: from the top. The origin is on the ground below the middle of the rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane.</source>
-    <translation>上：右側面図。下：上面図。原点は後車軸中央の真下の地面です。灰色：比較用の小型トラクタ。青線：走査面。</translation>
-  </message>
-  <message>
-    <source>antenna</source>
-    <translation>アンテナ</translation>
-  </message>
-  <message>
-    <source>implement</source>
-    <translation>作業機</translation>
-  </message>
-  <message>
-    <source>scanner</source>
-    <translation>スキャナ</translation>
-  </message>
-  <message>
-    <source>side</source>
-    <translation>側面</translation>
-  </message>
-  <message>
-    <source>top</source>
-    <translation>上面</translation>
-  </message>
+  <message><source>Above: from the right side. Below: from the top. The origin is on the ground below the middle of the rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane.</source><translation>上：右側面図。下：上面図。原点は後車軸中央の真下の地面です。灰色：比較用の小型トラクタ。青線：走査面。</translation></message>
+  <message><source>antenna</source><translation>アンテナ</translation></message>
+  <message><source>implement</source><translation>作業機</translation></message>
+  <message><source>scanner</source><translation>スキャナ</translation></message>
+  <message><source>side</source><translation>側面</translation></message>
+  <message><source>top</source><translation>上面</translation></message>
 </context>
 <context>
   <name>Worker</name>
-  <message>
-    <source>A line of output was too long and was dropped.</source>
-    <translation>出力の行が長すぎるため破棄しました。</translation>
-  </message>
-  <message>
-    <source>Cancelled.</source>
-    <translation>キャンセルしました。</translation>
-  </message>
-  <message>
-    <source>Choose or create an environment in Settings › Options › furrowmap.</source>
-    <translation>「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation>
-  </message>
-  <message>
-    <source>It wrote no output.</source>
-    <translation>出力はありません。</translation>
-  </message>
-  <message>
-    <source>It wrote no output; the computer may be out of memory.</source>
-    <translation>出力はありません。メモリ不足の可能性があります。</translation>
-  </message>
-  <message>
-    <source>No partial files are left.</source>
-    <translation>書きかけのファイルは残っていません。</translation>
-  </message>
-  <message>
-    <source>Nothing was run.</source>
-    <translation>何も実行していません。</translation>
-  </message>
-  <message>
-    <source>See its last lines in the log. Products of an earlier run are unchanged.</source>
-    <translation>最後の出力をログで確認してください。以前の成果物は変更されていません。</translation>
-  </message>
-  <message>
-    <source>Sessions cannot be run; existing results can still be opened.</source>
-    <translation>セッションは実行できませんが、既存の結果は開けます。</translation>
-  </message>
-  <message>
-    <source>Test it in Settings › Options › furrowmap.</source>
-    <translation>「設定 › オプション › furrowmap」でテストしてください。</translation>
-  </message>
-  <message>
-    <source>The worker ended without an answer (status {status}).</source>
-    <translation>ワーカーが応答せずに終了しました（終了コード {status}）。</translation>
-  </message>
-  <message>
-    <source>Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment.</source>
-    <translation>古いほうを更新してください。プラグインは QGIS の「プラグインの管理とインストール」で、furrowmap はその環境で更新します。</translation>
-  </message>
-  <message>
-    <source>furrowmap {version} has protocol version {found}; this plugin needs version {own}.</source>
-    <translation>furrowmap {version} のプロトコルはバージョン {found} ですが、このプラグインにはバージョン {own} が必要です。</translation>
-  </message>
-  <message>
-    <source>{program} could not be started: {reason}.</source>
-    <translation>{program} を起動できませんでした：{reason}。</translation>
-  </message>
-  <message>
-    <source>{program} did not answer within {seconds:.0f} s.</source>
-    <translation>{program} が {seconds:.0f} 秒以内に応答しませんでした。</translation>
-  </message>
+  <message><source>A line of output was too long and was dropped.</source><translation>出力の行が長すぎるため破棄しました。</translation></message>
+  <message><source>Cancelled.</source><translation>キャンセルしました。</translation></message>
+  <message><source>Choose or create an environment in Settings › Options › furrowmap.</source><translation>「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
+  <message><source>It wrote no output.</source><translation>出力はありません。</translation></message>
+  <message><source>It wrote no output; the computer may be out of memory.</source><translation>出力はありません。メモリ不足の可能性があります。</translation></message>
+  <message><source>No partial files are left.</source><translation>書きかけのファイルは残っていません。</translation></message>
+  <message><source>Nothing was run.</source><translation>何も実行していません。</translation></message>
+  <message><source>See its last lines in the log. Products of an earlier run are unchanged.</source><translation>最後の出力をログで確認してください。以前の成果物は変更されていません。</translation></message>
+  <message><source>Sessions cannot be run; existing results can still be opened.</source><translation>セッションは実行できませんが、既存の結果は開けます。</translation></message>
+  <message><source>Test it in Settings › Options › furrowmap.</source><translation>「設定 › オプション › furrowmap」でテストしてください。</translation></message>
+  <message><source>The worker ended without an answer (status {status}).</source><translation>ワーカーが応答せずに終了しました（終了コード {status}）。</translation></message>
+  <message><source>Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment.</source><translation>古いほうを更新してください。プラグインは QGIS の「プラグインの管理とインストール」で、furrowmap はその環境で更新します。</translation></message>
+  <message><source>furrowmap {version} has protocol version {found}; this plugin needs version {own}.</source><translation>furrowmap {version} のプロトコルはバージョン {found} ですが、このプラグインにはバージョン {own} が必要です。</translation></message>
+  <message><source>{program} could not be started: {reason}.</source><translation>{program} を起動できませんでした：{reason}。</translation></message>
+  <message><source>{program} did not answer within {seconds:.0f} s.</source><translation>{program} が {seconds:.0f} 秒以内に応答しませんでした。</translation></message>
 </context>
 </TS>
