@@ -2,12 +2,15 @@
 """The background map with its attribution. There is none by default, since most come over the network."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
 from qgis.core import QgsProject, QgsRasterLayer, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QEvent, QObject, Qt
 from qgis.PyQt.QtWidgets import QLabel
+
+tr = partial(QCoreApplication.translate, "BaseMap")
 
 CHOICE_KEY, OWN_KEY = "furrowmap/basemap", "furrowmap/basemapOwn"
 NONE, OWN = "none", "own"
@@ -175,8 +178,3 @@ class AttributionLabel(QObject):
         if event.type() == QEvent.Type.Resize:
             self.refresh()
         return False
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("BaseMap", text)

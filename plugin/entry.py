@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What the plugin registers in QGIS and removes again: algorithms, dock, locator filter, options page."""
 
+from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsApplication
@@ -10,6 +11,8 @@ from qgis.PyQt.QtWidgets import QAction
 
 from .processing.provider import FurrowmapProvider
 from .translation import install_translator
+
+tr = partial(QCoreApplication.translate, "FurrowmapPlugin")
 
 
 class FurrowmapPlugin:
@@ -42,7 +45,7 @@ class FurrowmapPlugin:
         self.initProcessing()
         self.dock = FurrowmapDock(self.iface)
         self.iface.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, self.dock)
-        self.action = QAction(QIcon(str(Path(__file__).with_name("icon.svg"))), self.tr("furrowmap"), self.dock)
+        self.action = QAction(QIcon(str(Path(__file__).with_name("icon.svg"))), tr("furrowmap"), self.dock)
         self.action.setObjectName("furrowmapShow")
         self.action.setCheckable(True)
         self.dock.setToggleVisibilityAction(self.action)
@@ -75,8 +78,3 @@ class FurrowmapPlugin:
         if self.translator is not None:
             QCoreApplication.removeTranslator(self.translator)
             self.translator = None
-
-    @staticmethod
-    def tr(text):
-        """`text` in the user's language."""
-        return QCoreApplication.translate("FurrowmapPlugin", text)

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The main figures of a report: areas worked, overlapped and missed, and the accuracy."""
 
+from functools import partial
+from html import escape
+
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
+
+tr = partial(QCoreApplication.translate, "Figures")
 
 
 def figure_rows(report):
@@ -23,6 +28,14 @@ def figure_rows(report):
         (tr("CRS"), figures.get("crs")),
     ]
     return [(label, str(value)) for label, value in rows if value]
+
+
+def figures_html(report):
+    """The same as the rows of a table in HTML."""
+    return "".join(
+        f"<tr><td>{escape(label)}&nbsp;&nbsp;</td><td><b>{escape(value)}</b></td></tr>"
+        for label, value in figure_rows(report)
+    )
 
 
 def _local_time(text):
@@ -64,8 +77,3 @@ def _sigma(accuracy, keys, factor, form):
     if not all(isinstance(value, (int, float)) for value in medians):
         return None
     return form.format(factor * sum(value * value for value in medians) ** 0.5)
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Figures", text)

@@ -12,6 +12,7 @@ import json
 import re
 import shutil
 import sys
+from functools import partial
 from pathlib import Path
 
 from qgis.PyQt.QtCore import QCoreApplication
@@ -19,6 +20,8 @@ from qgis.PyQt.QtCore import QCoreApplication
 from .interpreter import command_of, environment_folder, python_in
 from .program import ProgramError, run_program
 from .worker import WorkerError, greet
+
+tr = partial(QCoreApplication.translate, "Installer")
 
 OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 14)
 """Those for which :data:`LOCKED` has wheels."""
@@ -217,8 +220,3 @@ def _delete(folder):
 
 def _ignore(line):
     """No log is wanted."""
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Installer", text)

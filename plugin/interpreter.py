@@ -10,10 +10,13 @@ import os
 import shutil
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsApplication, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QStandardPaths
+
+tr = partial(QCoreApplication.translate, "Interpreter")
 
 CHOSEN_KEY = "furrowmap/interpreter"
 """Setting: a Python interpreter with furrowmap, the folder of its environment, or the furrowmap command itself."""
@@ -92,8 +95,3 @@ def python_in(folder):
 def is_usable(interpreter):
     """Whether its file exists and may be executed."""
     return interpreter is not None and os.access(interpreter.program[0], os.X_OK)
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Interpreter", text)

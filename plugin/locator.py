@@ -2,11 +2,14 @@
 """'pass 12' in QGIS's locator bar shows that pass on the map."""
 
 import re
+from functools import partial
 
 from qgis.core import QgsFeatureRequest, QgsLocatorFilter, QgsLocatorResult, QgsProject
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .results import groups_of
+
+tr = partial(QCoreApplication.translate, "PassLocator")
 
 MOST_RESULTS = 50
 
@@ -33,7 +36,7 @@ class PassLocator(QgsLocatorFilter):
 
     def displayName(self):  # noqa: N802 - the names are QGIS's
         """As the locator's settings show it."""
-        return self.tr("furrowmap passes")
+        return tr("furrowmap passes")
 
     def prefix(self):
         """The prefix to type."""
@@ -60,7 +63,7 @@ class PassLocator(QgsLocatorFilter):
         for entry in sorted(found, key=lambda e: (len(str(e["pass"])), e["pass"]))[:MOST_RESULTS]:
             if feedback.isCanceled():
                 return
-            result = QgsLocatorResult(self, self.tr("Pass {number}").format(number=entry["pass"]), entry)
+            result = QgsLocatorResult(self, tr("Pass {number}").format(number=entry["pass"]), entry)
             result.description = f"{entry['session']}, {entry['words']}"
             result.score = 1.0 if str(entry["pass"]) == typed else 0.5
             self.resultFetched.emit(result)
@@ -79,11 +82,6 @@ class PassLocator(QgsLocatorFilter):
         """The number typed, with or without the prefix."""
         found = re.fullmatch(r"\s*(?:pass\s+)?(\d+)\s*", string, re.IGNORECASE)
         return None if found is None else int(found[1])
-
-    @staticmethod
-    def tr(text):
-        """`text` in the user's language."""
-        return QCoreApplication.translate("PassLocator", text)
 
 
 def _passes(session, layer):

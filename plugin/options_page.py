@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Settings › Options › furrowmap: the furrowmap in use, a test of it, and an environment of the plugin's own."""
 
+from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsApplication, QgsSettings, QgsTask
@@ -22,6 +23,8 @@ from .installer import InstallError, check, create_environment, remove_environme
 from .interpreter import CHOSEN_KEY, command_of, environment_folder, find_interpreter, python_in, why
 from .program import ProgramError
 from .worker import WorkerError
+
+tr = partial(QCoreApplication.translate, "Options")
 
 PAGE = "furrowmap"
 """The page's name, by which QGIS opens it."""
@@ -255,8 +258,3 @@ def _forget(_succeeded, _text):
 
 def _ignore(line):
     """The log gets only the versions."""
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Options", text)

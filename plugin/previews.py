@@ -2,6 +2,7 @@
 """Previews of sessions as layers: trajectory and coarse surface, in a group that the products of the run replace."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 from qgis.core import Qgis, QgsProject, QgsRasterLayer, QgsVectorLayer
@@ -9,6 +10,8 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 from .legends import translate_categories
 from .styles import show_as_surface
+
+tr = partial(QCoreApplication.translate, "Previews")
 
 ACCOUNT = "preview.json"
 TRACK, SURFACE = "preview_track.gpkg", "preview_dsm.tif"
@@ -69,11 +72,16 @@ def session_key(account):
 
 def read_account(folder):
     """The content of `preview.json`; empty if it cannot be read."""
+    return read_object(Path(folder) / ACCOUNT)
+
+
+def read_object(path):
+    """The JSON object in a file; empty if it cannot be read."""
     try:
-        account = json.loads((Path(folder) / ACCOUNT).read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return account if isinstance(account, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def preview_text(account):
@@ -105,8 +113,3 @@ def _files_opened(folder):
         if surface.isValid():
             show_as_surface(surface, styled=True)
         yield surface
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Previews", text)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The products of a run as QGIS layers: styled, in a group of the session, with their time span."""
 
-import json
+from functools import partial
 from pathlib import Path
 
 from qgis.core import (
@@ -17,13 +17,15 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .legends import label_band, translate_categories
-from .previews import remove_previews
+from .previews import read_object, remove_previews
 from .styles import (
     set_terrain,
     show_as_change,
     show_as_surface,
     show_by_class,
 )
+
+tr = partial(QCoreApplication.translate, "Results")
 
 REPORT = "report.json"
 FIELD_LAYERS = "field.gpkg"
@@ -161,11 +163,7 @@ def cloud_layers(folder):
 
 def read_report(folder):
     """The content of `report.json`; empty if it cannot be read."""
-    try:
-        report = json.loads((Path(folder) / REPORT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return report if isinstance(report, dict) else {}
+    return read_object(Path(folder) / REPORT)
 
 
 def session_name(report, folder):
@@ -176,18 +174,19 @@ def session_name(report, folder):
 
 def set_time_range(project, report):
     """Extend the project's time range to the session's, for the temporal controller."""
-    figures = report.get("figures")
-    if not isinstance(figures, dict) or not figures.get("start") or not figures.get("end"):
+    span = time_span(report)
+    if span is None:
         return
-    start, end = (QDateTime.fromString(figures[key], Qt.DateFormat.ISODateWithMs) for key in ("start", "end"))
-    if not (start.isValid() and end.isValid()):
-        return
+    start, end = span
     known = project.timeSettings().temporalRange()
     if known.begin().isValid() and known.end().isValid():
         start, end = min(start, known.begin()), max(end, known.end())
     project.timeSettings().setTemporalRange(QgsDateTimeRange(start, end))
 
 
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Results", text)
+def time_span(report):
+    """Start and end of the drive; None if the report has none."""
+    figures = report.get("figures")
+    texts = [str(figures.get(key)) for key in ("start", "end")] if isinstance(figures, dict) else []
+    times = [QDateTime.fromString(text, Qt.DateFormat.ISODateWithMs) for text in texts]
+    return times if times and all(time.isValid() for time in times) else None

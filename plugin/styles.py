@@ -57,12 +57,18 @@ def show_as_change(layer, *, styled=False):
     ramp.setColorRampItemList(
         [QgsColorRampShader.ColorRampItem(value, QColor(colour), f"{value * 100:+.0f} cm") for value, colour in CHANGES]
     )
+    renderer = set_colours(layer, ramp)
+    renderer.setClassificationMin(-CHANGE_M)
+    renderer.setClassificationMax(CHANGE_M)
+
+
+def set_colours(layer, ramp):
+    """Draw a raster's first band with a QgsColorRampShader; returns the renderer."""
     shader = QgsRasterShader()
     shader.setRasterShaderFunction(ramp)
     renderer = QgsSingleBandPseudoColorRenderer(layer.dataProvider(), 1, shader)
-    renderer.setClassificationMin(-CHANGE_M)
-    renderer.setClassificationMax(CHANGE_M)
     layer.setRenderer(renderer)
+    return renderer
 
 
 def show_by_class(layer):

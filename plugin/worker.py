@@ -7,11 +7,14 @@ thread.
 
 import json
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 
 from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess
 
 from .program import process_environment
+
+tr = partial(QCoreApplication.translate, "Worker")
 
 PROTOCOL = 1
 HELLO_S = 20.0
@@ -28,15 +31,13 @@ class WorkerError(Exception):
     """The command failed.
 
     Attributes:
-        code: stable identifier of the error.
         lines: for the user: what is wrong, what that means, what to do.
         log: the last lines of the worker's standard error.
     """
 
-    def __init__(self, code, lines, log=()):
-        super().__init__("\n".join(lines))
-        self.code = code
-        self.lines = tuple(lines)
+    def __init__(self, what, meaning, remedy, log=()):
+        self.lines = (what, meaning, remedy)
+        super().__init__("\n".join(self.lines))
         self.log = tuple(log)
 
 
@@ -52,7 +53,6 @@ class Received:
     error: dict = None
     status: int = None
     hello: dict = None
-    warnings: list = field(default_factory=list)
 
 
 def run_command(program, arguments, on_message, is_cancelled):
@@ -142,9 +142,9 @@ class _Conversation:
 
     def _outcome(self):
         if self.received.error is not None:
-            error = self.received.error
-            lines = [str(error.get(key, "")) for key in ("what", "meaning", "remedy")]
-            raise WorkerError(str(error.get("code", "failed")), lines, self.log)
+            raise WorkerError(
+                *(str(self.received.error.get(key, "")) for key in ("what", "meaning", "remedy")), self.log
+            )
         status, value = self.received.status, self.received.value
         if status is None or (status != 0 and value is None):
             raise self._crashed()
@@ -186,36 +186,27 @@ class _Conversation:
         found = self.received.hello.get("protocol")
         if found != PROTOCOL:
             raise WorkerError(
-                "worker-protocol",
-                (
-                    tr("furrowmap {version} has protocol version {found}; this plugin needs version {own}.").format(
-                        version=self.received.hello.get("version"), found=found, own=PROTOCOL
-                    ),
-                    tr("Nothing was run."),
-                    tr("Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment."),
+                tr("furrowmap {version} has protocol version {found}; this plugin needs version {own}.").format(
+                    version=self.received.hello.get("version"), found=found, own=PROTOCOL
                 ),
+                tr("Nothing was run."),
+                tr("Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment."),
                 self.log,
             )
 
     def _silent(self):
         return WorkerError(
-            "worker-silent",
-            (
-                tr("{program} did not answer within {seconds:.0f} s.").format(program=self.program[0], seconds=HELLO_S),
-                self.log[-1] if self.log else tr("It wrote no output."),
-                tr("Test it in Settings › Options › furrowmap."),
-            ),
+            tr("{program} did not answer within {seconds:.0f} s.").format(program=self.program[0], seconds=HELLO_S),
+            self.log[-1] if self.log else tr("It wrote no output."),
+            tr("Test it in Settings › Options › furrowmap."),
             self.log,
         )
 
     def _crashed(self):
         return WorkerError(
-            "worker-crashed",
-            (
-                tr("The worker ended without an answer (status {status}).").format(status=self.process.exitCode()),
-                self.log[-1] if self.log else tr("It wrote no output; the computer may be out of memory."),
-                tr("See its last lines in the log. Products of an earlier run are unchanged."),
-            ),
+            tr("The worker ended without an answer (status {status}).").format(status=self.process.exitCode()),
+            self.log[-1] if self.log else tr("It wrote no output; the computer may be out of memory."),
+            tr("See its last lines in the log. Products of an earlier run are unchanged."),
             self.log,
         )
 
@@ -226,14 +217,9 @@ def _start(program):
     process.start(program[0], [*program[1:], "worker"], QIODevice.OpenModeFlag.ReadWrite)
     if not process.waitForStarted(10_000):
         raise WorkerError(
-            "worker-not-started",
-            (
-                tr("{program} could not be started: {reason}.").format(
-                    program=program[0], reason=process.errorString()
-                ),
-                tr("Sessions cannot be run; existing results can still be opened."),
-                tr("Choose or create an environment in Settings › Options › furrowmap."),
-            ),
+            tr("{program} could not be started: {reason}.").format(program=program[0], reason=process.errorString()),
+            tr("Sessions cannot be run; existing results can still be opened."),
+            tr("Choose or create an environment in Settings › Options › furrowmap."),
         )
     return process
 
@@ -252,13 +238,8 @@ def _end(process):
 
 
 def _cancelled():
-    return WorkerCancelled("cancelled", (tr("Cancelled."), tr("No partial files are left."), ""))
+    return WorkerCancelled(tr("Cancelled."), tr("No partial files are left."), "")
 
 
 def _ignore(message):
     """Messages are not wanted."""
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Worker", text)

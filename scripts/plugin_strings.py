@@ -1,7 +1,7 @@
 """Brings plugin/i18n/furrowmap_ja.ts up to date with the plugin's sources: ``python scripts/plugin_strings.py``.
 
-New strings get an entry that waits for its translation, strings that are gone leave, translations stay. A string's
-context is the one that its file's ``tr`` or its `QT_TRANSLATE_NOOP` names, else its class, as Qt's own ``tr`` has it.
+New strings get an unfinished entry, strings that no longer exist are removed, translations are kept. A string's context
+is the one that its file's ``tr`` or its ``QT_TRANSLATE_NOOP`` names, else its class, as in Qt's own ``tr``.
 """
 
 from __future__ import annotations
@@ -63,11 +63,10 @@ def _calls(node: ast.AST, class_name: str = "") -> Iterator[tuple[ast.Call, str]
 
 
 def _own_context(tree: ast.Module) -> str | None:
-    """The context in which the file's own `tr` looks strings up."""
-    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "tr"):
-        for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
-            if getattr(call.func, "attr", "") == "translate":
-                return _literal(call.args[0])
+    """The context of the file's own ``tr = partial(QCoreApplication.translate, CONTEXT)``."""
+    for line in (node for node in tree.body if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)):
+        if getattr(line.targets[0], "id", "") == "tr":
+            return _literal(line.value.args[1])
     return None
 
 
@@ -104,6 +103,6 @@ if __name__ == "__main__":
     strings, known = source_strings(), translations()
     TRANSLATIONS.parent.mkdir(exist_ok=True)
     TRANSLATIONS.write_text(page(strings, known), encoding="utf-8")
-    waiting = [string for string in strings if string not in known]
-    print(f"{TRANSLATIONS}: {len(strings)} strings, {len(waiting)} wait for their translation")
-    sys.exit(bool(waiting))
+    unfinished = [string for string in strings if string not in known]
+    print(f"{TRANSLATIONS}: {len(strings)} strings, {len(unfinished)} are not translated")
+    sys.exit(bool(unfinished))

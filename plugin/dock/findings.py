@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What `furrowmap init` found in recordings and what is missing, in the words of the form."""
 
+from functools import partial
+
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .form_parts import escaped
+
+tr = partial(QCoreApplication.translate, "Findings")
 
 
 def findings_html(findings):
@@ -32,8 +36,3 @@ def _text(notice):
         "no-implement": tr("Implement: width and position. Until then no worked ground is computed."),
     }
     return asked.get(notice.get("code")) or notice.get("text", "")
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Findings", text)

@@ -2,8 +2,9 @@
 """Replay of a drive in QGIS's temporal controller."""
 
 from qgis.core import QgsDateTimeRange, QgsInterval, QgsTemporalNavigationObject
-from qgis.PyQt.QtCore import QDateTime, Qt
 from qgis.PyQt.QtWidgets import QDockWidget
+
+from ..results import time_span
 
 FRAMES_PER_S = 10.0
 LONGEST_S = 120.0
@@ -17,13 +18,10 @@ def replay(iface, report):
     Returns:
         Whether the report has a time span and QGIS a temporal controller.
     """
-    figures = report.get("figures")
-    controller = iface.mapCanvas().temporalController()
-    if not isinstance(figures, dict) or not isinstance(controller, QgsTemporalNavigationObject):
+    span, controller = time_span(report), iface.mapCanvas().temporalController()
+    if span is None or not isinstance(controller, QgsTemporalNavigationObject):
         return False
-    start, end = (QDateTime.fromString(str(figures.get(k)), Qt.DateFormat.ISODateWithMs) for k in ("start", "end"))
-    if not (start.isValid() and end.isValid()):
-        return False
+    start, end = span
     for dock in iface.mainWindow().findChildren(QDockWidget):
         if dock.objectName() == "Temporal Controller":
             dock.show()

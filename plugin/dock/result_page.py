@@ -6,7 +6,7 @@ import html
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import QGridLayout, QPushButton, QTextBrowser, QVBoxLayout, QWidget
 
-from ..figures import figure_rows
+from ..figures import figures_html
 from ..results import read_report, session_name
 
 
@@ -50,12 +50,8 @@ class ResultPage(QWidget):
         """Show the figures of the run in a folder."""
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
-        rows = "".join(
-            f"<tr><td>{html.escape(label)}&nbsp;&nbsp;</td><td><b>{html.escape(value)}</b></td></tr>"
-            for label, value in figure_rows(report)
-        )
         warnings = [str(w.get("text", "")) for w in report.get("warnings") or [] if isinstance(w, dict)]
-        page = f"<h3>{name}</h3><table>{rows}</table>"
+        page = f"<h3>{name}</h3><table>{figures_html(report)}</table>"
         if warnings:
             items = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
             page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"

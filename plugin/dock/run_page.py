@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The page of a running task: its stages, progress, and a button to cancel."""
 
+import time
+
 from qgis.PyQt.QtCore import QTimer, pyqtSignal
 from qgis.PyQt.QtWidgets import QLabel, QListWidget, QProgressBar, QPushButton, QVBoxLayout, QWidget
-
-from .tasks import Clock
 
 SECOND_MS = 1000
 
@@ -32,7 +32,7 @@ class RunPage(QWidget):
             layout.addWidget(widget)
         self._timer = QTimer(self)
         self._timer.timeout.connect(self._tick)
-        self._clock = None
+        self._begun = 0.0
 
     def begin(self, title):
         """Start with this title."""
@@ -41,7 +41,7 @@ class RunPage(QWidget):
         self.bar.setRange(0, 0)
         self.cancel.setEnabled(True)
         self.cancel.setText(self.tr("Cancel"))
-        self._clock = Clock()
+        self._begun = time.monotonic()
         self._tick()
         self._timer.start(SECOND_MS)
 
@@ -71,4 +71,5 @@ class RunPage(QWidget):
         self.cancelled.emit()
 
     def _tick(self):
-        self.time.setText(self.tr("Elapsed: {time}").format(time=self._clock))
+        minutes, seconds = divmod(int(time.monotonic() - self._begun), 60)
+        self.time.setText(self.tr("Elapsed: {time}").format(time=f"{minutes}:{seconds:02d}"))

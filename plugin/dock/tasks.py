@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Background tasks, whose messages arrive as signals in the main thread."""
 
-import time
-
 from qgis.core import QgsProcessingFeedback, QgsTask
 from qgis.PyQt.QtCore import pyqtSignal
 
@@ -17,21 +15,15 @@ class StageFeedback(QgsProcessingFeedback):
 
     Signals:
         stage_changed: name of the new stage.
-        warned: text of a warning.
         failed: the three lines of an error, as one text.
     """
 
     stage_changed = pyqtSignal(str)
-    warned = pyqtSignal(str)
     failed = pyqtSignal(str)
 
     def setProgressText(self, text):  # noqa: N802 - the names are QGIS's
         """A new stage."""
         self.stage_changed.emit(text)
-
-    def pushWarning(self, warning):  # noqa: N802
-        """A warning."""
-        self.warned.emit(warning)
 
     def reportError(self, error, fatalError=False):  # noqa: N802, ARG002
         """An error."""
@@ -72,14 +64,3 @@ class CommandTask(QgsTask):
     def _on_message(self, message):
         if message["type"] == "progress":
             self.setProgress(100.0 * float(message.get("share", 0.0)))
-
-
-class Clock:
-    """The time since its creation, as text."""
-
-    def __init__(self):
-        self._begun = time.monotonic()
-
-    def __str__(self):
-        minutes, seconds = divmod(int(time.monotonic() - self._begun), 60)
-        return f"{minutes}:{seconds:02d}"

@@ -2,12 +2,15 @@
 """A drawing of the vehicle to scale, from the side and from above, with scanner, antenna and implement."""
 
 from dataclasses import dataclass
+from functools import partial
 
 from qgis.PyQt.QtCore import QCoreApplication, QPointF, QRectF, QSize, Qt
 from qgis.PyQt.QtGui import QColor, QPainter, QPen, QPolygonF
 from qgis.PyQt.QtWidgets import QWidget
 
 from .scan_plane import scan_direction, spin_axis
+
+tr = partial(QCoreApplication.translate, "VehicleView")
 
 REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
 TRACK_M, TYRE_M = 1.25, 0.30
@@ -46,7 +49,7 @@ class VehicleView(QWidget):
         self.setObjectName("furrowmapVehicle")
         self.setMinimumHeight(250)
         self.setToolTip(
-            self.tr(
+            tr(
                 "Above: from the right side. Below: from the top. The origin is on the ground below the middle of the "
                 "rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane."
             )
@@ -103,7 +106,7 @@ class VehicleView(QWidget):
             view.polygon([(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -depth), (x - 0.12, -depth)], IMPLEMENT)
         self._draw_scanner(view, (0.0, 1.0, 0.0))
         self._draw_antenna(view)
-        view.label(4, 14, self.tr("side"))
+        view.label(4, 14, tr("side"))
 
     def _draw_above(self, view):
         p = self._placement
@@ -116,7 +119,7 @@ class VehicleView(QWidget):
             view.box((x - 0.2, y - half), (x + 0.2, y + half), IMPLEMENT)
         self._draw_scanner(view, (0.0, 0.0, 1.0))
         self._draw_antenna(view)
-        view.label(4, int(view.y - view.scale * 0.85), self.tr("top"))
+        view.label(4, int(view.y - view.scale * 0.85), tr("top"))
 
     def _draw_scanner(self, view, normal):
         place = self._placement.lidar_xyz_m
@@ -136,17 +139,12 @@ class VehicleView(QWidget):
         painter.setPen(QPen(self.palette().text().color(), 1.5))
         painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
         painter.drawText(QPointF(x - scale, y - 4), "1 m")
-        names = ((SCANNER, self.tr("scanner")), (ANTENNA, self.tr("antenna")), (IMPLEMENT, self.tr("implement")))
+        names = ((SCANNER, tr("scanner")), (ANTENNA, tr("antenna")), (IMPLEMENT, tr("implement")))
         left = 6.0
         for colour, name in names:
             painter.setPen(colour)
             painter.drawText(QPointF(left, y), name)
             left += painter.fontMetrics().horizontalAdvance(name) + 12
-
-    @staticmethod
-    def tr(text):
-        """`text` in the user's language."""
-        return QCoreApplication.translate("VehicleView", text)
 
 
 @dataclass(frozen=True)

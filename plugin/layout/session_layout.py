@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The print layout of a session: A4 with map, legend, figures and scale, and an atlas with a page per pass."""
 
-import html
+from functools import partial
 
 from qgis.core import (
     Qgis,
@@ -20,8 +20,10 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QCoreApplication
 
 from ..basemap import attribution_of
-from ..figures import figure_rows
+from ..figures import figures_html
 from ..legends import label_band
+
+tr = partial(QCoreApplication.translate, "SessionLayout")
 
 MAP_MM = (10.0, 22.0, 200.0, 176.0)
 SIDE_MM = (214.0, 22.0, 76.0)
@@ -177,11 +179,7 @@ def layer_title(name):
 
 
 def _figures(report):
-    rows = "".join(
-        f"<tr><td>{html.escape(label)}&nbsp;</td><td><b>{html.escape(value)}</b></td></tr>"
-        for label, value in figure_rows(report)
-    )
-    return f"<table style='font-family: sans-serif; font-size: 8pt'>{rows}</table>"
+    return f"<table style='font-family: sans-serif; font-size: 8pt'>{figures_html(report)}</table>"
 
 
 def _scale(layout, page_map):
@@ -230,8 +228,3 @@ def _place(item, box_mm):
     unit = Qgis.LayoutUnit.Millimeters
     item.attemptMove(QgsLayoutPoint(x, y, unit))
     item.attemptResize(QgsLayoutSize(width, height, unit))
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("SessionLayout", text)

@@ -3,6 +3,7 @@
 
 import math
 from fnmatch import fnmatch
+from functools import partial
 from html import escape
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from ..worker import WorkerCancelled, WorkerError, run_command
 from .algorithms import GROUPS
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
+
+tr = partial(QCoreApplication.translate, "Algorithms")
 
 TAB = "furrowmap"
 """Of QGIS's message log."""
@@ -243,11 +246,6 @@ class RunAlgorithm(CommandAlgorithm):
         if self.folder and not feedback.isCanceled() and context.project() is not None:
             self.open(self.folder, context.project())
         return {}
-
-
-def tr(text):
-    """`text` in the user's language."""
-    return QCoreApplication.translate("Algorithms", text)
 
 
 def translated(text):

@@ -27,7 +27,12 @@ CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
 
 SESSION = {
-    "session": parameter("SESSION", "Session file", "The session.toml beside the recording.", filter="TOML (*.toml)")
+    "session": parameter(
+        "SESSION",
+        "Session file",
+        "The session.toml beside the recording; 'Create a session file' writes one.",
+        filter="TOML (*.toml)",
+    )
 }
 RESULTS = parameter(
     "RESULTS", "Results of runs", "The report.json of each run; it stands for the folder of the run.", folder_of="*"
@@ -37,13 +42,10 @@ OVERWRITE = {
         "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
     )
 }
-CLASSES = "Class codes, separated by commas, such as 2,9."
 CLOUDS = {
     "--bbox": parameter("EXTENT", "Extent"),
-    "--every": parameter("EVERY", "Every n-th point", "Values above 1 give a quick look."),
-    "--crs": parameter(
-        "CRS", "CRS of clouds without one", "Used for point clouds whose header has no CRS. Others keep their own."
-    ),
+    "--every": parameter("EVERY", "Every n-th point"),
+    "--crs": parameter("CRS", "CRS of clouds without one"),
 }
 DATABASE = parameter(
     "DATABASE",
@@ -143,25 +145,13 @@ ALGORITHMS = (
         "Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is "
         "in the ground, and writes the worked ground, surfaces and a report.",
         basic={
-            "session": parameter(
-                "SESSION",
-                "Session file",
-                "The session.toml beside the recording; 'Create a session file' writes one.",
-                filter="TOML (*.toml)",
-            ),
-            "--preview": parameter(
-                "PREVIEW",
-                "Preview only",
-                "Takes seconds: the trajectory and a coarse surface of few scans, without scan matching or detection "
-                "of the implement. The products of a run are not replaced.",
-            ),
+            **SESSION,
+            "--preview": parameter("PREVIEW", "Preview only"),
             "--output": parameter(
                 "OUTPUT", "Output folder", "Products of the same session in it are replaced.", required=True
             ),
         },
-        advanced={
-            "--overwrite": parameter("OVERWRITE", "Overwrite the products of another session"),
-        },
+        advanced={"--overwrite": parameter("OVERWRITE", "Overwrite the products of another session")},
         outputs=(
             Output("FOLDER", "folder", "Output folder", item("folder")),
             Output("REPORT", "text", "Report (HTML)", product("report.html")),
@@ -177,9 +167,7 @@ ALGORITHMS = (
         "on average the ground is level, and ground scanned twice coincides.",
         basic={
             **SESSION,
-            "--write": parameter(
-                "WRITE", "Write the results into the session file", "All other lines of the file stay as they are."
-            ),
+            "--write": parameter("WRITE", "Write the estimates into the session file"),
         },
         outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
     ),
@@ -198,7 +186,7 @@ ALGORITHMS = (
                 required=False,
                 if_absent="demo",
             ),
-            "--output": parameter("OUTPUT", "Output folder", "For recording, session file and ground truth."),
+            "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced=OVERWRITE,
         outputs=(
@@ -218,12 +206,12 @@ ALGORITHMS = (
             "--cell": parameter("CELL", "Cell size"),
             "--ground-method": parameter("GROUND", "Ground classification"),
             "--fill": parameter("FILL", "Maximum gap to fill"),
-            "--output": parameter("OUTPUT", "Output folder", "For cloud-optimised GeoTIFFs and surfaces.json."),
+            "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
             **CLOUDS,
             "--dst-crs": parameter("DST_CRS", "CRS of the surfaces"),
-            "--class": parameter("CLASSES", "Classes to use", CLASSES + " By default all but noise."),
+            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
             "--statistic": parameter("STATISTIC", "Cell statistic"),
             "--outliers": parameter("OUTLIERS", "Outlier detection method"),
             "--tillage": parameter("TILLAGE", "Direction of tillage"),
@@ -248,16 +236,12 @@ ALGORITHMS = (
             "--drop-noise": parameter("DROP_NOISE", "Leave out noise"),
             "--ground": parameter("GROUND", "Ground classification"),
             "--voxel": parameter("VOXEL", "Voxel size"),
-            "--output": parameter(
-                "OUTPUT", "Clean point cloud", "A COPC file; its name ends in .copc.laz.", filter="COPC (*.copc.laz)"
-            ),
+            "--output": parameter("OUTPUT", "Clean point cloud", filter="COPC (*.copc.laz)"),
         },
         advanced={
             **CLOUDS,
             "--dst-crs": parameter("DST_CRS", "CRS of the clean point cloud"),
-            "--without-class": parameter(
-                "CLASSES", "Classes to leave out", CLASSES + " 64,65 is the machine in clouds of furrowmap."
-            ),
+            "--without-class": parameter("CLASSES", "Class codes to leave out, such as 64,65"),
             **OVERWRITE,
         },
         outputs=(Output("POINTS", "number", "Number of points", item("figures", "points")),),
@@ -276,13 +260,7 @@ ALGORITHMS = (
                 "TASKDATA", "Task data", "TASKDATA.XML in its folder, or a .zip of the folder.", folder_of="*.xml"
             ),
             "--width": parameter("WIDTH", "Working width"),
-            "--output": parameter(
-                "OUTPUT",
-                "Worked ground",
-                "Passes, overlaps and missed strips of all fields.",
-                filter="GeoPackage (*.gpkg)",
-                required=True,
-            ),
+            "--output": parameter("OUTPUT", "Worked ground", filter="GeoPackage (*.gpkg)", required=True),
         },
         advanced={
             "--task": parameter("TASK", "Task"),
@@ -411,7 +389,7 @@ ALGORITHMS = (
                 kind="choice",
                 choices=("dsm", "dsm_before", "change"),
             ),
-            "--output": parameter("OUTPUT", "Mosaic", "A .tif or .vrt file.", kind="new raster"),
+            "--output": parameter("OUTPUT", "Mosaic", kind="new raster"),
         },
         advanced={
             **SCHEMA,
@@ -454,9 +432,7 @@ ALGORITHMS = (
                 count=3,
                 required=False,
             ),
-            "--output": parameter(
-                "OUTPUT", "Output folder", "For evaluation.json, an HTML page and a table of epochs."
-            ),
+            "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
             "--antenna-offset": parameter(
@@ -464,11 +440,7 @@ ALGORITHMS = (
                 "Antenna offset (m)",
                 "Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.",
             ),
-            "--reference-fix": parameter(
-                "REFERENCE_FIX",
-                "Epochs of the reference",
-                "fixed: leave out epochs at which the reference has no RTK fix.",
-            ),
+            "--reference-fix": parameter("REFERENCE_FIX", "Epochs of the reference"),
             "--max-gap": parameter("MAX_GAP", "Maximum interpolation gap"),
             "--date": parameter("DATE", "Date of the first position"),
             **OVERWRITE,
@@ -491,12 +463,12 @@ ALGORITHMS = (
             "--require-horizontal": parameter(
                 "HORIZONTAL", "Required horizontal RMSE", "The output MET says whether it is met."
             ),
-            "--table": parameter("TABLE", "Table of errors", "One row per point.", filter="CSV (*.csv)"),
+            "--table": parameter("TABLE", "Table of errors", filter="CSV (*.csv)"),
         },
         advanced={
             "--crs": parameter("CRS", "CRS of the points"),
             "--targets": parameter("TARGETS", "Disc targets"),
-            "--diameter": parameter("DIAMETER", "Diameter of the discs", "Used only with disc targets."),
+            "--diameter": parameter("DIAMETER", "Diameter of the discs"),
             **OVERWRITE,
         },
         outputs=(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Products that QGIS opens when an algorithm is done: named, in a group, in their style."""
+"""Products that QGIS opens as styled layers when an algorithm has finished."""
 
 from pathlib import Path
 
@@ -11,14 +11,12 @@ from qgis.core import (
     QgsProcessingLayerPostProcessorInterface,
     QgsProcessingUtils,
     QgsProviderRegistry,
-    QgsRasterShader,
-    QgsSingleBandPseudoColorRenderer,
     QgsStyle,
     QgsVectorLayer,
 )
 from qgis.PyQt import sip
 
-from ..styles import show_as_change, show_as_surface, show_by_class
+from ..styles import set_colours, show_as_change, show_as_surface, show_by_class
 
 RASTERS = (".tif", ".vrt")
 CLOUDS = (".laz",)
@@ -28,12 +26,12 @@ SHARES, SAMPLED = (0.02, 0.98), 250_000
 
 
 def load_when_done(context, path, group):
-    """Ask QGIS to open a file's layers when the algorithm is done, if there is a project to open them in.
+    """Have QGIS open a file's layers when the algorithm has finished, if there is a project.
 
     Args:
         context: the algorithm's.
         path: of a raster, a cloud, or of vector layers.
-        group: their place in the layer tree.
+        group: in the layer tree.
     """
     if context.project() is None:
         return
@@ -56,27 +54,27 @@ def sources(path):
     if path.suffix.lower() in CLOUDS:
         return [(str(path), path.name.removesuffix(path.suffix).removesuffix(".copc"))]
     found = QgsProviderRegistry.instance().querySublayers(str(path))
-    layers = [details for details in found if details.wkbType() != Qgis.WkbType.NoGeometry]  # tables stay in the file
+    layers = [details for details in found if details.wkbType() != Qgis.WkbType.NoGeometry]  # no tables
     return [(details.uri(), details.name() if len(layers) > 1 else path.stem) for details in layers]
 
 
 class _Style(QgsProcessingLayerPostProcessorInterface):
-    """The look of a layer: a vector's own, stored beside it; a cloud's by class; a raster's by its name.
+    """Styles a layer: a vector by its default style, a point cloud by class, a raster by its name.
 
-    QGIS deletes each together with its context, but does not keep its Python half alive until then: the class does.
+    QGIS deletes each object with its context, but does not keep its Python part alive until then: the class does.
     """
 
     _kept = ()
 
     @classmethod
     def kept(cls):
-        """A new one, for one layer."""
+        """A new object, for one layer."""
         style = cls()
         cls._kept = (*(other for other in cls._kept if not sip.isdeleted(other)), style)
         return style
 
     def postProcessLayer(self, layer, context, feedback):  # noqa: N802, ARG002 - the names are QGIS's
-        """Set it, in the main thread."""
+        """Set the style, in the main thread."""
         if isinstance(layer, QgsVectorLayer):
             layer.loadDefaultStyle()
         elif isinstance(layer, QgsPointCloudLayer):
@@ -90,7 +88,7 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
 
 
 def show_by_ramp(layer, name):
-    """A ramp of QGIS's own over all values but the outermost hundredths, estimated from a part of a large raster."""
+    """One of QGIS's colour ramps between the percentiles :data:`SHARES`, estimated from a sample of a large raster."""
     provider = layer.dataProvider()
     low, high = provider.cumulativeCut(1, *SHARES, layer.extent(), SAMPLED)
     ramp = QgsStyle.defaultStyle().colorRamp(name)
@@ -99,6 +97,4 @@ def show_by_ramp(layer, name):
     colours = QgsColorRampShader(low, high, ramp)
     colours.setColorRampType(QgsColorRampShader.Type.Interpolated)
     colours.classifyColorRamp(5, 1, layer.extent(), provider)
-    shader = QgsRasterShader()
-    shader.setRasterShaderFunction(colours)
-    layer.setRenderer(QgsSingleBandPseudoColorRenderer(provider, 1, shader))
+    set_colours(layer, colours)
