@@ -10,34 +10,34 @@
   <message><source>Adds them to the project when the algorithm has finished.</source><translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
-  <message><source>Average overlapping sessions instead of using the latest.</source><translation type="unfinished"/></message>
+  <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
   <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
   <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
   <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
-  <message><source>CRS of a new farm map, such as EPSG:6677 [default: the first session's].</source><translation type="unfinished"/></message>
+  <message><source>CRS of a new farm map, such as EPSG:6677 [default: the first session's].</source><translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation></message>
   <message><source>CRS of clouds without one</source><translation>CRS のない点群に使う CRS</translation></message>
-  <message><source>CRS of input files without one.</source><translation type="unfinished"/></message>
-  <message><source>CRS of points, or of a point cloud, whose file states none [default: that of the product].</source><translation type="unfinished"/></message>
+  <message><source>CRS of input files without one.</source><translation>CRS のない入力ファイルの CRS。</translation></message>
+  <message><source>CRS of points, or of a point cloud, whose file states none [default: that of the product].</source><translation>ファイルに CRS がない場合の測量点と点群の CRS。省略時は検証する成果物の CRS。</translation></message>
   <message><source>CRS of the clean point cloud</source><translation>クリーニング後の点群の CRS</translation></message>
   <message><source>CRS of the mosaic</source><translation>モザイクの CRS</translation></message>
   <message><source>CRS of the output</source><translation>出力の CRS</translation></message>
-  <message><source>CRS of the output, in metres [default: that of the input].</source><translation type="unfinished"/></message>
+  <message><source>CRS of the output, in metres [default: that of the input].</source><translation>出力の CRS（メートル単位）。省略時は入力の CRS。</translation></message>
   <message><source>CRS of the points</source><translation>測量点の CRS</translation></message>
   <message><source>CRS of the raster [default: that of the surfaces].</source><translation>ラスタの CRS。省略時はサーフェスの CRS。</translation></message>
   <message><source>CRS of the surfaces</source><translation>サーフェスの CRS</translation></message>
-  <message><source>CRS of the vector layers, such as EPSG:4326 [default: the session's].</source><translation type="unfinished"/></message>
+  <message><source>CRS of the vector layers, such as EPSG:4326 [default: the session's].</source><translation>ベクタレイヤの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation></message>
   <message><source>CRS of the vectors</source><translation>ベクタの CRS</translation></message>
   <message><source>CSV or GeoPackage.</source><translation>CSV または GeoPackage。</translation></message>
   <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
   <message><source>Captures, bags, GNSS logs, trajectories, point clouds.</source><translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation></message>
   <message><source>Cell size</source><translation>セルサイズ</translation></message>
-  <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation type="unfinished"/></message>
-  <message><source>Cell size.</source><translation type="unfinished"/></message>
+  <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation>セルサイズ。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
+  <message><source>Cell size.</source><translation>セルサイズ。</translation></message>
   <message><source>Cell statistic</source><translation>セルの統計量</translation></message>
   <message><source>Check against surveyed points</source><translation>測量点による精度検証</translation></message>
-  <message><source>Class codes to leave out, such as 64,65</source><translation type="unfinished"/></message>
-  <message><source>Class codes to use, such as 2,9</source><translation type="unfinished"/></message>
+  <message><source>Class codes to leave out, such as 64,65</source><translation>除外するクラスコード（例：64,65）</translation></message>
+  <message><source>Class codes to use, such as 2,9</source><translation>使用するクラスコード（例：2,9）</translation></message>
   <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
@@ -51,11 +51,11 @@
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
-  <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation type="unfinished"/></message>
+  <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
   <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
-  <message><source>Diameter of the discs.</source><translation type="unfinished"/></message>
+  <message><source>Diameter of the discs.</source><translation>円板の直径。</translation></message>
   <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
-  <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation type="unfinished"/></message>
+  <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>座標北から時計回りの耕うん方向。ランダム粗度から耕うんの跡を除きます。</translation></message>
   <message><source>Disc targets</source><translation>円板標的</translation></message>
   <message><source>Epochs of the reference</source><translation>基準のエポック</translation></message>
   <message><source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source><translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation></message>
@@ -71,36 +71,36 @@
   <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
   <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
   <message><source>Files written</source><translation>書き出したファイル</translation></message>
-  <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation type="unfinished"/></message>
+  <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation>最も近い計測値からこの距離までの欠損を補間します。データの外側は補間しません。</translation></message>
   <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
-  <message><source>Folder for evaluation.json, evaluation.html and epochs.csv.</source><translation type="unfinished"/></message>
+  <message><source>Folder for evaluation.json, evaluation.html and epochs.csv.</source><translation>evaluation.json、evaluation.html、epochs.csv のフォルダ。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
   <message><source>Give either '{one}' or '{other}'.</source><translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation></message>
   <message><source>Ground classification</source><translation>地面の分類</translation></message>
-  <message><source>Ground classification method: ground becomes class 2, the rest class 1, except noise and the machine in furrowmap's own clouds. none keeps the classes.</source><translation type="unfinished"/></message>
-  <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation type="unfinished"/></message>
-  <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation type="unfinished"/></message>
+  <message><source>Ground classification method: ground becomes class 2, the rest class 1, except noise and the machine in furrowmap's own clouds. none keeps the classes.</source><translation>地面の分類方法。地面はクラス 2、その他はクラス 1 になります（ノイズと、furrowmap の点群の車両・作業機を除く）。none はクラスを変更しません。</translation></message>
+  <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation>地面の分類方法。auto は入力に地面のクラスがあればそれを、なければ smrf を使います。</translation></message>
+  <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
-  <message><source>Keep every N-th point.</source><translation type="unfinished"/></message>
-  <message><source>Keep points in this box, in the CRS of the output.</source><translation type="unfinished"/></message>
-  <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation type="unfinished"/></message>
+  <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
+  <message><source>Keep points in this box, in the CRS of the output.</source><translation>この領域内の点を使います。</translation></message>
+  <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
   <message><source>Known point</source><translation>既知点</translation></message>
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
   <message><source>Layers</source><translation>レイヤ</translation></message>
   <message><source>Leave out noise</source><translation>ノイズを除外</translation></message>
-  <message><source>Leave out outliers and the noise classes 7 and 18 of the input.</source><translation type="unfinished"/></message>
-  <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation type="unfinished"/></message>
+  <message><source>Leave out outliers and the noise classes 7 and 18 of the input.</source><translation>外れ値と、入力のノイズクラス 7、18 を除外します。</translation></message>
+  <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
   <message><source>Log to evaluate</source><translation>評価するログ</translation></message>
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
-  <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation type="unfinished"/></message>
+  <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
   <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
   <message><source>Mosaic</source><translation>モザイク</translation></message>
@@ -111,39 +111,39 @@
   <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
   <message><source>Number of sessions removed</source><translation>削除したセッション数</translation></message>
   <message><source>Number of surfaces</source><translation>サーフェスの数</translation></message>
-  <message><source>Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].</source><translation type="unfinished"/></message>
+  <message><source>Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].</source><translation>スレッド数。省略時は FURROWMAP_THREADS、なければプロセッサ数（最大 8）。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
   <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>
   <message><source>Outlier detection method</source><translation>外れ値の検出方法</translation></message>
-  <message><source>Outlier detection method; outliers are left out.</source><translation type="unfinished"/></message>
-  <message><source>Outlier detection method; outliers become noise (class 7).</source><translation type="unfinished"/></message>
+  <message><source>Outlier detection method; outliers are left out.</source><translation>外れ値の検出方法。外れ値は除外します。</translation></message>
+  <message><source>Outlier detection method; outliers become noise (class 7).</source><translation>外れ値の検出方法。外れ値はノイズ（クラス 7）になります。</translation></message>
   <message><source>Output file or folder</source><translation>出力ファイルまたはフォルダ</translation></message>
-  <message><source>Output file.</source><translation type="unfinished"/></message>
+  <message><source>Output file.</source><translation>出力ファイル。</translation></message>
   <message><source>Output folder</source><translation>出力フォルダ</translation></message>
-  <message><source>Output folder.</source><translation type="unfinished"/></message>
-  <message><source>Output raster: .vrt or .tif.</source><translation type="unfinished"/></message>
+  <message><source>Output folder.</source><translation>出力フォルダ。</translation></message>
+  <message><source>Output raster: .vrt or .tif.</source><translation>出力ラスタ：.vrt または .tif。</translation></message>
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
   <message><source>Overwrite the products of another session</source><translation>別のセッションの成果物を上書き</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
   <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
-  <message><source>PostGIS schema of the tables.</source><translation type="unfinished"/></message>
+  <message><source>PostGIS schema of the tables.</source><translation>テーブルの PostGIS スキーマ。</translation></message>
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
-  <message><source>Process only the task with this identifier or name.</source><translation type="unfinished"/></message>
+  <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
   <message><source>Products of the same session in it are replaced.</source><translation>同じセッションの成果物は置き換えられます。</translation></message>
-  <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation type="unfinished"/></message>
-  <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation type="unfinished"/></message>
+  <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
+  <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
   <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
   <message><source>Reference log</source><translation>基準のログ</translation></message>
   <message><source>Refuse sessions in another CRS</source><translation>CRS の異なるセッションを拒否</translation></message>
-  <message><source>Refuse sessions in another CRS instead of transforming them.</source><translation type="unfinished"/></message>
+  <message><source>Refuse sessions in another CRS instead of transforming them.</source><translation>CRS の異なるセッションを座標変換せずに拒否します。</translation></message>
   <message><source>Remove sessions from the farm map</source><translation>農場マップからセッションを削除</translation></message>
   <message><source>Removes sessions from a farm map. The folders of their results are not touched.</source><translation>農場マップからセッションを削除します。実行結果のフォルダは変更しません。</translation></message>
-  <message><source>Replace the products of another session in DIR.</source><translation type="unfinished"/></message>
+  <message><source>Replace the products of another session in DIR.</source><translation>フォルダにある別のセッションの成果物を置き換えます。</translation></message>
   <message><source>Report (HTML)</source><translation>レポート（HTML）</translation></message>
   <message><source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source><translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation></message>
   <message><source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source><translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation></message>
@@ -154,13 +154,13 @@
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>
-  <message><source>Session file to write [default: session.toml beside RECORDING].</source><translation type="unfinished"/></message>
+  <message><source>Session file to write [default: session.toml beside RECORDING].</source><translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation></message>
   <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
-  <message><source>Standard deviation of the survey on each axis.</source><translation type="unfinished"/></message>
+  <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
   <message><source>Surface</source><translation>サーフェス</translation></message>
   <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
   <message><source>Surfaces from point clouds</source><translation>点群からサーフェスを作成</translation></message>
@@ -173,24 +173,24 @@
   <message><source>The output MET says whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
-  <message><source>Threads</source><translation type="unfinished"/></message>
+  <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
-  <message><source>Time zone of the dates, such as Asia/Tokyo [default: from the longitude].</source><translation type="unfinished"/></message>
-  <message><source>UTC date of the first position, for logs without a date.</source><translation type="unfinished"/></message>
+  <message><source>Time zone of the dates, such as Asia/Tokyo [default: from the longitude].</source><translation>日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation></message>
+  <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
-  <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation type="unfinished"/></message>
+  <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>Worked ground from task data (ISOXML)</source><translation>作業データ（ISOXML）から作業した範囲</translation></message>
   <message><source>Working width</source><translation>作業幅</translation></message>
-  <message><source>Working width in metres [default: the largest in the logs].</source><translation type="unfinished"/></message>
-  <message><source>Write a CSV table of the errors at each point.</source><translation type="unfinished"/></message>
-  <message><source>Write passes, overlaps and misses to this GeoPackage.</source><translation type="unfinished"/></message>
-  <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation type="unfinished"/></message>
-  <message><source>Write the estimates into the session file</source><translation type="unfinished"/></message>
+  <message><source>Working width in metres [default: the largest in the logs].</source><translation>作業幅（メートル）。省略時はログにある最大の幅。</translation></message>
+  <message><source>Write a CSV table of the errors at each point.</source><translation>各点の誤差の CSV 表を書き出します。</translation></message>
+  <message><source>Write passes, overlaps and misses to this GeoPackage.</source><translation>行程、重複、作業残しを書き出す GeoPackage。</translation></message>
+  <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
+  <message><source>Write the estimates into the session file</source><translation>推定値をセッションファイルに書き込む</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
   <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
-  <message><source>fixed: leave out epochs without a fixed solution in the reference.</source><translation type="unfinished"/></message>
+  <message><source>fixed: leave out epochs without a fixed solution in the reference.</source><translation>fixed：基準が FIX 解でないエポックを除外します。</translation></message>
   <message><source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source><translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
   <message><source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source><translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation></message>
   <message><source>{parameter}: '{text}' has the wrong format. {help}</source><translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation></message>
