@@ -14,7 +14,7 @@ from .description import Algorithm, Output, parameter
 GROUPS = {
     "session": "Sessions",
     "surfaces": "Surfaces and point clouds",
-    "base": "Farm map",
+    "farm": "Farm map",
     "exchange": "Data exchange",
     "accuracy": "Accuracy",
 }
@@ -56,7 +56,7 @@ DATABASE = parameter(
     advanced=True,
 )
 FARM_MAP = (
-    parameter("BASE", "Farm map (GeoPackage)", "The farm's GeoPackage.", kind="file", filter="GeoPackage (*.gpkg)")
+    parameter("FARM_MAP", "Farm map (GeoPackage)", "The farm's GeoPackage.", kind="file", filter="GeoPackage (*.gpkg)")
     + DATABASE
 )
 SCHEMA = {"--schema": parameter("SCHEMA", "PostGIS schema")}
@@ -312,16 +312,16 @@ ALGORITHMS = (
         ),
     ),
     Algorithm(
-        "base add",
+        "farm add",
         "Add results to the farm map",
-        "base",
+        "farm",
         "Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not "
         "exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is "
         "changed.",
         basic={
             "folders": RESULTS,
             "target": parameter(
-                "BASE",
+                "FARM_MAP",
                 "Farm map (GeoPackage)",
                 "The farm's GeoPackage.",
                 kind="new file",
@@ -342,13 +342,13 @@ ALGORITHMS = (
             Output("SESSIONS", "number", "sessions", item("sessions")),
         ),
         opens=True,
-        layers=lambda answer: [answer["base"]] if Path(answer["base"]).is_file() else [],
+        layers=lambda answer: [answer["farm_map"]] if Path(answer["farm_map"]).is_file() else [],
         layer_group="Farm map",
     ),
     Algorithm(
-        "base list",
+        "farm list",
         "List the sessions of the farm map",
-        "base",
+        "farm",
         "Lists the sessions of a farm map: identifier, date, worked area, name.",
         basic={"target": FARM_MAP},
         advanced=SCHEMA,
@@ -358,9 +358,9 @@ ALGORITHMS = (
         ),
     ),
     Algorithm(
-        "base remove",
+        "farm remove",
         "Remove sessions from the farm map",
-        "base",
+        "farm",
         "Removes sessions from a farm map. The folders of their results are not touched.",
         basic={
             "target": FARM_MAP,
@@ -375,9 +375,9 @@ ALGORITHMS = (
         ),
     ),
     Algorithm(
-        "base mosaic",
+        "farm mosaic",
         "Mosaic of the farm map's surfaces",
-        "base",
+        "farm",
         "Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is "
         "used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.",
         basic={

@@ -82,7 +82,7 @@ class Algorithm:
     """A command as an algorithm.
 
     Attributes:
-        command: its words, such as "base add"; the algorithm's id is made of them.
+        command: its words, such as "farm add"; the algorithm's id is made of them.
         title: in the toolbox.
         group: id of the toolbox group.
         summary: what it does, in a paragraph.

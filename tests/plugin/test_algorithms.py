@@ -102,16 +102,81 @@ def own_version() -> str:
     return next(line.removeprefix("version=") for line in lines if line.startswith("version="))
 
 
+def run(algorithm: str, **parameters: Any) -> dict[str, Any]:
+    """The job to run an algorithm."""
+    given = {name: str(value) if isinstance(value, Path) else value for name, value in parameters.items()}
+    return {"do": "run", "algorithm": algorithm, "parameters": given}
+
+
+def check(algorithm: str, **parameters: Any) -> dict[str, Any]:
+    """The job to check the parameters of an algorithm."""
+    return {**run(algorithm, **parameters), "do": "check"}
+
+
 def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
     """The jobs by name, in their order."""
+    return {
+        "describe": {"do": "describe"},
+        "nobody": {"do": "find"},
+        "run without a worker": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "never"),
+        "choose": {"do": "settings", "interpreter": worker},
+        **algorithm_jobs(folder),
+        **worker_jobs(folder),
+        "enums": {"do": "enums", "folder": str(folder / "plugins")},
+        "japanese": {"do": "translate", "locale": "ja", "strings": STRINGS},
+        "english": {"do": "translate", "locale": "en_US", "strings": STRINGS},
+    }
 
-    def run(algorithm: str, **parameters: Any) -> dict[str, Any]:
-        given = {name: str(value) if isinstance(value, Path) else value for name, value in parameters.items()}
-        return {"do": "run", "algorithm": algorithm, "parameters": given}
 
-    def check(algorithm: str, **parameters: Any) -> dict[str, Any]:
-        return {**run(algorithm, **parameters), "do": "check"}
+def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
+    """Every algorithm once; one of them with environment variables as QGIS's launchers set them."""
+    poison = folder / "poison"
+    poison.mkdir()
+    (poison / "numpy.py").write_text("raise SystemExit('numpy of somebody else')\n")
+    poisons = {"PYTHONHOME": "/nowhere", "PYTHONPATH": str(poison), "PYTHONSTARTUP": str(poison / "numpy.py")}
+    poisons |= dict.fromkeys(("GDAL_DATA", "PROJ_LIB", "PROJ_DATA", "GDAL_DRIVER_PATH"), "/nowhere")
+    report, base = folder / "result" / "report.json", folder / "farm.gpkg"
+    cloud = folder / "result" / "cloud.copc.laz"
+    return {
+        "check: no file": check("surface", CLOUDS=[str(folder / "no.laz")], OUTPUT=str(folder / "o")),
+        "check: classes": check("surface", CLOUDS=[str(folder / "recording.pcap")], CLASSES="soil", OUTPUT="o"),
+        "check: two farm maps": check(
+            "farm_list", FARM_MAP=str(folder / "some.gpkg"), DATABASE="postgresql://me@here/farm"
+        ),
+        "check: well": check("run", SESSION=str(folder / "session.toml"), OUTPUT=str(folder / "result")),
+        "inspect": run("inspect", FILES=[str(folder / "recording.pcap"), str(folder / "nothing.pcap")]),
+        "init": run("init", RECORDINGS=[str(folder / "recording.pcap")], OUTPUT=folder / "begun.toml"),
+        "run": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "result", OPEN=True),
+        "preview": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "look", PREVIEW=True, OPEN=True),
+        "surface": run(
+            "surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT=folder / "surfaces", GROUND="none", DST_CRS="EPSG:6677"
+        ),
+        "cloud": run("cloud", CLOUDS=[str(cloud)], OUTPUT=folder / "clean.copc.laz", VOXEL=0.5, CLASSES="64,65"),
+        "poison": {"do": "settings", "environment": poisons},
+        "export": run("export", RESULTS=[str(report)], FORMAT="geojson", LAYERS=["trajectory"], TARGET=folder / "web"),
+        "cure": {"do": "settings", "forget": list(poisons)},
+        "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
+        "farm_list": run("farm_list", FARM_MAP=base),
+        "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT=folder / "farm.vrt"),
+        "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
+        "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
+        "crs": run("crs", SESSION=folder / "session.toml"),
+        "gnss_evaluate": run(
+            "gnss_evaluate",
+            TEST=folder / "gnss.nmea",
+            REFERENCE=folder / "reference.nmea",
+            OUTPUT=folder / "evaluation",
+        ),
+        "check": run(
+            "check", PRODUCT=cloud, POINTS=folder / "points.csv", VERTICAL=1.0, TABLE=folder / "errors.csv", SIGMA=0.01
+        ),
+        "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
+        "cancel": {**run("simulate", OUTPUT=folder / "cancelled"), "cancel_after_s": 0.3},
+    }
 
+
+def worker_jobs(folder: Path) -> dict[str, dict[str, Any]]:
+    """The options page, and workers that fail."""
     hello = '{"type": "hello", "protocol": %d, "version": "9.9", "pid": 1}'
     crashing = script(
         folder / "crashing", f"echo '{hello % 1}'", "read order", "echo 'last words' >&2", "kill -SEGV $$"
@@ -126,50 +191,7 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
     stand_in_wheels(folder / "incomplete", own_version())
     (folder / "incomplete" / "needed-1.0-py3-none-any.whl").unlink()
     (folder / "no wheels").mkdir()
-    poison = folder / "poison"
-    poison.mkdir()
-    (poison / "numpy.py").write_text("raise SystemExit('numpy of somebody else')\n")
-    report, base = folder / "result" / "report.json", folder / "farm.gpkg"
-    cloud = folder / "result" / "cloud.copc.laz"
-    poisons = {"PYTHONHOME": "/nowhere", "PYTHONPATH": str(poison), "PYTHONSTARTUP": str(poison / "numpy.py")}
-    poisons |= dict.fromkeys(("GDAL_DATA", "PROJ_LIB", "PROJ_DATA", "GDAL_DRIVER_PATH"), "/nowhere")
     return {
-        "describe": {"do": "describe"},
-        "nobody": {"do": "find"},
-        "run without a worker": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "never"),
-        "choose": {"do": "settings", "interpreter": worker},
-        "check: no file": check("surface", CLOUDS=[str(folder / "no.laz")], OUTPUT=str(folder / "o")),
-        "check: classes": check("surface", CLOUDS=[str(folder / "recording.pcap")], CLASSES="soil", OUTPUT="o"),
-        "check: two bases": check("base_list", BASE=str(folder / "some.gpkg"), DATABASE="postgresql://me@here/farm"),
-        "check: well": check("run", SESSION=str(folder / "session.toml"), OUTPUT=str(folder / "result")),
-        "inspect": run("inspect", FILES=[str(folder / "recording.pcap"), str(folder / "nothing.pcap")]),
-        "init": run("init", RECORDINGS=[str(folder / "recording.pcap")], OUTPUT=folder / "begun.toml"),
-        "run": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "result", OPEN=True),
-        "preview": run("run", SESSION=folder / "session.toml", OUTPUT=folder / "look", PREVIEW=True, OPEN=True),
-        "surface": run(
-            "surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT=folder / "surfaces", GROUND="none", DST_CRS="EPSG:6677"
-        ),
-        "cloud": run("cloud", CLOUDS=[str(cloud)], OUTPUT=folder / "clean.copc.laz", VOXEL=0.5, CLASSES="64,65"),
-        "poison": {"do": "settings", "environment": poisons},
-        "export": run("export", RESULTS=[str(report)], FORMAT="geojson", LAYERS=["trajectory"], TARGET=folder / "web"),
-        "cure": {"do": "settings", "forget": list(poisons)},
-        "base_add": run("base_add", RESULTS=[str(report)], BASE=base),
-        "base_list": run("base_list", BASE=base),
-        "base_mosaic": run("base_mosaic", BASE=base, OUTPUT=folder / "farm.vrt"),
-        "base_remove": run("base_remove", BASE=base, SESSION="straight"),
-        "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
-        "crs": run("crs", SESSION=folder / "session.toml"),
-        "gnss_evaluate": run(
-            "gnss_evaluate",
-            TEST=folder / "gnss.nmea",
-            REFERENCE=folder / "reference.nmea",
-            OUTPUT=folder / "evaluation",
-        ),
-        "check": run(
-            "check", PRODUCT=cloud, POINTS=folder / "points.csv", VERTICAL=1.0, TABLE=folder / "errors.csv", SIGMA=0.01
-        ),
-        "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
-        "cancel": {**run("simulate", OUTPUT=folder / "cancelled"), "cancel_after_s": 0.3},
         "options": {
             "do": "options",
             "press": [
@@ -193,9 +215,6 @@ def jobs_in(folder: Path, worker: str) -> dict[str, dict[str, Any]]:
         "foreign": run("inspect", FILES=[str(folder / "recording.pcap")]),
         "choose broken": {"do": "settings", "interpreter": broken},
         "broken": run("inspect", FILES=[str(folder / "recording.pcap")]),
-        "enums": {"do": "enums", "folder": str(folder / "plugins")},
-        "japanese": {"do": "translate", "locale": "ja", "strings": STRINGS},
-        "english": {"do": "translate", "locale": "en_US", "strings": STRINGS},
     }
 
 
@@ -257,7 +276,7 @@ def test_check__finds_what_is_wrong_before_anything_starts(answers: dict[str, An
     assert answers["check: no file"] == [False, f"Point clouds: {folder / 'no.laz'} does not exist."]
     assert answers["check: classes"][0] is False
     assert "soil" in answers["check: classes"][1]
-    assert answers["check: two bases"] == [False, "Give either 'Farm map (GeoPackage)' or 'Farm map (PostGIS)'."]
+    assert answers["check: two farm maps"] == [False, "Give either 'Farm map (GeoPackage)' or 'Farm map (PostGIS)'."]
     assert answers["check: well"] == [True, ""]
 
 
@@ -382,12 +401,12 @@ def test_algorithms__have_all_been_asked_to_work(answers: dict[str, Any]) -> Non
 
 
 def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], folder: Path) -> None:
-    assert answers["base_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
-    assert [answers[name]["error"] for name in ("base_add", "base_list", "base_mosaic", "base_remove")] == [None] * 4
-    assert answers["base_add"]["outputs"]["ADDED"] == 1
-    assert answers["base_add"]["loaded"]
-    assert [s["name"] for s in json.loads(answers["base_list"]["outputs"]["SESSIONS"])] == ["straight"]
-    assert (answers["base_remove"]["outputs"]["REMOVED"], answers["base_remove"]["outputs"]["SESSIONS"]) == (1, 0)
+    assert answers["farm_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
+    assert [answers[name]["error"] for name in ("farm_add", "farm_list", "farm_mosaic", "farm_remove")] == [None] * 4
+    assert answers["farm_add"]["outputs"]["ADDED"] == 1
+    assert answers["farm_add"]["loaded"]
+    assert [s["name"] for s in json.loads(answers["farm_list"]["outputs"]["SESSIONS"])] == ["straight"]
+    assert (answers["farm_remove"]["outputs"]["REMOVED"], answers["farm_remove"]["outputs"]["SESSIONS"]) == (1, 0)
 
 
 def test_errors__are_the_three_lines_of_the_command_line(
