@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -16,10 +17,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from furrowmap.exporters.rasters.picture import draw_map
-
 CHECKOUT = Path(__file__).resolve().parents[1]
 DEMO = CHECKOUT / "demo"
+draw_map = runpy.run_path(str(CHECKOUT / "scripts" / "picture.py"))["draw_map"]
 
 
 def furrowmap(*arguments: str) -> None:

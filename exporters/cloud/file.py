@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import io
-import os
 import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -22,13 +21,13 @@ from laspy.vlrs.known import LasZipVlr, WktCoordinateSystemVlr
 from laspy.vlrs.vlrlist import VLRList
 from numpy.typing import NDArray
 
+from furrowmap.core.values.threads import threads
 from furrowmap.exporters.cloud.chunk import Columns, compressed
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, columns_of
 
-THREADS: Final = os.cpu_count() or 1
 MOST_COMING: Final = 64
 """Nodes that are read and compressed while others are made ready; each waits with a few bytes a point."""
 TABLE_OFFSET: Final = struct.Struct("<q")
@@ -115,7 +114,7 @@ class CopcFile:
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
         self._stream.write(bytes(TABLE_OFFSET.size))
-        self._threads = ThreadPoolExecutor(THREADS, "compress")
+        self._threads = ThreadPoolExecutor(threads(), "compress")
         self._coming: deque[Future[_Chunk]] = deque()
         self._keys: list[Key] = []
         self._chunks: list[tuple[int, int]] = []

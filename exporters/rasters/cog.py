@@ -20,6 +20,7 @@ from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.values.threads import threads
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.windows import common
@@ -38,7 +39,6 @@ _OPTIONS: Final = {
     "PREDICTOR": "FLOATING_POINT",
     "LEVEL": "1",
     "OVERVIEW_RESAMPLING": "AVERAGE",
-    "NUM_THREADS": "2",
     "BIGTIFF": "IF_SAFER",
 }
 _CACHE_BYTES: Final = 64 << 20
@@ -134,7 +134,13 @@ def cog_output(
             yield write
             for number, band_sums in enumerate(sums, start=1):
                 raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        copy(scratch, unfinished, GEOTIFF_VERSION="AUTO" if reported_crs(crs) == crs else "1.0", **_OPTIONS)
+        copy(
+            scratch,
+            unfinished,
+            GEOTIFF_VERSION="AUTO" if reported_crs(crs) == crs else "1.0",
+            NUM_THREADS=str(threads()),
+            **_OPTIONS,
+        )
 
 
 def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:

@@ -1,4 +1,4 @@
-"""A picture of a run's products: the ground in relief, and the way over it."""
+"""A picture of a run's products: the ground in relief, and the vehicle's path over it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 NOT_GROUND = (7, 64, 65)
 """Classes that never show the ground: noise, vehicle, implement."""
 CLUTTER_M = 0.15
-"""What stands this much above a cell's lowest point is no ground."""
+"""Points this much above a cell's lowest one are not ground."""
 LAST_VIEW_S = 3.0
 MARGIN_M = 6.0
 FINEST_CELL_M = 0.04
@@ -64,7 +64,7 @@ class HeightGrid:
 
 @dataclass(frozen=True)
 class Track:
-    """The vehicle's way: ``en_m`` (n, 2) easting and northing, ``reverse`` (n,) bool."""
+    """The vehicle's path: ``en_m`` (n, 2) easting and northing, ``reverse`` (n,) bool."""
 
     en_m: FloatArray
     reverse: NDArray[np.bool_]
@@ -79,7 +79,7 @@ def draw_map(result: Path, picture: Path, title: str) -> None:
         title: the heading above the map.
 
     Raises:
-        InputError: if one of the two products is missing or holds nothing.
+        InputError: if one of the two products is missing or empty.
     """
     track = read_track(result / "field.gpkg")
     grid = ground_around(result / "cloud.copc.laz", track)
@@ -152,7 +152,7 @@ def _cells(
 
 def _missing(path: Path) -> InputError:
     return InputError(
-        f"{path} is missing or holds nothing to draw.",
+        f"{path} is missing or has nothing to draw.",
         "The map shows the ground of the cloud and the trajectory over it; without both there is no picture.",
         "Name the folder that 'furrowmap run' wrote.",
         code="nothing-to-draw",

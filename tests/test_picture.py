@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 import geopandas as gpd
@@ -11,7 +12,9 @@ import pytest
 from matplotlib.image import imread
 
 from furrowmap.core.values.errors import InputError
-from furrowmap.exporters.rasters.picture import Track, draw_map, ground_around
+
+SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[1] / "scripts" / "picture.py"))
+Track, draw_map, ground_around = SCRIPT["Track"], SCRIPT["draw_map"], SCRIPT["ground_around"]
 
 E0_M, N0_M = 16650.0, 96550.0
 TRACK = Track(np.column_stack([E0_M + np.linspace(0.0, 4.0, 101), np.full(101, N0_M)]), np.arange(101) > 60)
