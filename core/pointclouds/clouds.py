@@ -130,7 +130,7 @@ class Clouds:
             source_box = box if self.change is None else None
             for batch in file.batches(box=source_box):
                 if source_box is None:
-                    survey.see(batch)
+                    survey.add(batch)
                 done += len(batch)
                 kept = ~batch.withheld if wanted is None else wanted(file, batch) & ~batch.withheld
                 points = self._placed(batch.where(kept))

@@ -1,4 +1,4 @@
-"""The boundary of a field from a vector file."""
+"""Field boundaries from vector files."""
 
 from __future__ import annotations
 
@@ -23,14 +23,13 @@ _FORMATS: Final = (
 
 
 def read_boundary(path: Path) -> BaseGeometry:
-    """All polygons of a GeoJSON, GeoPackage, FlatGeobuf or Shapefile, as one, in longitude and latitude (degrees).
+    """The union of all polygons of a GeoJSON, GeoPackage, FlatGeobuf or Shapefile, in longitude and latitude (degrees).
 
-    Coordinates that the file holds in a projected CRS are taken back to that CRS's own longitudes and latitudes; no
-    datum is changed.
+    Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed.
 
     Raises:
-        InputError: if the file is of no such format, cannot be read, holds no polygon, states no CRS, or one on a datum
-            of the past.
+        InputError: if the file has another format, cannot be read, has no polygon, states no CRS, or one on a
+            historical datum.
     """
     import geopandas  # half a second, and most sessions name no boundary
 
@@ -41,7 +40,7 @@ def read_boundary(path: Path) -> BaseGeometry:
         raise _unreadable(path, str(error)) from None
     shapes = [shape for shape in table.geometry if isinstance(shape, (shapely.Polygon, shapely.MultiPolygon))]
     if not shapes:
-        raise _unreadable(path, f"{len(table)} features, none of them a polygon")
+        raise _unreadable(path, f"{len(table)} features, but no polygon")
     if table.crs is None:
         raise _unreadable(path, "it states no CRS")
     whole = shapely.union_all(shapely.make_valid(np.array(shapes, object)))
@@ -49,24 +48,24 @@ def read_boundary(path: Path) -> BaseGeometry:
     to_base = Transformer.from_crs(table.crs, base.to_2d(), always_xy=True)
     outline = shapely.transform(whole, lambda xy: np.column_stack(to_base.transform(*xy.T)))
     if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
-        raise _unreadable(path, "its polygons are empty, or their coordinates are none of its CRS")
+        raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
     middle = outline.centroid
     apart = apart_m(base, round(middle.x, 1), round(middle.y, 1))
     if apart is not None and apart > APART_M:
         raise InputError(
-            f"{path}: its CRS stands on {base.name}, whose coordinates lie {apart:.0f} m beside those of satellites.",
-            "The boundary would lie that far from the field.",
-            "Save it from a GIS in WGS 84 or the map's CRS; that changes the datum.",
+            f"{path}: its CRS is based on {base.name}, whose coordinates differ by {apart:.0f} m from those of GNSS.",
+            "The boundary would be shifted by that distance.",
+            "Export it from a GIS in WGS 84 or in the map's CRS, which transforms the datum.",
             code="boundary-datum",
         )
     return outline
 
 
 def _expect_format(path: Path) -> None:
-    """Only formats of which GDAL's drivers open no other file.
+    """Accept only formats whose GDAL drivers open no other files.
 
     Raises:
-        InputError: if the content is of no such format, or larger than any boundary.
+        InputError: if the file has another format, or is larger than any boundary.
     """
     try:
         with path.open("rb") as file:
@@ -78,13 +77,13 @@ def _expect_format(path: Path) -> None:
     if not known:
         raise _unreadable(path, "neither GeoJSON nor GeoPackage, FlatGeobuf or Shapefile")
     if size > LARGEST_BYTES:
-        raise _unreadable(path, f"{size:,} bytes, more than any field's boundary")
+        raise _unreadable(path, f"{size:,} bytes is too large for the boundary of a field")
 
 
 def _unreadable(path: Path, why: str) -> InputError:
     return InputError(
         f"{path}: {why}.",
-        "The field's boundary could not be read, so misses along it and the zones inside it cannot be told.",
-        "Give the field's polygon as GeoJSON (longitude, latitude), or take `[field] boundary` out of the session.",
+        "Without the boundary, misses along it and zones inside it are not computed.",
+        "Provide the field's polygon as GeoJSON (longitude, latitude), or remove `[field] boundary` from the session.",
         code="boundary-unreadable",
     )

@@ -1,7 +1,7 @@
-"""What the readers of GNSS logs have in common: days that are stated elsewhere, and the order of time.
+"""Times of GNSS logs: dates that are not in the log, and the order of time.
 
-Nothing is ever sorted: epochs whose time does not run forward are dropped and counted, and a log with many of them is
-refused, for two receivers wrote it or it was put together wrongly.
+Epochs are never sorted: those that are not later than all before are dropped and counted. A log with many of them is
+rejected, because two receivers wrote it or its parts are in the wrong order.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from furrowmap.core.values.errors import InputError, Notice
 FloatArray = NDArray[np.float64]
 
 MOST_DISORDER: Final = 0.05
-"""Share of epochs running backwards from which on a log is not taken for one receiver's."""
+"""Largest share of epochs out of order in the log of one receiver."""
 MOST_SPLICES: Final = 4
-"""Steps back up to which a log in disorder is taken for pieces put together wrongly."""
+"""Largest number of steps back in a log whose parts are in the wrong order; more are those of two receivers."""
 _DAYS: Final = ("Sunday", "Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday")
 
 
 def midnight_utc_s(date: str) -> float:
-    """UTC of the beginning of a day (YYYY-MM-DD).
+    """UTC of the start of a day (YYYY-MM-DD).
 
     Raises:
-        InputError: if `date` is no date.
+        InputError: if `date` is not a date.
     """
     try:
         return dt.datetime.fromisoformat(date).replace(tzinfo=dt.UTC, hour=0, minute=0, second=0).timestamp()
     except ValueError:
         raise InputError(
             f"{date!r} is not a date.",
-            "The day of the log's first position is needed as year, month and day.",
+            "The date of the log's first position is needed as year, month and day.",
             'Write it as `date = "2026-06-11"` under `[recording]`.',
             code="bad-date",
         ) from None
 
 
 def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: NDArray[np.integer]) -> FloatArray:
-    """UTC (n,) of the beginning of days in the years 1980 to 2099; nan where the calendar has no such day.
+    """UTC (n,) of the start of days in the years 1980 to 2099; nan for invalid dates.
 
     Args:
         year: (n,) integers of any size.
@@ -62,19 +62,19 @@ def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: 
 def in_order(
     t_s: FloatArray, lon_deg: FloatArray, lat_deg: FloatArray, name: str, place: Callable[[int], str]
 ) -> tuple[NDArray[np.bool_], list[Notice]]:
-    """Which epochs (n,) run forward in time, and what is to be told of the others.
+    """Which epochs (n,) are later than all before, and notices about the others.
 
-    An epoch that repeats time and place of the one before it was written twice; that is no disorder.
+    An epoch that repeats time and position of the one before was written twice and is not out of order.
 
     Args:
-        t_s: (n,) times in the order in which they stand.
+        t_s: (n,) times in the order of the log.
         lon_deg: (n,) longitudes.
         lat_deg: (n,) latitudes.
         name: of the log, for messages.
-        place: words for where epoch k stands.
+        place: describes where epoch k is in the log.
 
     Raises:
-        InputError: if more than a twentieth of the epochs do not run forward.
+        InputError: if more than a twentieth of the epochs are out of order.
     """
     forward = runs_forward(t_s)
     repeated = np.zeros(len(t_s), bool)
@@ -88,13 +88,17 @@ def in_order(
         notices.append(
             Notice(
                 "time-runs-back",
-                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before them (time runs "
-                f"back by up to {widest_s:.3f} s); they are left out.",
+                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before (steps back of "
+                "up "
+                f"to {widest_s:.3f} s); they are dropped.",
             )
         )
     if repeated.any():
         notices.append(
-            Notice("positions-repeated", f"{name}: {int(repeated.sum())} positions are written twice and count once.")
+            Notice(
+                "positions-repeated",
+                f"{name}: {int(repeated.sum())} positions are duplicates of the one before; they are dropped.",
+            )
         )
     return forward, notices
 
@@ -103,24 +107,24 @@ def _disorder(t_s: FloatArray, backward: NDArray[np.bool_], first: str) -> Input
     steps_back = int(np.sum(np.diff(t_s) <= 0))
     if steps_back > max(MOST_SPLICES, 0.01 * len(t_s)):
         return InputError(
-            f"{first}: time runs back or stands here and {steps_back} times in all, over {len(t_s)} positions.",
-            "Two receivers wrote into this log, and it does not say which position is whose.",
-            "Record each receiver in a file of its own; of NMEA, another talker for each serves as well.",
+            f"{first}: time does not increase here, and {steps_back} times in total over {len(t_s)} positions.",
+            "Two receivers wrote into this log, and their positions cannot be separated.",
+            "Record each receiver in its own file; in NMEA, different talkers are sufficient.",
             code="receivers-interleaved",
         )
     return InputError(
-        f"{first}: time runs back here; {int(backward.sum())} of {len(t_s)} positions are not later than all before.",
-        "The log is pieced together in the wrong order, and what lies behind this place would be lost.",
-        "Give the pieces as files of their own, in the order of time.",
+        f"{first}: time steps back here; {int(backward.sum())} of {len(t_s)} positions are not later than all before.",
+        "Parts of the log are in the wrong order, and the positions after this place would be lost.",
+        "Split the log into files, and list them in the order of time.",
         code="time-disorder",
     )
 
 
 def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray | None:
-    """GPS seconds (n,) of seconds of the week (n,) in a log without dates; None where nobody states the week.
+    """GPS seconds (n,) of seconds of the week (n,) in a log without dates; None if the week is unknown.
 
     Raises:
-        InputError: if the stated date is none, or is another day of the week than the log's.
+        InputError: if the stated date is invalid, or is not on the log's day of the week.
     """
     if options.week is not None:
         return unroll(tow_s, WEEK_S) + options.week * WEEK_S
@@ -130,11 +134,11 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
         gps_s = gps_s + float(nearest_in_cycle(tow_s[0], utc_to_gps_s(stated_s + DAY_S / 2), WEEK_S) - tow_s[0])
         begin_s = float(utc_to_gps_s(stated_s))
         if not begin_s <= gps_s[0] < begin_s + DAY_S:
-            said = dt.datetime.fromtimestamp(stated_s, dt.UTC).isoweekday() % 7
+            stated = dt.datetime.fromtimestamp(stated_s, dt.UTC).isoweekday() % 7
             raise InputError(
-                f"{name}: its first position is of a {day_of_week(tow_s[0])} (GPS time of the week), and the date "
-                f"stated, {options.date}, is a {_DAYS[said]}.",
-                "The log carries the day of the week but no date, so that one of the two is of another day.",
+                f"{name}: the first position is on a {day_of_week(tow_s[0])} (GPS time of the week), but the stated "
+                f"date, {options.date}, is a {_DAYS[stated]}.",
+                "The log has the day of the week but no date.",
                 "State the UTC date of the log's first position.",
                 code="date-contradicted",
             )
@@ -146,11 +150,11 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
 
 
 def no_week(tow_s: FloatArray, name: str) -> InputError:
-    """The error of a log that shows only the time of the week."""
+    """The error of a log with only the time of the week."""
     return InputError(
-        f"{name}: none of its messages says the date, only times of the GPS week ({week_face(tow_s[0])} to "
-        f"{week_face(tow_s[-1])}).",
-        "Without the day the positions cannot be set beside scans, nor their coordinates beside an epoch.",
+        f"{name}: no date in its messages, only times of the GPS week ({week_time(tow_s[0])} to "
+        f"{week_time(tow_s[-1])}).",
+        "Without the date the positions cannot be matched with scans, and the epoch of their coordinates is unknown.",
         'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
         code="no-date",
     )
@@ -161,6 +165,6 @@ def day_of_week(tow_s: float) -> str:
     return _DAYS[int(tow_s // DAY_S) % 7]
 
 
-def week_face(tow_s: float) -> str:
+def week_time(tow_s: float) -> str:
     """Day and time of day of a time of the GPS week, such as ``Tuesday 18:58:59.950``."""
     return f"{day_of_week(tow_s)} {iso_utc(float(tow_s) % DAY_S)[11:23]}"

@@ -1,4 +1,4 @@
-"""What `inspect` tells about positions and poses, whichever file they came from."""
+"""Facts about positions and poses for `inspect`, for all formats."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def utc_facts(t_s: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def position_facts(track: GnssTrack) -> dict[str, Any]:
-    """Fixes, place, distance, heights and speed of a receiver's positions."""
+    """Fixes, location, distance, heights and speed of a receiver's positions."""
     if not len(track):
         return {}
     fixes = {fix.label: int(np.sum(track.fix == fix)) for fix in Fix}
@@ -75,7 +75,7 @@ def position_facts(track: GnssTrack) -> dict[str, Any]:
 
 
 def pose_facts(track: PoseTrack) -> dict[str, Any]:
-    """Number, place and attitude of poses, each as [least, greatest]."""
+    """Number, location and attitude of poses, as [minimum, maximum]."""
     names = ("e_m", "n_m", "h_m") if track.projected else ("lon_deg", "lat_deg", "h_m")
     columns = dict(zip(names, track.position.T, strict=True))
     columns |= {"roll_deg": track.roll_deg, "pitch_deg": track.pitch_deg}
@@ -101,27 +101,27 @@ def steps_m(track: GnssTrack) -> NDArray[np.float64]:
 
 
 def jump_notices(track: GnssTrack) -> list[Notice]:
-    """A notice if positions jump: by 2 m and half the way more than the speed of the steps around them explains.
+    """A notice if positions jump: by 2 m plus 1.5 times the distance that the speed around the step explains.
 
-    That speed is the median over five steps, so that neither braking nor one spike passes for motion. Across gaps
-    nothing is said.
+    That speed is the median over five steps, so that neither braking nor a single spike counts as motion. Gaps are not
+    considered.
     """
     if len(track) < 6:
         return []
     dt = np.diff(track.t_s)
-    way = steps_m(track)
-    expected = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(way / dt, 2, mode="edge"), 5), axis=1) * dt
-    jump = (way > 1.5 * expected + JUMP_M) & (dt <= GAP_INTERVALS * np.median(dt))
+    step = steps_m(track)
+    expected = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(step / dt, 2, mode="edge"), 5), axis=1) * dt
+    jump = (step > 1.5 * expected + JUMP_M) & (dt <= GAP_INTERVALS * np.median(dt))
     if not jump.any():
         return []
-    worst = int(np.argmax(np.where(jump, way - expected, 0.0)))
+    worst = int(np.argmax(np.where(jump, step - expected, 0.0)))
     with_fix = int(np.sum(jump & (np.diff(track.fix) != 0)))
-    widest_m = way[worst] - expected[worst]
+    largest_m = step[worst] - expected[worst]
     return [
         Notice(
             "position-jumps",
-            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m against the motion "
-            f"around them ({with_fix} times where the fix changes); the widest is {widest_m:.1f} m, "
+            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m relative to the motion "
+            f"around them ({with_fix} times with a change of fix); the largest jump is {largest_m:.1f} m, "
             f"{track.t_s[worst + 1] - track.t_s[0]:.1f} s after the first position.",
         )
     ]

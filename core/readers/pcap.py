@@ -1,7 +1,7 @@
-"""UDP datagrams out of packet captures: classic pcap and pcapng, block by block.
+"""UDP datagrams in packet captures, classic pcap and pcapng, read block by block.
 
 Formats: draft-ietf-opsawg-pcap (microseconds and nanoseconds, both byte orders) and draft-ietf-opsawg-pcapng; link
-types after the tcpdump group's list.
+types as listed by the tcpdump group.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
 BLOCK_BYTES: Final = 1 << 21
-"""How much is read and walked at a time."""
+"""Bytes that are read at a time."""
 
 _MAGIC: Final = {
     b"\xd4\xc3\xb2\xa1": (False, 1_000_000),
@@ -48,7 +48,7 @@ _END_OF_OPTIONS, _TIME_RESOLUTION, _TIME_OFFSET = 0, 9, 14
 
 
 def capture_format(head: bytes) -> str:
-    """Which kind of capture begins like this: "pcap", "pcapng", or "" for none."""
+    """The format of a capture by its first bytes: "pcap", "pcapng", or "" for none."""
     if head[:4] in _MAGIC:
         return "pcap"
     if head[:4] == _SECTION and head[8:12] in (b"\x1a\x2b\x3c\x4d", b"\x4d\x3c\x2b\x1a"):
@@ -58,14 +58,14 @@ def capture_format(head: bytes) -> str:
 
 @dataclass(frozen=True)
 class Datagrams:
-    """UDP datagrams that lie in one block of a capture.
+    """UDP datagrams in one block of a capture.
 
     Attributes:
         data: (k,) the block's bytes.
         offset: (n,) where in `data` each payload begins.
-        length: (n,) its length in bytes.
-        time_s: (n,) float64, when it was captured: UTC by the recorder's clock.
-        sender: (n,) uint64, IPv4 address times 65,536 plus destination port; a hash in place of an IPv6 address.
+        length: (n,) length of each payload in bytes.
+        time_s: (n,) float64, time of capture: UTC by the recorder's clock.
+        sender: (n,) uint64, IPv4 address times 65,536 plus destination port; a hash instead of an IPv6 address.
     """
 
     data: ByteArray
@@ -81,17 +81,17 @@ class Datagrams:
 class Capture:
     """A capture's datagrams in the order of the file, streamed.
 
-    Iterating reads the file through once. Damage inside is stepped over to the next credible record, an end in the
-    middle of a record is where reading ends; `notices` tells of both when iteration has ended.
+    Iterating reads the file once. Damaged bytes are skipped up to the next plausible record; reading ends at a
+    truncated record. Both are in `notices` when iteration has ended.
 
     Attributes:
         format: "pcap" or "pcapng".
-        resolution: ticks a second of the capture's time stamps (of its first interface).
-        records: frames found so far.
-        skipped: frames that held no UDP datagram, by reason (see `SKIPPED`).
+        resolution: ticks per second of the capture's time stamps (of its first interface).
+        records: number of frames so far.
+        skipped: number of frames without a UDP datagram, by reason (see `SKIPPED`).
 
     Raises:
-        InputError: if the file is no capture, has no readable record, or a section header that makes no sense.
+        InputError: if the file is not a capture, or has no readable record or an invalid section header.
     """
 
     def __init__(self, source: Source) -> None:
@@ -154,39 +154,39 @@ class Capture:
 
     @property
     def notices(self) -> list[Notice]:
-        """What was wrong with the file; complete when iteration has ended."""
+        """Damage to the file; complete when iteration has ended."""
         notices = []
         if self._lost_bytes:
             notices.append(
                 Notice(
                     "damaged-records",
-                    f"{self.path.name}: {self._lost_bytes:,} bytes at {self._lost_places} places (the first at byte"
-                    f" {self._first_lost_at:,}) are no credible record and were stepped over.",
+                    f"{self.path.name}: {self._lost_bytes:,} damaged bytes at {self._lost_places} places (the first at"
+                    f" byte {self._first_lost_at:,}) were skipped.",
                 )
             )
         if self._source.fault:
             notices.append(
                 Notice(
                     "cut-stream",
-                    f"{self.path.name}: {self._source.fault}; {self.records:,} records before it were read.",
+                    f"{self.path.name}: {self._source.fault}; the {self.records:,} records before were read.",
                 )
             )
         if self._left_over:
             notices.append(
                 Notice(
                     "cut-capture",
-                    f"{self.path.name} ends within a record (at byte {self._at + self._pos:,}; {self._left_over:,}"
-                    f" bytes of it), as when power fails; the {self.records:,} records before it are whole.",
+                    f"{self.path.name} ends within a record (byte {self._at + self._pos:,}; {self._left_over:,} bytes"
+                    f" of it are there); the {self.records:,} records before are complete.",
                 )
             )
         return notices
 
     def _refill(self) -> bool:
-        """Read on behind what is left of the block; False at the end of the file."""
+        """Append the next block to the unread bytes; False at the end of the file."""
         more = self._source.read(BLOCK_BYTES)
         if not more:
             return False
-        self._data = self._data[self._pos :] + more  # a new buffer: datagrams given out lie in the old one
+        self._data = self._data[self._pos :] + more  # a new buffer: datagrams that were yielded refer to the old one
         self._at += self._pos
         self._pos = 0
         return True
@@ -202,18 +202,15 @@ class Capture:
         return int.from_bytes(raw, "big" if self._big else "little", signed=signed)
 
     def _control_block(self) -> bool:
-        """Take in a pcapng block that changes how the following ones are read; False if it is cut.
-
-        Such blocks are section headers and interface descriptions.
-        """
+        """Read a section header or an interface description of pcapng; False if it is truncated."""
         if self._data[self._pos : self._pos + 4] == _SECTION:
             self._big = self._data[self._pos + 8 : self._pos + 12] == b"\x1a\x2b\x3c\x4d"
             self._interfaces = 0
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
             if not 28 <= size <= MAX_BLOCK or size % 4:
                 raise InputError(
-                    f"{self.path}: the section header at byte {self._at + self._pos:,} gives its length as {size:,}.",
-                    "Where the next block begins cannot be known.",
+                    f"{self.path}: invalid length {size:,} in the section header at byte {self._at + self._pos:,}.",
+                    "The start of the next block is unknown.",
                     "Copy the capture again, or repair it with Wireshark (open, then export all packets).",
                     code="damaged-capture",
                 )
@@ -248,7 +245,7 @@ class Capture:
             self.resolution = int(self._ticks[0])
 
     def _step_over(self, last_s: FloatArray) -> None:
-        """Go to the next place that looks like a record, reading on as far as it takes."""
+        """Skip to the next plausible record."""
         self._lost_places += 1
         if not self._lost_bytes:
             self._first_lost_at = self._at + self._pos
@@ -270,10 +267,10 @@ class Capture:
     def _unreadable(self) -> InputError:
         other = "little" if self._big else "big"
         return InputError(
-            f"{self.path}: the header is that of a {self.format} file with the {'big' if self._big else 'little'} end"
-            " first, but no record behind it makes sense.",
-            f"Either the header was written with the wrong byte order (the records may have the {other} end first), or"
-            " the file is damaged from its start.",
+            f"{self.path}: no valid record after the header of a {'big' if self._big else 'little'}-endian"
+            f" {self.format} file.",
+            f"Either the byte order in the header is wrong (the records may be {other}-endian), or the file is damaged"
+            " from its start.",
             "Copy the capture again from the recorder, or repair it with Wireshark (open, then export all packets).",
             code="damaged-capture",
         )
@@ -290,15 +287,15 @@ def _no_capture(path: Path, head: bytes) -> InputError:
     }
     what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), "")
     return InputError(
-        f"{path} is no packet capture: it is {what or 'something that begins with ' + head[:4].hex(' ')}.",
-        "Captures begin with the magic number of pcap or pcapng, whatever they are called.",
-        "Give the capture as tcpdump, dumpcap or Wireshark wrote it, or the file under its right name.",
+        f"{path} is not a packet capture: it is {what or 'a file that begins with ' + head[:4].hex(' ')}.",
+        "Captures begin with the magic number of pcap or pcapng.",
+        "Use the capture as tcpdump, dumpcap or Wireshark wrote it.",
         code="not-a-capture",
     )
 
 
 class _Walk:
-    """The arrays that the kernels write to."""
+    """The output arrays of the kernels."""
 
     def __init__(self) -> None:
         self.offset = np.empty(MAX_FRAMES, np.int64)

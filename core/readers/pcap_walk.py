@@ -1,4 +1,4 @@
-"""Walking over a capture's records, compiled: which frames hold UDP datagrams, and where damage ends.
+"""Kernels that walk over a capture's records: which frames hold UDP datagrams, and where damage ends.
 
 Formats: as in :mod:`furrowmap.core.readers.pcap`.
 """
@@ -17,23 +17,23 @@ SKIPPED: Final = (
     "IP fragments",
     "cut short by the capture",
     "damaged headers",
-    "of a link type that is not read",
-    "without a credible time",
+    "of an unsupported link type",
+    "without a plausible time",
 )
-"""Why a frame gave no datagram, by the kernels' reason code."""
+"""Why a frame has no datagram, by the kernels' reason code."""
 _NOT_IP, _NOT_UDP, _FRAGMENT, _SHORT, _DAMAGED, _LINK, _NO_TIME = range(1, 8)
 
 MAX_FRAME: Final = 65_535 + 64
-"""No IP datagram with its link header is longer."""
+"""Largest IP datagram with its link header."""
 MAX_BLOCK: Final = 1 << 24
-"""Bytes of a pcapng block at most; a longer one is taken for damage."""
+"""Bytes of a pcapng block at most; a longer one is damage."""
 MAX_FRAMES: Final = 1 << 14
-"""Frames that one call of a kernel walks over at most."""
+"""Frames per call of a kernel, at most."""
 LAST_TIME_S: Final = 2.0**34
-"""The year 2514: no capture is later."""
+"""The year 2514, the latest plausible time."""
 
 MORE, DAMAGE, CONTROL, FULL = range(4)
-"""Why a kernel stopped: its data end, a record is not credible, a block changes how the next are read, no room."""
+"""Why a kernel stopped: end of the data, an implausible record, a control block of pcapng, or full output arrays."""
 
 
 @njit(cache=True, nogil=True)
@@ -47,7 +47,7 @@ def _u32(data, at, big):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _datagram(data, start, stop, link):  # type: ignore[no-untyped-def]
-    """Reason code, payload's offset and length, and sender of the frame in data[start:stop]."""
+    """Reason code, offset and length of the payload, and sender of the frame in data[start:stop]."""
     at = start
     if link == 1:  # Ethernet
         at += 14
@@ -94,7 +94,7 @@ def _datagram(data, start, stop, link):  # type: ignore[no-untyped-def]
             return _SHORT, 0, 0, np.uint64(0)
         if data[at + 6] != 17:
             return _NOT_UDP, 0, 0, np.uint64(0)
-        address = np.uint64(14695981039346656037)  # FNV-1a of the address, so that it fits where an IPv4 one does
+        address = np.uint64(14695981039346656037)  # FNV-1a of the address, to fit in the space of an IPv4 address
         for i in range(16):
             address = (address ^ np.uint64(data[at + 8 + i])) * np.uint64(1099511628211)
         address = (address >> np.uint64(16)) | np.uint64(1 << 47)
@@ -114,11 +114,11 @@ def _datagram(data, start, stop, link):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def walk_pcap(data, pos, big, ticks, link, last_s, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
-    """Frames from `pos` on; how many gave a datagram, where the first one not walked begins, and why it was not.
+    """Walk over frames from `pos`; number of datagrams, offset of the first frame not walked, and why it stopped there.
 
-    `data` (k,) are the bytes of a block, `big` says that the big end comes first, `ticks` are those of a second, `link`
-    is the link type. `last_s` (1,) takes the last record's seconds; `offset`, `length`, `time_s` and `sender` (each
-    MAX_FRAMES) take what :class:`~furrowmap.core.readers.pcap.Datagrams` holds; `counts` grows by reason code.
+    `data` (k,) are the bytes of a block, `big` is True for big-endian, `ticks` are those per second, `link` is the link
+    type. Output: `last_s` (1,) seconds of the last record; `offset`, `length`, `time_s` and `sender` (MAX_FRAMES,) as
+    in :class:`~furrowmap.core.readers.pcap.Datagrams`; `counts` of frames by reason code.
     """
     end = len(data)
     n = 0
@@ -144,9 +144,9 @@ def walk_pcap(data, pos, big, ticks, link, last_s, offset, length, time_s, sende
 
 @njit(cache=True, nogil=True)
 def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
-    """As `walk_pcap`, over blocks; stops also at a block that changes how the following ones are read.
+    """As `walk_pcap` for pcapng blocks; stops also at section headers and interface descriptions.
 
-    `links`, `ticks` and `shift_s` are of the first `interfaces` interfaces described so far.
+    `links`, `ticks` and `shift_s` are those of the `interfaces` interfaces described so far.
     """
     end = len(data)
     n = 0
@@ -183,7 +183,7 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, offset, lengt
             counts[why] += 1
             if why == 0:
                 n += 1
-        elif kind == 2 or kind == 3:  # packets of obsolete and of simple blocks
+        elif kind == 2 or kind == 3:  # obsolete and simple packets
             counts[_NO_TIME] += 1
         pos += size
     return n, pos, FULL
@@ -191,7 +191,7 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, offset, lengt
 
 @njit(cache=True, nogil=True)
 def credible(data, pos, big, ticks, last_s, kind):  # type: ignore[no-untyped-def]
-    """The next place from `pos` on at which two records (kind 0) or a block (kind 1) follow each other credibly."""
+    """The next offset from `pos` with two plausible records in a row (kind 0) or a plausible block (kind 1)."""
     end = len(data)
     if kind == 1:
         while pos + 12 <= end:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import in_order, week_face
+from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
@@ -105,7 +105,7 @@ class PositionLog(FileReader, ABC):
 
     def _undated(self, t_s: float) -> str:
         """A time without a date, for `inspect`."""
-        return f"{week_face(t_s)} (GPS time, no date)"
+        return f"{week_time(t_s)} (GPS time, no date)"
 
     def track(self) -> GnssTrack:
         """All positions of all files.

@@ -1,8 +1,8 @@
-"""What a reader is, and how a file finds its own.
+"""The interface of readers, and how the reader of a file is found.
 
-A new kind of sensor is one file with one class that has `format`, `title`, `recognise` and `inspect`, and `scans`,
-`track` or `poses` for what it can give. It is found through the entry-point group ``furrowmap.readers``, from furrowmap
-itself or from any other installed package.
+The reader of a sensor or format is one class with `format`, `title`, `recognise` and `inspect`, and `scans`, `track`,
+`poses` or `states` for the data that it provides. Readers are found through the entry-point group
+``furrowmap.readers``, in furrowmap itself and in any other installed package.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What is known about a recording from elsewhere.
+    """Information about a recording that is not in its files.
 
     Attributes:
-        model: the scanner's model, which wins over what the packets say.
+        model: the scanner's model, which overrides the model in the packets.
         date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
-        near_s: a UTC time near which the recording lies, for clocks that show only a part of it.
-        time: "utc" or "gps", for trajectory files that do not say.
-        week: GPS week, for files whose times are seconds of the week.
-        task: id or name of the task that is wanted, for task data of several.
-        glance_s: a scan in so many seconds is enough; a reader gives more where leaving them out saves it nothing.
+        near_s: a UTC time near the recording, for clocks that show only a part of the time.
+        time: time scale of trajectory files that do not state it, "utc" or "gps".
+        week: GPS week, for files with seconds of the week.
+        task: id or name of the task to read, for task data with several.
+        glance_s: one scan in this many seconds is sufficient; a reader may yield more if skipping saves no time.
     """
 
     model: str | None = None
@@ -52,13 +52,13 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class ClockReading:
-    """What one clock in a file said.
+    """The readings of one clock in a file.
 
     Attributes:
-        clock: which.
+        clock: the clock.
         first_s: its first reading as UTC.
-        last_s: its last one.
-        note: how it stands to the others, and how well it is known.
+        last_s: its last reading as UTC.
+        note: its source, and its difference from other clocks.
     """
 
     clock: Clock
@@ -69,15 +69,15 @@ class ClockReading:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What a file is and holds.
+    """The format and the content of a file.
 
     Attributes:
         path: the file.
         format: the reader's `format`.
-        title: in words.
-        facts: names and values (numbers, strings, lists, dicts of such), in the order in which they are shown.
-        clocks: every clock the file speaks of.
-        notices: what is odd, missing or damaged.
+        title: the reader's `title`.
+        facts: names and values (numbers, strings, lists, dicts of such), in the order of display.
+        clocks: all clocks in the file.
+        notices: what is unusual, missing or damaged.
     """
 
     path: Path
@@ -93,8 +93,8 @@ class Reader(Protocol):
 
     Attributes:
         format: short name, such as "velodyne-pcap".
-        title: in words, such as "Velodyne packets in a PCAP capture".
-        notices: what has been noticed so far; complete when reading has ended.
+        title: name for people, such as "Velodyne packets in a PCAP capture".
+        notices: what is unusual, missing or damaged; complete when reading has ended.
     """
 
     format: ClassVar[str]
@@ -105,20 +105,20 @@ class Reader(Protocol):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """How sure the reader is that a file with this head is its own: 0 (no) to 1 (by its content, certainly)."""
+        """How certain it is that the file is of this format: 0 (it is not) to 1 (certain by its content)."""
         ...
 
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds."""
+        """Read the whole first file and report what it contains."""
         ...
 
 
 class FileReader:
-    """What furrowmap's own readers begin with.
+    """Base of furrowmap's own readers.
 
     Args:
         paths: the files of one recording, in the order of time.
-        options: which of them are used, the format's class says.
+        options: see the class of the format for those that are used.
     """
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
@@ -132,9 +132,9 @@ class GivesScans(Protocol):
     """A reader of a laser scanner's recording.
 
     Attributes:
-        clock: which clock its times come from.
-        clocks: what every clock of the recording said, that one first; complete when the scans have ended.
-        share_read: how much of the files has been read, 0 to 1.
+        clock: the clock that its times come from.
+        clocks: readings of all clocks in the recording, that one first; complete when the scans have ended.
+        share_read: share of the files that has been read, 0 to 1.
     """
 
     clock: Clock
@@ -142,7 +142,7 @@ class GivesScans(Protocol):
     share_read: float
 
     def scans(self) -> Iterator[Scan]:
-        """The scans in the order of time, streamed; numbered from 0 over all files."""
+        """The scans in the order of time, streamed; numbered from 0 across all files."""
         ...
 
 
@@ -157,7 +157,7 @@ class GivesTrack(Protocol):
 
 @runtime_checkable
 class GivesPoses(Protocol):
-    """A reader of a trajectory from elsewhere."""
+    """A reader of a trajectory from other software."""
 
     def poses(self) -> PoseTrack:
         """All poses of all files."""
@@ -166,16 +166,16 @@ class GivesPoses(Protocol):
 
 @runtime_checkable
 class GivesStates(Protocol):
-    """A reader of what somebody else says of the tool."""
+    """A reader of recorded states of the implement."""
 
     def states(self) -> ToolStates:
-        """When the tool was in the ground, in all files; the end of the last interval may be infinite."""
+        """When the implement was in the ground, in all files; the end of the last interval may be infinite."""
         ...
 
 
 @dataclass(frozen=True)
 class Recognised:
-    """A file and the reader class that knows it best."""
+    """A file and the reader class with the highest certainty."""
 
     head: Head
     reader: type[Reader]
@@ -185,15 +185,15 @@ class Recognised:
         return self.reader([self.head.path], options or ReadOptions())
 
     def inspect(self, options: ReadOptions | None = None) -> Inspection:
-        """What the file is and holds."""
+        """The format and the content of the file."""
         return self.open(options).inspect()
 
     @classmethod
     def of(cls, path: Path) -> Self:
-        """The file's reader.
+        """The reader of a file.
 
         Raises:
-            InputError: if no reader knows the file.
+            InputError: if no reader recognises the file.
         """
         head = look(path)
         scores = sorted(((reader.recognise(head), reader.format, reader) for reader in readers()), key=lambda s: s[:2])
@@ -206,15 +206,16 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
     """The reader of one recording that may be split into several files of one format.
 
     Raises:
-        InputError: if a file is of no known format, or the files are of different ones.
+        InputError: if the format of a file is unknown, or the files differ in format.
     """
     found = [Recognised.of(path) for path in paths]
     for other in found[1:]:
         if other.reader is not found[0].reader:
             raise InputError(
-                f"{other.head.path} ({other.reader.title}) goes not with {paths[0]} ({found[0].reader.title}).",
-                "The files of one recording are read as one stream, so they must be of one kind.",
-                "Name the files of one recorder together, and the others under their own key.",
+                f"{other.head.path} ({other.reader.title}) cannot be combined with {paths[0]} "
+                f"({found[0].reader.title}).",
+                "The files of one recording are read as one stream, so they must have the same format.",
+                "List only files of the same recorder under a key of the session.",
                 code="mixed-formats",
             )
     return found[0].reader([f.head.path for f in found], options)
@@ -222,7 +223,7 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
 
 @cache
 def readers() -> tuple[type[Reader], ...]:
-    """All reader classes of all installed packages; one of another package that cannot be imported is left out."""
+    """All reader classes of all installed packages; those of other packages that cannot be imported are skipped."""
     found: list[type[Reader]] = []
     for entry in importlib.metadata.entry_points(group=GROUP):
         try:
@@ -230,7 +231,7 @@ def readers() -> tuple[type[Reader], ...]:
         except Exception as error:
             if entry.module.startswith("furrowmap."):
                 raise
-            log.warning("the reader %s (%s) cannot be used: %s", entry.name, entry.value, error)
+            log.warning("the reader %s (%s) cannot be imported: %s", entry.name, entry.value, error)
     return tuple(found)
 
 
@@ -243,7 +244,7 @@ _STRANGERS: Final = {
     b"II*\x00": "a TIFF picture",
     **dict.fromkeys(
         (b"GRIDDED CORRECTION", b"for SemiDynaEXE", b"for PatchJGD", b"JGD2000-TokyoDatum"),
-        "parameters that move coordinates (.par): a session names them under [crs]",
+        "a coordinate transformation parameter file (.par), which a session names under [crs]",
     ),
 }
 _RECEIVERS_OWN: Final = {
@@ -251,32 +252,32 @@ _RECEIVERS_OWN: Final = {
     b"$@": "a Septentrio receiver's own messages (SBF)",
     b"\xd3\x00": "corrections or raw observations (RTCM 3)",
 }
-"""What files of formats that are not read begin with; the second kind has positions that can be exported."""
+"""First bytes of unsupported formats; those of the second table have positions that can be exported."""
 
 
 def _unknown(head: Head) -> InputError:
-    """The error of a file that no reader knows, with a word on what it may be."""
-    known = f"Known: {'; '.join(sorted(reader.title for reader in readers()))}."
+    """The error of a file that no reader recognises, with a guess at its format."""
+    known = f"Supported: {'; '.join(sorted(reader.title for reader in readers()))}."
     if head.path.is_dir():
         return InputError(
-            f"{head.path} is a folder, and holds no bag and no task data.",
-            "Of folders only those of ROS 2 bags (metadata.yaml with .db3 or .mcap files) and of task data "
-            "(TASKDATA.XML) are read as a whole.",
-            f"Name the files in it. {known}",
+            f"{head.path} is a folder without a ROS 2 bag or task data.",
+            "Supported folders are those of ROS 2 bags (metadata.yaml with .db3 or .mcap files) and of task data "
+            "(TASKDATA.XML).",
+            f"Use the files in the folder. {known}",
             code="unknown-format",
         )
     own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
-    cure = "Export NMEA (GGA, RMC, GST) from the receiver's or the processor's tool. " if own else ""
+    advice = "Export NMEA (GGA, RMC, GST) from the receiver's or the processor's tool. " if own else ""
     return InputError(
-        f"{head.path}: of no kind that furrowmap reads ({f'it looks like {own}' if own else _looks_like(head.data)}).",
-        "It is neither a known LiDAR or GNSS recording nor a trajectory.",
-        f"{cure}{known}",
+        f"{head.path}: unknown format ({f'it looks like {own}' if own else _looks_like(head.data)}).",
+        "It is not a supported recording, trajectory or point cloud.",
+        f"{advice}{known}",
         code="unknown-format",
     )
 
 
 def _looks_like(data: bytes) -> str:
-    """A few words on content that nobody recognised."""
+    """A guess at the format of unknown content."""
     for start, words in _STRANGERS.items():
         if data.startswith(start):
             return f"it looks like {words}"

@@ -1,4 +1,4 @@
-"""A recording as a stream of bytes, decompressed by what it holds and not by what it is called."""
+"""A recording as a stream of bytes, decompressed if its content is compressed, whatever its name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PIECE_BYTES = 1 << 20
 
 
 class _Member(Protocol):
-    """One of the compressed streams that may follow each other in a file."""
+    """One of the consecutive compressed streams in a file."""
 
     @property
     def eof(self) -> bool: ...
@@ -39,7 +39,7 @@ class _Member(Protocol):
 
 
 class _GzipMember:
-    """zlib's decompressor in the manner of those of lzma and zstd."""
+    """zlib's decompressor with the interface of those of lzma and zstd."""
 
     def __init__(self) -> None:
         self._zlib = zlib.decompressobj(wbits=31)
@@ -72,13 +72,13 @@ _MEMBER: dict[str, Callable[[], _Member]] = {
 
 @dataclass(frozen=True)
 class Head:
-    """What a file looks like before anyone has read it.
+    """The start of a file, for recognising its format.
 
     Attributes:
-        path: the file (for `.db3` and `.mcap` bags perhaps the folder that holds it).
+        path: the file, or a folder.
         data: its first bytes, decompressed, up to 64 KiB; empty for a folder.
         compression: "gzip", "zstd", "xz" or "".
-        suffix: of the name in lower case, without that of the compression.
+        suffix: suffix of the name in lower case, without that of the compression.
     """
 
     path: Path
@@ -88,13 +88,13 @@ class Head:
 
 
 class Source(io.BufferedIOBase):
-    """A file's decompressed bytes, in order, and how far they have been read.
+    """A file's decompressed bytes, in order, and the share that has been read.
 
-    A compressed stream that ends too early or turns bad is no exception: reading ends there, and `fault` says why.
+    A truncated or damaged compressed stream raises no exception: reading ends there, and `fault` describes it.
 
     Attributes:
         compression: "gzip", "zstd", "xz" or "".
-        fault: why reading ended before the file did, or "".
+        fault: why reading ended before the end of the file, or "".
     """
 
     def __init__(self, path: Path) -> None:
@@ -110,11 +110,11 @@ class Source(io.BufferedIOBase):
         self._piece = memoryview(b"")
 
     def readable(self) -> bool:
-        """Streams of this kind are for reading."""
+        """True: the stream can be read."""
         return True
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Up to `size` bytes (all that remain if negative); fewer only at the end, or where the file is damaged."""
+        """Up to `size` bytes (all that remain if negative); fewer only at the end or at damage."""
         wanted = -1 if size is None else size
         blocks: list[bytes | memoryview] = []
         got = 0
@@ -122,7 +122,7 @@ class Source(io.BufferedIOBase):
             try:
                 block = self._next(_PIECE_BYTES if wanted < 0 else wanted - got)
             except (EOFError, OSError, zlib.error, lzma.LZMAError, zstd.ZstdError) as error:
-                self.fault = f"the {self.compression or 'file'} stream is damaged or cut ({error})"
+                self.fault = f"the {self.compression or 'file'} stream is damaged or truncated ({error})"
                 break
             if not block:
                 break
@@ -131,7 +131,7 @@ class Source(io.BufferedIOBase):
         return bytes(blocks[0]) if len(blocks) == 1 else b"".join(blocks)
 
     def _next(self, size: int) -> bytes | memoryview:
-        """Some bytes, `size` at most; none at the end."""
+        """At most `size` bytes; none at the end."""
         if not self.compression:
             return self._raw.read(size)
         if not self._piece:
@@ -140,7 +140,7 @@ class Source(io.BufferedIOBase):
         return block
 
     def _decompressed(self) -> Iterator[bytes]:
-        """All there is up to where the file is cut; the libraries' own file objects lose the last part of that."""
+        """All content before a truncation; the file objects of the libraries lose the last part of it."""
         data = self._raw.read(_RAW_BYTES)
         while data:
             member = _MEMBER[self.compression]()
@@ -148,7 +148,7 @@ class Source(io.BufferedIOBase):
                 if not data and member.needs_input:
                     data = self._raw.read(_RAW_BYTES)
                     if not data:
-                        raise EOFError("it ends too early")
+                        raise EOFError("unexpected end of file")
                 piece = member.decompress(data, _PIECE_BYTES)
                 data = b""
                 if piece:
@@ -159,7 +159,7 @@ class Source(io.BufferedIOBase):
 
     @property
     def share_read(self) -> float:
-        """How much of the file (as it lies on the disk) has been read, 0 to 1."""
+        """Share of the file (of its bytes on disk) that has been read, 0 to 1."""
         return 1.0 if not self.size_bytes else min(1.0, self._raw.tell() / self.size_bytes)
 
     def close(self) -> None:
@@ -172,7 +172,7 @@ def look(path: Path) -> Head:
     """The head of a file or folder.
 
     Raises:
-        InputError: if there is no such file, or it is empty or unreadable.
+        InputError: if the file does not exist, is empty, or cannot be read.
     """
     if path.is_dir():
         return Head(path, b"", "", path.suffix.lower())
@@ -184,14 +184,14 @@ def look(path: Path) -> Head:
         raise InputError(
             f"{path}: {error.strerror}.",
             "The file could not be opened.",
-            "Check that it may be read by you.",
+            "Check its permissions.",
             code="unreadable",
         ) from None
     if not data:
         raise InputError(
             f"{path} is empty ({path.stat().st_size} bytes{', ' + fault if fault else ''}).",
-            "There is nothing in it to read.",
-            "Copy the recording again; a recorder that was switched off early may have written nothing.",
+            "The recorder may have been switched off before it wrote anything.",
+            "Copy the recording again.",
             code="empty-file",
         )
     suffix = path.suffix.lower()
@@ -203,13 +203,13 @@ def look(path: Path) -> Head:
 def _refuse_non_files(path: Path) -> None:
     if not path.is_file():
         raise InputError(
-            f"{path} {'is a folder' if path.is_dir() else 'is not there' if not path.exists() else 'is no file'}.",
+            f"{path} {'is a folder' if path.is_dir() else 'does not exist' if not path.exists() else 'is not a file'}.",
             "A recording is a file.",
-            "Check the name; give the recording itself.",
+            "Check the name.",
             code="no-such-file",
         )
 
 
 def cut_notice(path: Path, fault: str) -> Notice:
-    """The notice of a file that ends too early, of which `fault` says why."""
-    return Notice("stream-cut", f"{path}: {fault}; what came before is used.")
+    """The notice of a truncated file; `fault` describes where it ends."""
+    return Notice("stream-cut", f"{path}: {fault}; the content before is used.")

@@ -1,4 +1,4 @@
-"""The tool's states from a table of the times at which they changed."""
+"""States of the implement from a CSV of the times at which they change."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _STATES: Final = {state.label: state for state in ToolState}
 
 
 class StatesCsv(FileReader):
-    """A CSV whose rows say from when on the tool was `down`, `up` or `unknown`.
+    """A CSV with the times from which the implement is `down`, `up` or `unknown`.
 
-    The last row's state lasts to the end of the drive.
+    The state of the last row lasts to the end of the drive.
 
     Args:
         paths: the files of one recording, in the order of time.
@@ -33,27 +33,27 @@ class StatesCsv(FileReader):
     """
 
     format: ClassVar[str] = "states-csv"
-    title: ClassVar[str] = "tool states in CSV"
+    title: ClassVar[str] = "implement states in CSV"
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain where the header names times and states."""
+        """Certain with columns of times and states."""
         names = set(head_columns(head) or ())
         return 1.0 if "state" in names and {"time", "t_s"} & names else 0.0
 
     def states(self) -> ToolStates:
-        """The states of all files; the end of the last is infinite unless its state is `unknown`.
+        """The states of all files; the end of the last interval is infinite unless its state is `unknown`.
 
         Raises:
-            InputError: with the line, if a row is none of the table's, or times do not increase.
+            InputError: with the line, if a row is invalid or the times do not increase.
         """
         rows = [row for path in self.paths for row in _rows(path)]
         for (t_s, *_), (later_s, *_, where) in pairwise(rows):
             if later_s <= t_s:
                 raise InputError(
-                    f"{where}: {iso_utc(later_s)} is not after the row before ({iso_utc(t_s)}).",
-                    "Each row says from when on a state lasted, so their times must increase.",
-                    "Put the rows in the order of time, one for each time.",
+                    f"{where}: {iso_utc(later_s)} is not later than the row before ({iso_utc(t_s)}).",
+                    "Each row starts a state, so the times must increase.",
+                    "Sort the rows by time, and keep one row per time.",
                     code="rows-out-of-order",
                 )
         begin_s = np.array([row[0] for row in rows], np.float64)
@@ -71,7 +71,7 @@ class StatesCsv(FileReader):
         )
 
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds.
+        """Read the whole first file and report what it contains.
 
         Raises:
             InputError: as :meth:`states`.
@@ -91,7 +91,7 @@ class StatesCsv(FileReader):
 
 
 def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
-    """(t_s, state, sigma_s, confidence, common_share, where it stands) of each row."""
+    """(t_s, state, sigma_s, confidence, common_share, file and line) of each row."""
     with Source(path) as source:
         data = source.read(LARGEST_BYTES + 1)
     if len(data) > LARGEST_BYTES:
@@ -143,8 +143,8 @@ def _number(row: dict[str, str], name: str, where: str, default: float) -> float
 def _bad(what: str) -> InputError:
     return InputError(
         f"{what}.",
-        "A table of the tool's states has a row for each change: `time` (ISO 8601, UTC unless it says otherwise) or "
-        "`t_s` (POSIX seconds), and `state` (down, up or unknown).",
-        "Mend or take out that line.",
+        "A CSV of implement states has a row for each change: `time` (ISO 8601, UTC without a zone) or `t_s` (POSIX "
+        "seconds), and `state` (down, up or unknown).",
+        "Correct or remove that line.",
         code="states-unreadable",
     )

@@ -47,7 +47,7 @@ def test_table__has_a_line_for_each_task(folder: Path, capsys: pytest.CaptureFix
     assert one.split()[:4] == ["TSK1", "<North>", "1", "0.060"]  # 50 s of 2 m/s, 6 m wide
     assert two.split()[:4] == ["TSK2", "South", "0", "0.000"]
     assert two.split()[-1] == "unknown"
-    assert "taken as UTC" in said.err
+    assert "assumed to be UTC" in said.err
 
 
 def test_layers__of_all_fields_in_one_file(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

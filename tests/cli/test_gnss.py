@@ -34,7 +34,7 @@ def test_evaluate__answers_in_words_and_json(
         (["gnss", "evaluate", "{pos}", PLACE, "--antenna-offset", "1,2"], 2, "FORWARD,LEFT,UP"),
         (["gnss", "evaluate", "{pos}", PLACE, "--antenna-offset", "nan,0,0"], 2, "FORWARD,LEFT,UP"),
         (["gnss", "evaluate", "{pos}", "139.522173128,35.339325776,65.712"], 3, "latitude comes first"),
-        (["gnss", "evaluate", "{pos}", "nowhere.pos"], 3, "is not there"),
+        (["gnss", "evaluate", "{pos}", "nowhere.pos"], 3, "does not exist"),
         (["gnss", "evaluate", "{pos}", "{other}"], 3, "no time in common"),
         (["gnss", "evaluate", "{undated}", PLACE], 3, "date"),
         (["gnss", "evaluate", "{cloud}", PLACE], 3, "holds no positions"),

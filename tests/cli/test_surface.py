@@ -60,7 +60,7 @@ def test_surface__tells_the_lies_of_a_file_it_can_read(
         *("surface", las / "hostile" / "d_header_box_lies.las", "-o", tmp_path, "--crs", "EPSG:32610", "--cell", "20"),
     )
     assert status == 0
-    assert "the header's box is not that of the points" in err
+    assert "the bounding box in the header" in err
     assert "dsm.tif" in out
 
 

@@ -1,4 +1,4 @@
-"""What TASKDATA.XML says: fields with their boundaries, devices and their elements, tasks and their time logs.
+"""The content of TASKDATA.XML: fields with their boundaries, devices and their elements, tasks and their time logs.
 
 ISO 11783-10:2015, annex D, names its elements by three letters and their attributes by one.
 """
@@ -22,7 +22,7 @@ BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
 PARALLEL: Final = frozenset({"4", "5"})
-"""Types of device elements that lie side by side: sections and units."""
+"""Types of device elements that are side by side: sections and units."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Partfield:
     """A field, `PFD`.
 
     Attributes:
-        id: within the file, such as "PFD-2".
-        name: as its farmer calls it.
-        stated_area_m2: what the file itself says; nan where it does not.
-        boundary: longitudes and latitudes in degrees; None where the file has none.
+        id: id in the file, such as "PFD-2".
+        name: the farmer's name of the field.
+        stated_area_m2: area in the file; nan if it has none.
+        boundary: in longitude and latitude, degrees; None if the file has none.
     """
 
     id: str
@@ -47,10 +47,10 @@ class DeviceElement:
     """A part of a machine, `DET`.
 
     Attributes:
-        id: within the file, such as "DET-1".
+        id: id in the file, such as "DET-1".
         kind: 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
         name: of the part.
-        parent: id of the element that it is a part of; "" for the machine itself.
+        parent: id of the parent element; "" for the machine itself.
         device: name of the machine.
     """
 
@@ -63,10 +63,10 @@ class DeviceElement:
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """A `TIM`: when something was done, and the totals then.
+    """A `TIM`: a time span of work, and its totals.
 
     Attributes:
-        begin: as written, with or without a zone; "" where it is open.
+        begin: as written, with or without a time zone; "" if it is open.
         end: likewise.
         kind: 4 for effective work.
         totals: raw value by (data dictionary identifier, element).
@@ -83,11 +83,11 @@ class Task:
     """A task, `TSK`.
 
     Attributes:
-        id: within the file, such as "TSK1".
-        name: of the task.
-        partfield: id of its field; "" where there is none.
+        id: id in the file, such as "TSK1".
+        name: name of the task.
+        partfield: id of its field; "" if it has none.
         logs: names of its time logs without suffix, in the order of the file.
-        spans: its times, likewise.
+        spans: its time spans, in the order of the file.
     """
 
     id: str
@@ -102,12 +102,12 @@ class TaskData:
     """The content of a set of task data.
 
     Attributes:
-        version: of the standard's files, such as "4.1".
-        maker: of the program that wrote them.
-        partfields: by id.
-        elements: of all machines, by id.
+        version: version of the file format, such as "4.1".
+        maker: manufacturer of the software that wrote the files.
+        partfields: fields by id.
+        elements: device elements of all machines, by id.
         tasks: in the order of the file.
-        notices: what is missing or odd.
+        notices: what is missing or unusual.
     """
 
     version: str
@@ -119,18 +119,18 @@ class TaskData:
 
 
 def read_content(files: TaskFiles) -> TaskData:
-    """What the main file and the files that it refers to say.
+    """The content of the main file and the external files that it refers to.
 
     Raises:
-        InputError: if the main file is no task data. A file that it refers to and that cannot be read is told.
+        InputError: if the main file is not task data. An external file that cannot be read is only a notice.
     """
     notices = list(files.notices)
     root = parse_xml(files.read(MAIN), files.named(MAIN))
     if root.tag != ROOT:
         raise InputError(
-            f"{files.named(MAIN)}: its root is <{root.tag[:40]}>, not <{ROOT}>.",
-            "The file is no task data after ISO 11783-10.",
-            "Give the TASKDATA folder that the terminal wrote.",
+            f"{files.named(MAIN)}: the root element is <{root.tag[:40]}>, not <{ROOT}>.",
+            "The file is not task data of ISO 11783-10.",
+            "Use the TASKDATA folder that the terminal wrote.",
             code="task-data-missing",
         )
     items = list(_items(files, root, notices))
@@ -148,7 +148,7 @@ def read_content(files: TaskFiles) -> TaskData:
 
 
 def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[Element]:
-    """The elements of the main file, those in external files in the place of the reference to them."""
+    """The elements of the main file, with external files in place of the references to them."""
     for item in root.children:
         if item.tag != "XFR":
             yield item
@@ -157,7 +157,7 @@ def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[E
         try:
             external = parse_xml(files.read(name), files.named(name))
         except InputError as error:
-            notices.append(Notice("external-file-lost", f"{error.lines[0]} What it holds is missing."))
+            notices.append(Notice("external-file-lost", f"{error.lines[0]} Its content is missing."))
             continue
         yield from external.children if external.tag == EXTERNAL else ()
 
@@ -169,7 +169,7 @@ def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
     by_id: dict[str, _T] = {}
     for one in found:
         if one.id in by_id:
-            notices.append(Notice("id-twice", f"There are two of the {kind} {one.id}; the first is taken."))
+            notices.append(Notice("id-twice", f"The id {one.id} of a {kind} is used twice; the first one is kept."))
         else:
             by_id[one.id] = one
     return by_id
@@ -186,7 +186,7 @@ def _partfield(item: Element, notices: list[Notice]) -> Partfield:
 
 
 def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
-    """A polygon with its holes; rings that are none are told and left out.
+    """A polygon with its holes; invalid rings are dropped with a notice.
 
     Version 3 writes exteriors and holes as rings of one polygon, version 4 may have several exteriors.
     """
@@ -196,7 +196,7 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
         places = [(_degrees(p.get("D")), _degrees(p.get("C"))) for p in ring.all("PNT")]
         usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
         if len(usable) < 3 or len(usable) < len(places) or ring.get("A") not in (*EXTERIORS, INTERIOR):
-            text = f"Field {name}: a ring of its boundary ({len(usable)} of {len(places)} corners) is left out."
+            text = f"Field {name}: an invalid ring of its boundary ({len(usable)} of {len(places)} corners) is dropped."
             notices.append(Notice("boundary-ring", text))
         else:
             (holes if ring.get("A") == INTERIOR else shells).append(shapely.make_valid(shapely.Polygon(usable)))

@@ -1,4 +1,4 @@
-"""The files of a set of task data: a folder, or a zip archive that holds one."""
+"""The files of a set of task data: a folder, or a zip archive of it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from furrowmap.core.values.errors import InputError, Notice
 MAIN: Final = "TASKDATA.XML"
 MOST_FILES: Final = 100_000
 LARGEST_BYTES: Final = 1 << 30
-"""A day's time log has a few megabytes; more than this is none."""
+"""Largest plausible file: the time log of a day has a few megabytes."""
 MOST_GROWTH: Final = 1100
-"""Deflate shrinks a file to a thousandth at best: an archive that promises more lies."""
+"""Largest plausible compression ratio: deflate reaches about 1000."""
 
 
 @dataclass(frozen=True)
 class TaskFiles:
-    """Files by name; names are compared without regard to case, as terminals write them either way.
+    """Files by name, ignoring case, because terminals write names in either.
 
     Attributes:
-        path: of the folder or archive, for messages.
-        notices: what was odd about it.
+        path: path of the folder or archive, for messages.
+        notices: what is unusual about it.
     """
 
     path: Path
@@ -35,7 +35,7 @@ class TaskFiles:
     _readers: dict[str, Callable[[], bytes]]
 
     def named(self, name: str) -> str:
-        """How messages call one of the files."""
+        """Path of one of the files for messages."""
         return f"{self.path}, {name}"
 
     def names(self) -> list[str]:
@@ -49,13 +49,13 @@ class TaskFiles:
         """The content of a file.
 
         Raises:
-            InputError: if it is not there, too large, or damaged.
+            InputError: if it is missing, too large, or damaged.
         """
         reader = self._readers.get(name.upper())
         if reader is None:
             raise InputError(
-                f"{self.path}: there is no file {name} in it.",
-                "The task data name it, so a part of them is missing.",
+                f"{self.path}: missing file {name}.",
+                "The task data refer to it, so they are incomplete.",
                 "Copy the whole TASKDATA folder from the terminal.",
                 code="task-data-incomplete",
             )
@@ -64,17 +64,17 @@ class TaskFiles:
         except (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
             raise InputError(
                 f"{self.named(name)}: {error}.",
-                "The file is damaged or locked, so its content is lost.",
-                "Copy the task data again; a zip archive with a password must be unpacked first.",
+                "The file is damaged or locked.",
+                "Copy the task data again; unpack an archive with a password first.",
                 code="task-data-unreadable",
             ) from None
 
 
 def open_task_files(path: Path) -> TaskFiles:
-    """The files beside the one TASKDATA.XML in a folder or archive; `path` may also name that file itself.
+    """The files next to the only TASKDATA.XML in a folder or archive; `path` may also be that file.
 
     Raises:
-        InputError: if there is none or more than one, the archive is damaged, or a name in it leads out of it.
+        InputError: if there is none or more than one, or the archive is damaged or hostile.
     """
     if path.is_dir():
         return _of_folder(path)
@@ -84,7 +84,7 @@ def open_task_files(path: Path) -> TaskFiles:
 
 
 def is_task_data(path: Path) -> bool:
-    """Whether a folder or archive holds a TASKDATA.XML, or a file is one."""
+    """Whether a folder or archive has a TASKDATA.XML, or a file is one."""
     if path.is_dir():
         return bool(_mains(_folder_names(path)))
     if path.name.upper() == MAIN:
@@ -97,7 +97,7 @@ def is_task_data(path: Path) -> bool:
 
 
 def _folder_names(folder: Path) -> list[str]:
-    """Files in the folder and those one below: where terminals put TASKDATA."""
+    """Files in the folder and in its subfolders: where terminals put TASKDATA."""
     try:
         files = [p for p in folder.iterdir() if p.is_file()]
         files += [p for below in folder.iterdir() if below.is_dir() for p in below.glob("*") if p.is_file()]
@@ -107,7 +107,7 @@ def _folder_names(folder: Path) -> list[str]:
 
 
 def _mains(names: list[str]) -> list[str]:
-    """Names of main files; not those under which macOS keeps its own about them."""
+    """Names of main files, without the resource files of macOS."""
     paths = [PurePosixPath(name) for name in names]
     return [p.as_posix() for p in paths if p.name.upper() == MAIN and not any("MACOSX" in part for part in p.parts)]
 
@@ -123,15 +123,15 @@ def _one_main(path: Path, names: list[str]) -> PurePosixPath:
         return PurePosixPath(mains[0]).parent
     if mains:
         raise InputError(
-            f"{path}: there are {len(mains)} of {MAIN} in it: {', '.join(sorted(mains)[:4])}.",
-            "Which of them is meant cannot be known.",
-            "Give the folder of the one, or unpack the archive and give that.",
+            f"{path}: {len(mains)} files {MAIN}: {', '.join(sorted(mains)[:4])}.",
+            "It is ambiguous which of them to read.",
+            "Use the folder of one of them; unpack the archive for that.",
             code="task-data-ambiguous",
         )
     held = ", ".join(sorted(PurePosixPath(name).name for name in names)[:4]) or "nothing"
     raise InputError(
-        f"{path}: there is no {MAIN} in it (but {held}).",
-        f"{MAIN} says what the other files of task data mean; without it none can be read.",
+        f"{path}: missing {MAIN} (it has {held}).",
+        f"The other files of task data cannot be read without {MAIN}.",
         "Copy the whole TASKDATA folder from the terminal.",
         code="task-data-missing",
     )
@@ -146,7 +146,7 @@ def _of_folder(folder: Path) -> TaskFiles:
 
 def _read_file(path: Path) -> bytes:
     if path.stat().st_size > LARGEST_BYTES:
-        raise OSError(f"{path.stat().st_size:,} bytes, more than any task data")
+        raise OSError(f"{path.stat().st_size:,} bytes is more than any task data")
     return path.read_bytes()
 
 
@@ -156,8 +156,8 @@ def _of_archive(path: Path) -> TaskFiles:
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError) as error:
         raise InputError(
             f"{path}: {error}.",
-            "It is no zip archive, or a damaged one, so no task data can be read from it.",
-            "Give the TASKDATA folder, its TASKDATA.XML, or an archive of it.",
+            "It is not a zip archive, or damaged.",
+            "Use the TASKDATA folder, its TASKDATA.XML, or an archive of it.",
             code="task-data-unreadable",
         ) from None
     with archive:
@@ -166,9 +166,9 @@ def _of_archive(path: Path) -> TaskFiles:
         _refuse_hostile(path, entries)
         inside = _one_main(path, [entry.filename for entry in entries])
         here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
-    notices = [
-        Notice("archive-foreign-bytes", f"{path}: {ahead:,} bytes that are none of its own stand before the archive.")
-    ] * (ahead > 0)
+    notices = [Notice("archive-foreign-bytes", f"{path}: {ahead:,} foreign bytes before the archive are ignored.")] * (
+        ahead > 0
+    )
     return TaskFiles(
         path,
         tuple(notices),
@@ -180,33 +180,33 @@ def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:
     with zipfile.ZipFile(path) as archive, archive.open(entry) as stream:
         data = stream.read(entry.file_size + 1)
     if len(data) != entry.file_size:
-        raise zipfile.BadZipFile(f"{len(data):,} bytes where the archive promises {entry.file_size:,}")
+        raise zipfile.BadZipFile(f"{len(data):,} bytes instead of the {entry.file_size:,} that the archive states")
     return data
 
 
 def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
-    """Refuse archives made to do harm.
+    """Check an archive for hostile entries.
 
     Raises:
-        InputError: if a name leads out of the archive, an entry is a link, or it promises more than it can hold.
+        InputError: if a name points outside the archive, an entry is a link, or a stated size is implausible.
     """
     fault = ""
     if len(entries) > MOST_FILES:
-        fault = f"it holds {len(entries):,} files"
+        fault = f"it has {len(entries):,} files"
     for entry in entries:
         name = entry.filename.replace("\\", "/")
         if name.startswith("/") or ".." in name.split("/") or ":" in name:
-            fault = f"the name {entry.filename!r} leads out of it"
+            fault = f"the name {entry.filename!r} points outside the archive"
         elif stat.S_ISLNK(entry.external_attr >> 16):
             fault = f"{entry.filename!r} is a link"
         elif entry.file_size > min(LARGEST_BYTES, MOST_GROWTH * max(entry.compress_size, 1)):
-            fault = f"{entry.filename!r} promises {entry.file_size:,} bytes from {entry.compress_size:,}"
+            fault = f"{entry.filename!r} states {entry.file_size:,} bytes, compressed to {entry.compress_size:,}"
         if fault:
             break
     if fault:
         raise InputError(
             f"{path}: {fault}.",
-            "No terminal writes such an archive; nothing in it was used.",
-            "Unpack it where nothing can be harmed, look at it, and give the TASKDATA folder.",
+            "No terminal writes such an archive. It may be hostile, and nothing in it was used.",
+            "Unpack it in a safe place, check it, and use the TASKDATA folder.",
             code="archive-hostile",
         )

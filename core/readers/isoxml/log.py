@@ -1,4 +1,4 @@
-"""ISO 11783-10 task data as a recording: where the machine was, and whether it worked."""
+"""ISO 11783-10 task data as a recording: positions and working states of the machine."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class TaskDataLog(FileReader):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain where there is a main file; possible for archives without one, of which the reader says so."""
+        """Certain with a main file; possible for archives without one, which the reader then reports."""
         zipped = head.suffix == ".zip" or head.data.startswith(b"PK\x03\x04")
         if not (head.path.is_dir() or zipped or head.path.name.upper() == MAIN):
             return 0.0
@@ -46,7 +46,7 @@ class TaskDataLog(FileReader):
         """The positions of the task, or of all tasks in the order of time.
 
         Raises:
-            InputError: if there are none, or tasks that are not told apart were worked at the same time.
+            InputError: if there are none, or two tasks overlap in time.
         """
         tasks = self._tasks()
         columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}
@@ -69,7 +69,7 @@ class TaskDataLog(FileReader):
         )
 
     def inspect(self) -> Inspection:
-        """Read the first set through and say what it is and holds.
+        """Read the whole first set and report what it contains.
 
         Raises:
             InputError: if it cannot be read.
@@ -93,10 +93,10 @@ class TaskDataLog(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, _notices(content, tasks))
 
     def _tasks(self) -> list[LoggedTask]:
-        """The tasks that are wanted and have positions, in the order of time.
+        """The requested tasks with positions, in the order of time.
 
         Raises:
-            InputError: if there are none, or two of them were worked at the same time.
+            InputError: if there are none, or two of them overlap in time.
         """
         found = []
         self.notices = []
@@ -106,19 +106,18 @@ class TaskDataLog(FileReader):
             found += [task for task in tasks if len(task.track)]
         if not found:
             raise InputError(
-                f"{self.paths[0]}: none of its time logs has a position.",
-                "Where the machine was is not known.",
-                "Export the task data once the work is done: time logs are written on the machine's terminal.",
+                f"{self.paths[0]}: no positions in the time logs.",
+                "The path of the machine is unknown.",
+                "Export the task data from the machine's terminal after the work: it writes the time logs.",
                 code="no-positions",
             )
         found.sort(key=_span)
         for one, other in pairwise(found):
             if _span(other)[0] <= _span(one)[1]:
                 raise InputError(
-                    f"{self.paths[0]}: the tasks {one.id} and {other.id} were both worked at "
-                    f"{iso_utc(_span(other)[0])}.",
-                    "Two machines, or two logs of one, cannot be read as one drive.",
-                    f'Name the task that is meant: `[recording] task = "{one.id}"`.',
+                    f"{self.paths[0]}: the tasks {one.id} and {other.id} overlap at {iso_utc(_span(other)[0])}.",
+                    "Two machines, or two logs of one machine, cannot be read as one drive.",
+                    f'Select a task: `[recording] task = "{one.id}"`.',
                     code="tasks-overlap",
                 )
         return found
@@ -130,8 +129,8 @@ def _span(task: LoggedTask) -> tuple[float, float]:
 
 def _clock_note(task: LoggedTask) -> str:
     if not np.isfinite(task.local_minus_utc_s):
-        return "by the terminal's clock, taken as UTC"
-    return f"the terminal's clock less {task.local_minus_utc_s:g} s"
+        return "terminal's clock, assumed to be UTC"
+    return f"terminal's clock minus {task.local_minus_utc_s:g} s"
 
 
 def _task_facts(task: LoggedTask) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The records of a time log, found in its bytes: where each begins, what is none, and all values.
+"""The records of a binary time log: their offsets, damage between them, and all values.
 
 ISO 11783-10:2015, annex D. Records are of different lengths, so each is found from the one before.
 """
@@ -15,16 +15,17 @@ from numpy.typing import NDArray
 def find_records(
     data: NDArray[np.uint8], width: int, places: tuple[int, int], channels: int
 ) -> tuple[NDArray[np.int64], int, int]:
-    """Where each record begins (n,), how many bytes are no records, and at how many places.
+    """Offset of each record (n,), number of bytes that are not records, and in how many places.
 
-    A record makes sense if its time is one of a day, its position on the Earth or none, its values among the header's,
-    and its day within a year of the record before. After one that does not, the next two in a row that do count again.
+    A record is plausible if its time is within a day, its position is on the Earth or missing, its values are among the
+    header's, and its day is within a year of the record before. After damage, reading resumes at the next two plausible
+    records in a row.
 
     Args:
         data: (m,) the file.
         width: bytes before the number of values.
-        places: offsets of latitude and longitude in a record; −1 where it has none.
-        channels: how many values the header names.
+        places: offsets of latitude and longitude in a record; −1 if it has none.
+        channels: number of values in the header.
     """
     starts, lost, breaks = _records(data, width, np.array(places, np.int64), channels)
     return starts, int(lost), int(breaks)
@@ -33,7 +34,7 @@ def find_records(
 def read_values(
     data: NDArray[np.uint8], starts: NDArray[np.int64], width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int32]]:
-    """(record, channel, value) of all values in the records that begin at `starts` (n,), each (k,)."""
+    """(record, channel, value), each (k,), of all values in the records at the offsets `starts` (n,)."""
     count = int(data[starts + width].astype(np.int64).sum()) if len(starts) else 0
     record, channel, value = _values(data, starts, width, count)
     return record, channel, value
@@ -41,7 +42,7 @@ def read_values(
 
 @numba.njit(cache=True, nogil=True)
 def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> Any:
-    """Where the record ends that begins at a byte; −1 if none that makes sense does, −2 if the file ends in it."""
+    """End of the record at an offset; −1 if it is not plausible, −2 if the file ends within it."""
     size = len(data)
     if at + width + 1 > size:
         return -2
@@ -64,7 +65,7 @@ def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> 
                 | (np.uint32(data[place + 3]) << np.uint32(24))
             )
             limit = 900_000_000 if k == 0 else 1_800_000_000
-            # 0x7FFFFFFF and its neighbours say that there is no position
+            # values around 0x7FFFFFFF stand for no position
             if (raw > limit or raw < -limit) and raw < 0x7FFFFFF0 and raw > -0x7FFFFFF0:
                 return -1
     return end
@@ -77,7 +78,7 @@ def _day(data: Any, at: int) -> Any:
 
 @numba.njit(cache=True, nogil=True)
 def _records(data: Any, width: int, offsets: Any, channels: int) -> Any:
-    """Where each record begins (n,), how many bytes are no records, and at how many places."""
+    """Offset of each record (n,), number of bytes that are not records, and in how many places."""
     size = len(data)
     starts = np.empty(size // (width + 1) + 1, np.int64)
     n, at, lost, breaks = 0, 0, 0, 0
@@ -86,9 +87,9 @@ def _records(data: Any, width: int, offsets: Any, channels: int) -> Any:
         end = _record_end(data, at, width, offsets, channels)
         good = end > 0
         if good and (broken or n > 0) and n > 0 and abs(_day(data, at) - _day(data, starts[n - 1])) > 366:
-            good = False  # a log of years is none: the step was lost
+            good = False  # a log does not span years: this is damage
         if good and broken:
-            # after damage two records in a row, of neighbouring days, tell that the step is found again
+            # after damage, resume at two records in a row on neighbouring days
             follower = _record_end(data, end, width, offsets, channels) if end < size else -1
             good = follower > 0 and abs(_day(data, end) - _day(data, at)) <= 1
         if good:

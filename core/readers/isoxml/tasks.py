@@ -1,4 +1,4 @@
-"""The tasks of a set of task data as drives with working states: logs joined, clocks taken to UTC."""
+"""The tasks of a set of task data as drives with working states: logs joined, times converted to UTC."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 FloatArray = NDArray[np.float64]
 
 LONGEST_HOLD_S: Final = 15.0
-"""For so long a record's state is taken to last where no other follows."""
+"""Longest time that a state is assumed to last without another record."""
 QUARTER_S: Final = 900.0
 FARTHEST_ZONE_S: Final = 15 * 3600.0
-"""No zone is further from UTC than 14 hours; a GPS time that is further from the terminal's clock is none."""
+"""Largest offset of a time zone; a GPS time that differs more from the terminal's clock is invalid."""
 STEADY_S: Final = 2.0
 _FIXES: Final = {1: Fix.SINGLE, 2: Fix.DGPS, 3: Fix.PPS, 4: Fix.FIXED, 5: Fix.FLOAT, 6: Fix.ESTIMATED, 7: Fix.MANUAL,
                  8: Fix.SIMULATED}  # fmt: skip
-"""What the codes of NMEA 2000 are in those of NMEA 0183."""
+"""Fix of the codes of NMEA 2000."""
 
 
 @dataclass(frozen=True)
 class LoggedTask:
-    """A task with what its time logs hold, n records with a position, in the order of time.
+    """A task and the n records with a position in its time logs, in the order of time.
 
     Attributes:
-        id: of the task.
-        name: of the task.
-        field: its field; None where it has none that is known.
+        id: id of the task.
+        name: name of the task.
+        field: its field; None if it is unknown.
         track: (n,) positions.
         state: (n,) int8, values of :class:`ToolState`.
-        width_m: (n,) what worked of the machine's width; nan where unknown.
-        states: of all records, those without a position too.
-        counted_m2: what the machine's own counter of area gained, all logs added up; nan where it has none.
-        local_minus_utc_s: what was taken off the terminal's clock; nan where nothing tells it (0 was).
+        width_m: (n,) working width; nan where unknown.
+        states: states of all records, also those without a position.
+        counted_m2: increase of the machine's area counter, summed over all logs; nan if it has none.
+        local_minus_utc_s: what was subtracted from the terminal's clock; nan if it is unknown and 0 was used.
         logs: names of the time logs.
-        notices: what is odd, missing or damaged.
+        notices: what is unusual, missing or damaged.
     """
 
     id: str
@@ -66,20 +66,20 @@ def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, lis
     """The content of a set of task data, and its tasks that have a time log.
 
     Args:
-        files: of the set.
-        only: id or name of the task that is wanted; None for all.
+        files: the files of the set.
+        only: id or name of the task to read; None for all.
 
     Raises:
-        InputError: if the set cannot be read, or has no such task. A time log that cannot be read is told.
+        InputError: if the set cannot be read, or has no such task. A time log that cannot be read is only a notice.
     """
     content = read_content(files)
     wanted = [task for task in content.tasks if only is None or only in (task.id, task.name)]
     if only is not None and not wanted:
         known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
         raise InputError(
-            f"{files.path}: there is no task {only!r} in it.",
-            "Nothing of another task was used.",
-            f"Its tasks: {known}.",
+            f"{files.path}: no task {only!r}.",
+            "The session or the command selects a task that does not exist.",
+            f"Use one of: {known}.",
             code="no-such-task",
         )
     return content, [_logged(files, content, task) for task in wanted if task.logs]
@@ -98,7 +98,7 @@ def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
         if len(log):
             logs.append((log, logged_work(log, content.elements)))
         else:
-            notices.append(Notice("time-log-empty", f"{files.named(name)}: the time log holds no record."))
+            notices.append(Notice("time-log-empty", f"{files.named(name)}: the time log has no records."))
     logs.sort(key=lambda one: one[0].clock_s[0])
     local_s = _local_minus_utc_s(files.named(task.id), [log for log, _ in logs], task, notices)
     notices += [notice for _, work in logs for notice in work.notices]
@@ -124,10 +124,9 @@ def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
 def _joined(
     name: str, logs: Sequence[tuple[TimeLog, LoggedWork]], local_s: float, notices: list[Notice]
 ) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
-    """Positions, state and width of all records that have a position, and the states of all.
+    """Positions, state and width of all records with a position, and the states of all records.
 
-    Several records of one moment count as one, of which the last tells what held; those that run back in time are told
-    and left out.
+    Of records with the same time the last one is used; those that are out of order are dropped with a notice.
     """
     n = sum(len(log) for log, _ in logs)
 
@@ -139,7 +138,7 @@ def _joined(
     state = column(work.state for _, work in logs).astype(np.int8)
     forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
     if len(forward) < n:
-        text = f"{name}: {n - len(forward)} records run back in time and are left out."
+        text = f"{name}: {n - len(forward)} records are not later than all before and are dropped."
         notices.append(Notice("time-backwards", text))
     last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
     t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
@@ -151,7 +150,7 @@ def _joined(
         notices.append(Notice("positions-missing", f"{name}: {missing} of {len(last)} records have no position."))
     status = column(log.status for log, _ in logs)[placed].astype(np.int64)
     if len(placed) and (status < 0).any():
-        text = f"{name}: {int((status < 0).sum())} positions do not say how good they are; they are taken as single."
+        text = f"{name}: {int((status < 0).sum())} positions have no status; they are assumed to be single."
         notices.append(Notice("quality-unknown", text))
     track = GnssTrack.build(
         t_s[placed],
@@ -168,9 +167,9 @@ def _joined(
 
 
 def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
-    """Each record's state until the next record; unknown beyond :data:`LONGEST_HOLD_S`.
+    """The state of each record until the next record; unknown beyond :data:`LONGEST_HOLD_S`.
 
-    A state that changed did so since the record before, so its time is off by up to a step: uniformly, hence the sigma.
+    A change happened at some time since the record before, uniformly distributed, which gives its standard deviation.
     """
     step = np.diff(t_s)
     near = step <= LONGEST_HOLD_S
@@ -196,10 +195,10 @@ def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
 
 
 def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: list[Notice]) -> float:
-    """How far the terminal's clock is ahead of UTC: by the records' GPS times, or by the zone of the task's times.
+    """Terminal's clock minus UTC, from the records' GPS times, or from the time zone of the task's times.
 
     Returns:
-        nan where neither tells.
+        nan if there is neither.
     """
     ahead = np.concatenate([log.clock_s - log.gps_s for log in logs]) if logs else np.zeros(0)
     ahead = ahead[np.isfinite(ahead)]
@@ -208,25 +207,25 @@ def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: 
         steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
         if steady and abs(middle) < FARTHEST_ZONE_S:
             if abs(middle) > STEADY_S:
-                text = f"{name}: the terminal's clock is {middle:+.1f} s ahead of its GPS time, which is taken."
+                text = f"{name}: the terminal's clock is {middle:+.1f} s ahead of its GPS time; GPS time is used."
                 notices.append(Notice("clock-by-gps", text))
             return middle
-        text = f"{name}: its GPS times lie {abs(middle):,.0f} s from the terminal's clock and are not believed."
+        text = f"{name}: its GPS times differ by {abs(middle):,.0f} s from the terminal's clock and are ignored."
         notices.append(Notice("gps-time-unused", text))
     local_s = _by_zone(logs, task)
     if local_s is not None:
         return local_s
     if logs:
-        text = f"{name}: nothing tells how far its times are from UTC, so they are taken as UTC."
+        text = f"{name}: it has neither GPS times nor a time zone; its times are assumed to be UTC."
         notices.append(Notice("local-time", text))
     return float("nan")
 
 
 def _by_zone(logs: Sequence[TimeLog], task: Task) -> float | None:
-    """What the zones of the task's times tell; None where there is none.
+    """Terminal's clock minus UTC from the time zones of the task's times; None if there are none.
 
-    Some terminals write the clock that the records have, with its zone; others write UTC, and the difference of the
-    two is a whole number of quarters of an hour.
+    Some terminals write the time of the records' clock with its zone, others write UTC; the difference is a multiple of
+    a quarter of an hour.
     """
     zoned = [when for span in task.spans if (when := _zoned(span.begin)) is not None]
     for when in zoned:
@@ -242,12 +241,12 @@ def _by_zone(logs: Sequence[TimeLog], task: Task) -> float | None:
 
 
 def _from_quarter(seconds: float) -> float:
-    """How far a difference of clocks is from one of zones."""
+    """Distance of a time difference from a multiple of a quarter of an hour."""
     return abs(seconds - QUARTER_S * round(seconds / QUARTER_S))
 
 
 def _zoned(text: str) -> dt.datetime | None:
-    """A time of the XML; None where it states no zone."""
+    """A time in the XML; None if it has no time zone."""
     try:
         when = dt.datetime.fromisoformat(text)
     except ValueError:
@@ -256,7 +255,7 @@ def _zoned(text: str) -> dt.datetime | None:
 
 
 def whole_width_m(tasks: Sequence[LoggedTask]) -> float:
-    """The machine's width: the widest that worked in any of the tasks, or that is logged; nan where no log says."""
+    """Width of the machine: the largest working width in any of the tasks, or logged; nan if there is none."""
     for chosen in ([task.width_m[task.state == ToolState.DOWN] for task in tasks], [task.width_m for task in tasks]):
         width = np.concatenate([np.zeros(0), *chosen])
         if (width > 0.0).any():

@@ -1,8 +1,8 @@
-"""Time logs, `TLG`: an XML header that says what a record holds, and the records in binary.
+"""Time logs, `TLG`: an XML header that describes the records, and binary records.
 
 ISO 11783-10:2015, annex D.8 and clause 8.8.2.2. A record, little-endian: milliseconds of the day (u32), days since
 1980-01-01 (u16), the attributes of PTN that the header leaves open in their order, the number of values (u8), and for
-each value its place among the header's DLV (u8) and an i32. A record holds only what has changed.
+each value its index among the header's DLV (u8) and an i32. A record has only the values that changed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from furrowmap.core.values.errors import InputError, Notice
 FloatArray = NDArray[np.float64]
 
 EPOCH_S: Final = 315_532_800
-"""1980-01-01, from which days are counted, in POSIX seconds."""
+"""1980-01-01, day 0, in POSIX seconds."""
 DAY_S: Final = 86_400
 POSITION: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
 """Bytes of each attribute of PTN: latitude, longitude, up, status, PDOP, HDOP, satellites, GPS time and day."""
@@ -31,11 +31,11 @@ NOT_AVAILABLE: Final = 0x7FFFFFFF
 
 @dataclass(frozen=True)
 class Channel:
-    """What one of the values is, a `DLV` of the header.
+    """The meaning of a value, a `DLV` of the header.
 
     Attributes:
         ddi: data dictionary identifier (ISO 11783-11).
-        element: id of the machine's part that it belongs to.
+        element: id of its device element.
     """
 
     ddi: int
@@ -44,11 +44,11 @@ class Channel:
 
 @dataclass(frozen=True)
 class Header:
-    """What records hold.
+    """The layout of records.
 
     Attributes:
-        open: letters of the PTN attributes that each record has.
-        fixed: raw value of the PTN attributes that the header states for all.
+        open: letters of the PTN attributes in each record.
+        fixed: raw value of the PTN attributes that the header states for all records.
         channels: of the values, in their order.
     """
 
@@ -62,9 +62,9 @@ class TimeLog:
     """A time log's records in the order of the file.
 
     Attributes:
-        name: of the file, for messages.
-        clock_s: (n,) what the terminal's clock showed, as if it were UTC, POSIX seconds.
-        lat_deg: (n,) nan where there is no position.
+        name: name of the file, for messages.
+        clock_s: (n,) time of the terminal's clock, POSIX seconds as if it were UTC.
+        lat_deg: (n,) nan without a position.
         lon_deg: (n,) likewise.
         up_m: (n,) height above the ellipsoid; nan where not stated.
         status: (n,) int8: the codes of NMEA 2000 (0 none, 1 single, 2 DGNSS, 3 precise, 4 RTK fixed, 5 float, ...), −1
@@ -72,11 +72,11 @@ class TimeLog:
         hdop: (n,) nan where not stated.
         satellites: (n,) int16, −1 where not stated.
         gps_s: (n,) UTC by GPS, POSIX seconds; nan where not stated.
-        header: what the values are.
+        header: its header.
         record: (m,) int64 index of the record of each value.
         channel: (m,) uint8 index among the channels of each value.
         value: (m,) int32 raw.
-        notices: what was damaged.
+        notices: damage.
     """
 
     name: str
@@ -109,7 +109,7 @@ class TimeLog:
         return [k for k, channel in enumerate(self.header.channels) if channel.ddi == ddi and seen[k]]
 
     def latest(self, channel: int) -> FloatArray:
-        """(n,) the raw value that holds at each record: the last one logged; nan before the first."""
+        """(n,) the raw value at each record, the last one logged; nan before the first."""
         mine = self.channel == channel
         at, value = self.record[mine], self.value[mine].astype(np.float64)
         row = np.searchsorted(at, np.arange(len(self)), side="right") - 1
@@ -119,11 +119,11 @@ class TimeLog:
 def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
     """A time log from the content of its two files.
 
-    Where records make no sense (a byte was lost or added) reading goes on with the next place from which two records
-    in a row do, and the bytes between are told.
+    After damage (a byte was lost or added), reading resumes at the next two plausible records in a row; a notice counts
+    the bytes between.
 
     Raises:
-        InputError: if the header is no header, or its records cannot be told apart.
+        InputError: if the header is invalid.
     """
     layout = read_header(header, name)
     data = np.frombuffer(records, np.uint8)
@@ -138,22 +138,22 @@ def read_header(data: bytes, name: str) -> Header:
     """The header of a time log.
 
     Raises:
-        InputError: if it is none.
+        InputError: if it is invalid.
     """
     root = parse_xml(data, f"{name}.xml")
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:
         raise InputError(
-            f"{name}.xml: no header of a time log (root <{root.tag[:40]}>{', without PTN' * (position is None)}).",
-            "Without it the binary records cannot be told apart.",
+            f"{name}.xml: not the header of a time log (root <{root.tag[:40]}>{', without PTN' * (position is None)}).",
+            "Without it the binary records cannot be decoded.",
             "Copy the whole TASKDATA folder from the terminal.",
             code="time-log-header",
         )
     channels = [_channel(item, name) for item in root.all("DLV")]
     if len(channels) > MOST_VALUES + 1:
         raise InputError(
-            f"{name}.xml: {len(channels)} values; records number them from 0 to {MOST_VALUES}.",
-            "The header is not one of ISO 11783-10.",
+            f"{name}.xml: {len(channels)} values; at most {MOST_VALUES + 1} can be numbered.",
+            "The header does not comply with ISO 11783-10.",
             "Copy the whole TASKDATA folder from the terminal.",
             code="time-log-header",
         )
@@ -167,8 +167,8 @@ def _channel(item: Element, name: str) -> Channel:
         return Channel(int(item.get("A"), 16), item.get("C"))
     except ValueError:
         raise InputError(
-            f"{name}.xml: {item.get('A')!r} is no hexadecimal number of the data dictionary.",
-            "What the records hold there cannot be known.",
+            f"{name}.xml: {item.get('A')!r} is not a hexadecimal number of the data dictionary.",
+            "The meaning of a value in the records is unknown.",
             "Copy the whole TASKDATA folder from the terminal.",
             code="time-log-header",
         ) from None
@@ -183,7 +183,7 @@ def _is_number(text: str) -> bool:
 
 
 def _offset(letters: str, letter: str) -> int:
-    """Bytes from a record's beginning to an attribute of PTN; −1 where it has none."""
+    """Offset of an attribute of PTN in a record; −1 if it has none."""
     if letter not in letters:
         return -1
     return 6 + sum(POSITION[other] for other in letters[: letters.index(letter)])
@@ -205,7 +205,7 @@ def _assembled(
         return np.ascontiguousarray(data[starts[:, None] + (offset + np.arange(size))]).view(kind)[:, 0]
 
     def attribute(letter: str, kind: str) -> FloatArray:
-        """An attribute of PTN (n,), raw; nan where it is not stated."""
+        """A PTN attribute (n,), raw; nan where it is not stated."""
         offset = _offset(header.open, letter)
         if offset < 0:
             return np.full(n, header.fixed.get(letter, np.nan))
@@ -247,5 +247,5 @@ def _assembled(
 def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
     if not lost:
         return ()
-    text = f"{name}.bin: {lost:,} of {size:,} bytes are no records and left out (places: {breaks})."
+    text = f"{name}.bin: {lost:,} of {size:,} bytes in {breaks} places are not records and are skipped."
     return (Notice("time-log-damaged", text),)

@@ -1,4 +1,4 @@
-"""What a time log says of the work: whether the machine worked, how wide, and what its own counters showed."""
+"""Work in a time log: working state, working width, and the machine's area counters."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ EFFECTIVE_TIME: Final = 119
 
 @dataclass(frozen=True)
 class LoggedWork:
-    """The work in a time log, a value for each of its n records.
+    """The work in a time log, with a value for each of its n records.
 
     Attributes:
         state: (n,) int8, values of :class:`ToolState`.
-        width_m: (n,) what works of the machine's width; nan where the log does not say.
-        counted_m2: what the machine's own counter of area gained; nan where it has none.
-        notices: what of it is doubtful.
+        width_m: (n,) working width; nan where it is not logged.
+        counted_m2: increase of the machine's area counter; nan if it has none.
+        notices: what is doubtful.
     """
 
     state: NDArray[np.int8]
@@ -49,14 +49,14 @@ class LoggedWork:
 
 
 def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWork:
-    """The work that a time log tells of.
+    """The work in a time log.
 
-    The states of the smallest parts that have one count: a boom may be switched on whose sections are all off. The
-    machine works where any of them does.
+    The states of the smallest device elements are used, because a boom may be on while its sections are off. The
+    machine works if any of them works.
 
     Args:
         log: the time log.
-        elements: the machines' parts by their ids; a log may name others.
+        elements: device elements by id; a log may refer to others.
     """
     notices: list[Notice] = []
     states = _states(log, elements, notices)
@@ -71,12 +71,12 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
 
 
 def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:
-    """The state (n,) of each of the smallest parts that have one."""
+    """The state (n,) of each of the smallest device elements that have one."""
     own = {log.header.channels[k].element: _state(log.latest(k)) for k in log.channels(WORK_STATE)}
     sections = _section_states(log)
     for element, any_on in sections.items():
         if not (any_on == ToolState.DOWN).any() and (own.get(element, any_on) == ToolState.DOWN).any():
-            text = f"{log.name}: the condensed states of {element} never show a section at work; its own state counts."
+            text = f"{log.name}: the condensed states of {element} never have a working section; its own state is used."
             notices.append(Notice("sections-contradicted", text))
         elif element in own:
             own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
@@ -87,7 +87,7 @@ def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[N
 
 
 def _section_states(log: TimeLog) -> dict[str, NDArray[np.int8]]:
-    """For each element with condensed states whether any of its sections works (n,)."""
+    """For each element with condensed states, whether any of its sections works (n,)."""
     found: dict[str, NDArray[np.int8]] = {}
     for ddi in CONDENSED_STATES:
         for k in log.channels(ddi):
@@ -112,15 +112,16 @@ def _width(
     states: Mapping[str, NDArray[np.int8]],
     at_work: NDArray[np.bool_],
 ) -> FloatArray:
-    """The working width (n,): that of the largest parts that state one.
+    """The working width (n,), from the largest device elements that have one.
 
-    Sections lie side by side, and those at work add up; functions lie behind each other, and the widest counts.
+    Sections are side by side, so the widths of those that work are added; functions are one after the other, so the
+    largest width is used.
 
     Args:
         log: the time log.
-        elements: the machines' parts.
-        states: (n,) of the parts that have one.
-        at_work: (n,) whether any part works, for sections that have no state.
+        elements: device elements by id.
+        states: (n,) of the elements that have one.
+        at_work: (n,) whether any element works, for sections without a state.
     """
     widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
     topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
@@ -137,7 +138,7 @@ def _width(
 
 
 def ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
-    """Ids of the parts that an element is a part of, the next one first."""
+    """Ids of the parents of an element, the direct one first."""
     found: list[str] = []
     while element in elements and (element := elements[element].parent) and element not in found:
         found.append(element)
@@ -145,7 +146,7 @@ def ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
 
 
 def _counted(log: TimeLog, elements: Mapping[str, DeviceElement]) -> float:
-    """Gain (m²) of the counter of area, that of the whole machine where its parts count too."""
+    """Increase (m²) of the area counter, that of the whole machine if its elements have one too."""
     gains = {
         log.header.channels[k].element: np.nanmax(values) - np.nanmin(values)
         for k in log.channels(TOTAL_AREA)

@@ -1,11 +1,11 @@
-"""XML of strangers: elements and their attributes, without document types, entities or bottomless nesting."""
+"""Untrusted XML: elements and their attributes, without document types, entities or deep nesting."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
-from xml.parsers import expat  # document types, and with them entities, are refused below
+from xml.parsers import expat  # document types, and with them entities, are rejected below
 
 from furrowmap.core.values.errors import InputError
 
@@ -15,7 +15,7 @@ MOST_ELEMENTS: Final = 5_000_000
 
 @dataclass
 class Element:
-    """An element, its attributes and the elements in it, in their order; text is left out, as task data have none."""
+    """An element, its attributes and its children in their order; text is ignored, as task data have none."""
 
     tag: str
     attributes: dict[str, str]
@@ -26,7 +26,7 @@ class Element:
         return (child for child in self.children if child.tag == tag)
 
     def get(self, name: str) -> str:
-        """An attribute; "" where it is not there."""
+        """An attribute; "" if it is missing."""
         return self.attributes.get(name, "")
 
 
@@ -35,11 +35,11 @@ def parse_xml(data: bytes, name: str) -> Element:
 
     Args:
         data: the file's bytes.
-        name: stands for the file in messages.
+        name: name of the file for messages.
 
     Raises:
-        InputError: if it is no well-formed XML (with line and column), declares a document type, or nests or holds
-            more elements than any task data do.
+        InputError: if it is not well-formed (with line and column), declares a document type, or has more elements or
+            levels than any task data.
     """
     tree = _Tree(name)
     parser = expat.ParserCreate()
@@ -52,23 +52,23 @@ def parse_xml(data: bytes, name: str) -> Element:
         raise _damaged(
             f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}"
         ) from None
-    except (LookupError, ValueError) as error:  # of an encoding that Python does not know, or expat cannot use
+    except (LookupError, ValueError) as error:  # an encoding that Python does not know, or expat cannot use
         raise _damaged(f"{name}, line 1: {error}") from None
-    assert tree.root is not None  # expat refuses a document without an element
+    assert tree.root is not None  # expat rejects a document without an element
     return tree.root
 
 
 def _damaged(what: str) -> InputError:
     return InputError(
         f"{what}.",
-        "The file is no well-formed XML, so nothing in it can be trusted.",
-        "Copy it again from the terminal; if it is the same there, ask its maker.",
+        "The file is not well-formed XML.",
+        "Copy it again from the terminal; if it is the same there, contact the manufacturer.",
         code="xml-damaged",
     )
 
 
 class _Tree:
-    """Builds the elements as expat meets them."""
+    """Builds the elements from expat's events."""
 
     def __init__(self, name: str) -> None:
         self.root: Element | None = None
@@ -80,7 +80,7 @@ class _Tree:
         element = Element(tag, attributes)
         self._count += 1
         if self._count > MOST_ELEMENTS or len(self._open) >= DEEPEST:
-            raise self._hostile(f"more than {MOST_ELEMENTS:,} elements, or more than {DEEPEST} within each other")
+            raise self._hostile(f"more than {MOST_ELEMENTS:,} elements, or more than {DEEPEST} levels")
         if self._open:
             self._open[-1].children.append(element)
         else:
@@ -91,12 +91,12 @@ class _Tree:
         self._open.pop()
 
     def doctype(self, *_: object) -> None:
-        raise self._hostile("a document type, with which XML can name other files and grow without bound")
+        raise self._hostile("a document type, which can refer to other files and expand without limit")
 
     def _hostile(self, what: str) -> InputError:
         return InputError(
-            f"{self._name}: it holds {what}.",
-            "Task data never do, so the file is not what it says or not harmless; none of it was used.",
+            f"{self._name}: it has {what}.",
+            "Task data never do, so the file is damaged or hostile; none of it was used.",
             "Export the task data again from the terminal or the farm software.",
             code="xml-hostile",
         )

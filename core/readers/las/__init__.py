@@ -1,1 +1,1 @@
-"""LAS, LAZ and COPC files of whoever wrote them, read without trusting their headers."""
+"""LAS, LAZ and COPC files from any software, read without trusting their headers."""

@@ -1,4 +1,4 @@
-"""Other people's clouds: LAS, LAZ and COPC, opened with care and read in batches."""
+"""LAS, LAZ and COPC files from other software: checked when opened, read in batches."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from furrowmap.core.values.errors import InputError, Notice
 
 BATCH_POINTS: Final = 1_000_000
 BATCH_BYTES: Final = 1 << 26
-"""Of records at a time: a record may have up to 65,535 bytes."""
+"""Bytes of records at a time: a record may have up to 65,535 bytes."""
 HEAD_BYTES: Final = 375
 
 Box = tuple[float, float, float, float]
@@ -42,15 +42,15 @@ class CloudFile:
     Attributes:
         path: the file.
         format: "las", "laz" or "copc".
-        header: what it says of itself.
-        points: that can be read.
-        crs: None where the file states none that can be understood.
-        clock: how its times are to be read.
-        extra: dimensions besides those of the point format; they are named, not read.
-        records: between header and points, and behind the points.
-        laz: where the compressed points lie; None where they are not compressed.
-        index: the octree; None where there is none that can be used.
-        notices: what it says that is not so, as far as that shows before the points are read; the rest shows in a
+        header: its header.
+        points: number of points that can be read.
+        crs: None if the file states none, or none that PROJ understands.
+        clock: the meaning of its times.
+        extra: dimensions that are not part of the point format; they are listed, not read.
+        records: variable-length records before and after the points.
+        laz: where the compressed points are; None if the points are not compressed.
+        index: the octree; None if there is none, or it is invalid.
+        notices: errors in header and records that show before the points are read; for the others see
             :class:`~furrowmap.core.readers.las.survey.Survey`.
     """
 
@@ -68,7 +68,7 @@ class CloudFile:
 
     @property
     def dimensions(self) -> tuple[str, ...]:
-        """Names of what each point has."""
+        """Names of the dimensions of a point."""
         return (*(layout(self.header).names or ()), *(dimension.name for dimension in self.extra))
 
     def batches(
@@ -77,14 +77,14 @@ class CloudFile:
         """The points in the order of the file, about `batch_points` at a time.
 
         Args:
-            box: least x, least y, greatest x, greatest y of the points wanted, in the file's CRS; None for all. Of a
-                COPC file only the nodes that meet it are read.
-            resolution: distance between points that is fine enough; only COPC files have coarser levels, others give
-                all their points.
-            batch_points: a compressed chunk of more (up to four million) is a batch by itself.
+            box: minimum x, minimum y, maximum x, maximum y of the points to read, in the file's CRS; None for all. Of a
+                COPC file only the nodes that intersect it are read.
+            resolution: point spacing that is sufficient; only COPC files have coarser levels, of others all points
+                are read.
+            batch_points: a larger compressed chunk (up to four million points) is a batch of its own.
 
         Raises:
-            InputError: if compressed points turn out to be damaged, or the file has become shorter.
+            InputError: if compressed points are damaged, or the file was truncated since it was opened.
         """
         kind = layout(self.header)
         with self.path.open("rb") as file:
@@ -114,15 +114,15 @@ class CloudFile:
 
 
 def open_cloud(path: Path) -> CloudFile:
-    """Open a LAS, LAZ or COPC file and check whatever can be checked before its points are read.
+    """Open a LAS, LAZ or COPC file and check everything that can be checked before its points are read.
 
     Raises:
-        InputError: if there is no such file, or its points cannot be read as it says they are.
+        InputError: if there is no such file, or its points cannot be read.
     """
     if not path.is_file():
         raise InputError(
-            f"{path} {'is a folder' if path.is_dir() else 'is not there'}.",
-            "A cloud is a LAS, LAZ or COPC file.",
+            f"{path} {'is a folder' if path.is_dir() else 'does not exist'}.",
+            "A point cloud is a LAS, LAZ or COPC file.",
             "Check the name.",
             code="no-such-file",
         )
@@ -152,10 +152,10 @@ def open_cloud(path: Path) -> CloudFile:
 
 
 def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
-    """Whole uncompressed points that the file has room for, up to what it promises.
+    """Number of complete uncompressed points in the file, up to the number in the header.
 
     Raises:
-        InputError: if it promises points and holds none.
+        InputError: if there are none, but the header has some.
     """
     behind = [at for at in (header.extended_at, header.waveforms_at) if header.offset <= at <= header.size_bytes]
     end = min([*(at for at in behind if at), header.size_bytes])
@@ -164,15 +164,14 @@ def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
         return header.points, ()
     if room == 0:
         raise InputError(
-            f"{path}: the header promises {header.points:,} points, and the file ends before the first of them.",
-            f"It has {header.size_bytes:,} bytes; there is nothing to read.",
+            f"{path}: the header states {header.points:,} points, but the file ends before the first of them.",
+            f"The file is truncated: it has {header.size_bytes:,} bytes.",
             "Copy or download it again.",
             code="no-points",
         )
     text = (
-        f"{path.name}: the header promises {header.points:,} points, but between byte {header.offset:,} and "
-        f"{end:,} is room for {room:,} whole ones of {header.record_bytes} bytes. Those are read; the rest is lost, or "
-        "never was."
+        f"{path.name}: the header states {header.points:,} points, but bytes {header.offset:,} to {end:,} hold "
+        f"{room:,} complete ones of {header.record_bytes} bytes. Those are read; the others are missing."
     )
     return room, (Notice("points-missing", text),)
 
@@ -187,9 +186,9 @@ def _plain(
         data = file.read(wanted * header.record_bytes)
         if len(data) < wanted * header.record_bytes:
             raise InputError(
-                f"{path} has become shorter while it was read: {done:,} of {points:,} points.",
+                f"{path} was truncated while it was read, after {done:,} of {points:,} points.",
                 "Another program may be writing it.",
-                "Wait until it is finished, and try again.",
+                "Wait until that has finished, and try again.",
                 code="file-changed",
             )
         done += wanted
@@ -197,7 +196,7 @@ def _plain(
 
 
 def _runs(wanted: NDArray[np.intp], points: NDArray[np.int64], batch_points: int) -> Iterator[tuple[int, int]]:
-    """First and last + 1 of chunks that follow each other, about `batch_points` together."""
+    """First and last + 1 of consecutive chunks with about `batch_points` in total."""
     start = total = 0
     for i, number in enumerate(wanted):
         gap = i > start and number != wanted[i - 1] + 1

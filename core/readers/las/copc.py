@@ -1,4 +1,4 @@
-"""The octree of a COPC file: which chunk holds what part of the cloud (COPC 1.0, copc.io)."""
+"""The octree of a COPC file: the chunk of each node (COPC 1.0, copc.io)."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _INFO: Final = struct.Struct("<5d2Q2d")
 
 @dataclass(frozen=True)
 class CopcIndex:
-    """An octree that has been checked against the file's chunks.
+    """An octree, checked against the file's chunks.
 
     Attributes:
-        low: least x, y, z of the root's cube.
-        side: of that cube.
-        spacing: between points of the root.
-        keys: (n, 4) int32 level, x, y, z of each node that has points.
-        chunks: (n,) number of the chunk that holds its points.
+        low: minimum x, y, z of the root's cube.
+        side: length of that cube's sides.
+        spacing: point spacing of the root.
+        keys: (n, 4) int32 level, x, y, z of each node with points.
+        chunks: (n,) index of the chunk with its points.
     """
 
     low: tuple[float, float, float]
@@ -43,11 +43,11 @@ class CopcIndex:
     chunks: NDArray[np.intp]
 
     def chunks_in(self, box: tuple[float, float, float, float] | None, resolution: float | None) -> NDArray[np.intp]:
-        """Numbers (n,) of the chunks that may hold points of a box and are coarse enough, in the order of the file.
+        """Indices (n,) of the chunks for a box and a resolution, in the order of the file.
 
         Args:
-            box: least x, least y, greatest x, greatest y; None for all.
-            resolution: distance of points that is fine enough; None for all.
+            box: minimum x, minimum y, maximum x, maximum y; None for all.
+            resolution: point spacing that is sufficient; None for all points.
         """
         level = self.keys[:, 0]
         keep = np.ones(len(level), bool)
@@ -57,47 +57,47 @@ class CopcIndex:
             side = self.side / 2.0**level
             for axis in (0, 1):
                 least = self.low[axis] + self.keys[:, 1 + axis] * side
-                # Writers round cubes: a point may lie a hair outside its own.
+                # Writers round cubes: a point may lie slightly outside its own.
                 keep &= (least - 1e-6 * self.side <= box[2 + axis]) & (least + side + 1e-6 * self.side >= box[axis])
         return np.sort(self.chunks[keep])
 
 
 def is_copc(records: Sequence[Record]) -> bool:
-    """Whether the file says that it is one."""
+    """Whether the file is marked as COPC."""
     return any((record.user, record.number) == ("copc", 1) for record in records)
 
 
 def read_index(
     path: Path, file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: LazPoints
 ) -> tuple[CopcIndex | None, tuple[Notice, ...]]:
-    """The octree of a file that says it is COPC; None, and a notice why, where it cannot be so."""
+    """The octree of a file that is marked as COPC; None, with a notice, if it is invalid."""
     try:
         return _index(file, header, records, laz), ()
-    except _LieError as lie:
-        text = f"{path.name}: its octree cannot be used, {lie}. The points are read one after the other, all of them."
+    except _OctreeError as fault:
+        text = f"{path.name}: invalid octree ({fault}). All points are read in the order of the file."
         return None, (Notice("copc-index", text),)
 
 
-class _LieError(Exception):
+class _OctreeError(Exception):
     """What is wrong with the octree."""
 
 
 def _index(file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: LazPoints) -> CopcIndex:
     info = next(record for record in records if (record.user, record.number) == ("copc", 1))
     if len(info.data) < INFO_BYTES:
-        raise _LieError(f"the info record has {len(info.data)} bytes of {INFO_BYTES}")
+        raise _OctreeError(f"the info record has {len(info.data)} bytes instead of {INFO_BYTES}")
     *cube, root_at, root_bytes, _, _ = _INFO.unpack_from(info.data)
     x, y, z, half, spacing = cube
     if not (is_number(tuple(cube)) and half > 0 and spacing > 0):
-        raise _LieError(f"half a side of its cube is {half:g}, its spacing {spacing:g}")
+        raise _OctreeError(f"half size of the cube {half:g}, spacing {spacing:g}")
     entries = _entries(file, header, int(root_at), int(root_bytes))
     nodes = entries[entries["points"] > 0]
     if int(nodes["points"].sum(dtype=np.int64)) != header.points or len(nodes) != len(laz.points):
-        promised = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
-        raise _LieError(f"it has {promised}, the file {header.points:,} in {len(laz.points):,} chunks")
+        stated = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
+        raise _OctreeError(f"it has {stated}, the file {header.points:,} points in {len(laz.points):,} chunks")
     level, place = nodes["key"][:, :1], nodes["key"][:, 1:]
     if np.any(level < 0) or np.any(level > DEEPEST) or np.any(place < 0) or np.any(place >= 2.0**level):
-        raise _LieError("a node lies outside its cube")
+        raise _OctreeError("a node is outside the cube")
     chunks = np.searchsorted(laz.begins, nodes["offset"].astype(np.int64))
     fitting = chunks < len(laz.begins)
     at = np.minimum(chunks, len(laz.begins) - 1)
@@ -106,7 +106,7 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: La
     if not fitting.all():
         number = int(np.flatnonzero(~fitting)[0])
         node = "-".join(map(str, nodes["key"][number].tolist()))
-        raise _LieError(f"node {node} is no chunk of the file (byte {int(nodes['offset'][number]):,})")
+        raise _OctreeError(f"node {node} is not a chunk of the file (byte {int(nodes['offset'][number]):,})")
     return CopcIndex((x - half, y - half, z - half), 2.0 * half, spacing, nodes["key"].copy(), chunks.astype(np.intp))
 
 
@@ -119,13 +119,13 @@ def _entries(file: BinaryIO, header: LasHeader, root_at: int, root_bytes: int) -
     while waiting:
         at, size = waiting.pop()
         if at in seen:
-            raise _LieError(f"the page of its hierarchy at byte {at:,} refers back to itself")
+            raise _OctreeError(f"the hierarchy page at byte {at:,} refers to itself")
         seen.add(at)
         if at < header.header_bytes or at + size > header.size_bytes or size < 0 or size % ENTRY.itemsize:
-            raise _LieError(f"a page of its hierarchy should lie at bytes {at:,} to {at + size:,}")
+            raise _OctreeError(f"a hierarchy page at bytes {at:,} to {at + size:,} is outside the file")
         left = min(left, header.size_bytes) - size
         if left < 0 or len(seen) > MOST_PAGES:
-            raise _LieError("the pages of its hierarchy overlap")
+            raise _OctreeError("hierarchy pages overlap")
         file.seek(at)
         page = np.frombuffer(file.read(size), ENTRY)
         pages.append(page[page["points"] >= 0])

@@ -17,28 +17,28 @@ from furrowmap.core.values.errors import Notice
 _USER: Final = "LASF_Projection"
 _WKT, _KEYS, _DOUBLES, _TEXTS = 2112, 34735, 34736, 34737
 _MODEL, _GEOGRAPHIC, _PROJECTED = 1024, 2048, 3072
-"""GeoTIFF keys: kind of CRS, code of the geographic one, code of the projected one (or 32767, described by others)."""
+"""GeoTIFF keys: model type, code of the geographic CRS, code of the projected CRS (or 32767: user-defined)."""
 _SAME: Final = 1e-3
-"""Two CRS that put the middle of the file so near to each other, in their unit, are one."""
+"""Two CRS are the same if the middle of the file differs by less than this between them, in their unit."""
 
 
 def stated_crs(
     path: Path, header: LasHeader, records: tuple[Record, ...]
 ) -> tuple[pyproj.CRS | None, tuple[Notice, ...]]:
-    """The CRS that the records state, None where they state none that PROJ understands.
+    """The CRS that the records state; None if they state none, or none that PROJ understands.
 
-    Where both kinds of statement are there, the one that the header announces holds.
+    If there are both WKT and GeoTIFF keys, the kind that the header announces is used.
     """
     notices: list[Notice] = []
     texts = [r.data for r in records if (r.user, r.number) == (_USER, _WKT) and r.data.strip(b"\0 ")]
     keys = {r.number: r.data for r in reversed(records) if r.user == _USER and r.number in (_KEYS, _DOUBLES, _TEXTS)}
     by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
     by_keys = _from_keys(path, keys, notices)
-    first, second = (by_text, by_keys) if header.says_wkt else (by_keys, by_text)
+    first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
     if first is not None and second is not None and not _same(first, second, header):
-        kinds = ("WKT", "GeoTIFF keys") if header.says_wkt else ("GeoTIFF keys", "WKT")
+        kinds = ("WKT", "GeoTIFF keys") if header.crs_is_wkt else ("GeoTIFF keys", "WKT")
         text = (
-            f"{path.name} states two CRS: {first.name} as {kinds[0]}, {second.name} as {kinds[1]}. The first is taken."
+            f"{path.name} states two CRS: {first.name} as {kinds[0]}, {second.name} as {kinds[1]}. The first is used."
         )
         notices.append(Notice("crs-contradiction", text))
     return first or second, tuple(notices)
@@ -49,14 +49,14 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
     try:
         return pyproj.CRS.from_wkt(text)
     except (CRSError, ProjError) as error:
-        said = str(error).split(":")[0][:120]
-        told = f"{text[:40]!r}{'…' if len(text) > 40 else ''}, {len(data):,} bytes"
-        notices.append(Notice("crs-unreadable", f"{path.name}: the CRS stated as WKT ({told}) is none: {said}."))
+        reason = str(error).split(":")[0][:120]
+        shown = f"{text[:40]!r}{'…' if len(text) > 40 else ''}, {len(data):,} bytes"
+        notices.append(Notice("crs-unreadable", f"{path.name}: invalid WKT of the CRS ({shown}): {reason}."))
         return None
 
 
 def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
-    """GDAL reads the keys, as of a GeoTIFF of one pixel: it knows user-defined ones, units and old codes."""
+    """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
     said = _key_values(records.get(_KEYS, b""))
     if not said.get(_PROJECTED) and not said.get(_GEOGRAPHIC):
         if said.get(_MODEL):
@@ -75,7 +75,7 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
     except (RasterioError, CRSError, ProjError, ValueError):
         found = None
     flat = found.sub_crs_list[0] if found is not None and found.is_compound else found
-    # GDAL makes a CRS of its own, bound to no place, of keys that name none.
+    # GDAL makes a local CRS from keys that name none.
     if flat is None or not (flat.is_projected or flat.is_geographic):
         notices.append(_no_keys(path))
         return None
@@ -83,11 +83,11 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
 
 
 def _no_keys(path: Path) -> Notice:
-    return Notice("crs-unreadable", f"{path.name}: the GeoTIFF keys name no CRS that GDAL knows.")
+    return Notice("crs-unreadable", f"{path.name}: the GeoTIFF keys define no CRS that GDAL knows.")
 
 
 def _key_values(data: bytes) -> dict[int, int]:
-    """The keys that hold their value themselves."""
+    """The keys with their values in the key directory."""
     if len(data) < 8:
         return {}
     entries = struct.iter_unpack("<4H", data[8 : 8 + (len(data) - 8) // 8 * 8])
@@ -95,7 +95,7 @@ def _key_values(data: bytes) -> dict[int, int]:
 
 
 def _pixel(records: dict[int, bytes]) -> bytes:
-    """A TIFF of one pixel with these GeoTIFF records, less the keys that point outside them."""
+    """A TIFF of one pixel with these GeoTIFF records, without the keys that point outside them."""
     doubles = records.get(_DOUBLES, b"")[: len(records.get(_DOUBLES, b"")) // 8 * 8]
     texts = records.get(_TEXTS, b"")
     data = records[_KEYS]

@@ -1,4 +1,4 @@
-"""What `inspect` tells about a LAS, LAZ or COPC file."""
+"""Inspection of LAS, LAZ and COPC files."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ CLASSES: Final = {
 }  # fmt: skip
 """LAS 1.4 R15, table 17."""
 OWN_CLASSES: Final = {64: "vehicle", 65: "implement"}
-"""In clouds that furrowmap wrote."""
+"""Classes of clouds by furrowmap."""
 
 
 class LasCloud(FileReader):
-    """A cloud that somebody has already placed: it can be inspected, and surfaces can be made of it; it has no scans.
+    """A georeferenced point cloud: it can be inspected and used for surfaces; it has no scans.
 
     Args:
         paths: the files; the first one is inspected.
@@ -40,10 +40,10 @@ class LasCloud(FileReader):
         return 1.0 if head.data.startswith(SIGNATURE) else 0.0
 
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds.
+        """Read the whole first file and report what it contains.
 
         Raises:
-            InputError: if its points cannot be read as it says they are.
+            InputError: if its points cannot be read.
         """
         from furrowmap.core.readers.las.cloud import open_cloud
         from furrowmap.core.readers.las.survey import survey
@@ -53,8 +53,8 @@ class LasCloud(FileReader):
             if file.read(4) != SIGNATURE:
                 raise InputError(
                     f"{path} is a compressed LAS or LAZ file.",
-                    "Clouds are read in pieces, from wherever they are needed, which no compressed stream allows.",
-                    "Decompress the file, or convert it to LAZ, which is compressed by itself.",
+                    "Point clouds are read with random access, which a compressed stream does not allow.",
+                    "Decompress the file, or convert it to LAZ.",
                     code="cloud-in-archive",
                 )
         cloud = open_cloud(path)
@@ -65,7 +65,7 @@ class LasCloud(FileReader):
             "version": f"LAS 1.{header.version}, point format {header.point_format}",
             "compression": {"las": "none", "laz": "LAZ", "copc": "LAZ, in an octree (COPC)"}[cloud.format],
             "points": found.points,
-            "crs": _crs_words(cloud.crs.name, cloud.crs.to_epsg()) if cloud.crs is not None else "none stated",
+            "crs": _crs_label(cloud.crs.name, cloud.crs.to_epsg()) if cloud.crs is not None else "none stated",
         }
         if found.points:
             digits = [max(0, min(12, round(-np.log10(step)))) for step in header.scale]
@@ -92,9 +92,9 @@ class LasCloud(FileReader):
         facts |= {name: value for name, value in (("system", header.system), ("software", header.software)) if value}
         clocks = []
         if found.utc_s is not None:
-            clocks.append(ClockReading(Clock.STATED, *found.utc_s, "its GPS time less the leap seconds"))
+            clocks.append(ClockReading(Clock.STATED, *found.utc_s, "GPS time minus leap seconds"))
         return Inspection(path, self.format, self.title, facts, tuple(clocks), tuple(self.notices))
 
 
-def _crs_words(name: str, epsg: int | None) -> str:
+def _crs_label(name: str, epsg: int | None) -> str:
     return f"EPSG:{epsg} ({name})" if epsg is not None else name

@@ -1,4 +1,4 @@
-"""Which time a LAS file carries: what it says, and what its first points show."""
+"""The meaning of GPS times in a LAS file, from its header and its first points."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from furrowmap.core.values.errors import Notice
 FloatArray = NDArray[np.float64]
 
 SAMPLE: Final = 1024
-"""Points at the beginning of a file that show which time it is."""
+"""Number of points at the start of a file from which the meaning of its times is derived."""
 _FIRST_STANDARD: Final = -LAS_STANDARD_OFFSET_S
 _LAST_UTC: Final = dt.datetime(2100, 1, 1, tzinfo=dt.UTC).timestamp()
 _LAST_STANDARD: Final = _LAST_UTC - GPS_EPOCH_S - LAS_STANDARD_OFFSET_S
 _EARLIEST_UTC: Final = dt.datetime(1993, 1, 1, tzinfo=dt.UTC).timestamp()
-"""Before airborne laser scanning with GPS; a time of 0 is adjusted standard time of September 2011."""
+"""Before airborne laser scanning with GPS. (A time of 0 as adjusted standard time is in September 2011.)"""
 
 
 class TimeKind(StrEnum):
-    """What the field `gps_time` counts."""
+    """Meaning of the field `gps_time`."""
 
     NONE = "none"
     WEEK = "seconds of a GPS week"
@@ -37,70 +37,71 @@ class TimeKind(StrEnum):
 
 @dataclass(frozen=True)
 class LasClock:
-    """How the times of a file are to be read.
+    """The meaning of a file's times.
 
     Attributes:
-        kind: what they count.
+        kind: see :class:`TimeKind`.
     """
 
     kind: TimeKind
 
     def checked(self, las_time: NDArray[np.float64]) -> FloatArray:
-        """The times (n,), nan where they cannot be what they are said to be."""
+        """The times (n,), nan where they are not valid for their kind."""
         good = is_week(las_time) if self.kind is TimeKind.WEEK else is_standard(las_time)
         return np.asarray(las_time if good.all() else np.where(good, las_time, np.nan), np.float64)
 
     def utc(self, checked: FloatArray) -> FloatArray | None:
-        """UTC of checked times (n,), nan as they are; None where the file does not tell it."""
+        """UTC of checked times (n,), nan where they are; None for seconds of a week that the file does not state."""
         if self.kind is not TimeKind.STANDARD:
             return None
         ends = np.array([np.fmin.reduce(checked), np.fmax.reduce(checked)]) if len(checked) else np.zeros(1)
         shift = las_time_to_utc(ends) - ends
-        # No leap second in between: spare looking each time up.
+        # No leap second in between: no need to look up each time.
         return checked + shift[0] if shift[0] == shift[-1] else las_time_to_utc(checked)
 
 
 def is_week(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which times can be seconds of a week; a flight over its end may count on for a day."""
+    """Which times may be seconds of a week; a flight over its end may continue for a day."""
     return np.asarray((las_time >= 0.0) & (las_time <= WEEK_S * 8.0 / 7.0))
 
 
 def is_standard(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which times can be adjusted standard GPS time of 1980 to 2100."""
+    """Which times may be adjusted standard GPS time of 1980 to 2100."""
     return np.asarray((las_time >= _FIRST_STANDARD) & (las_time <= _LAST_STANDARD))
 
 
 def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasClock, tuple[Notice, ...]]:
-    """How the file's times are to be read, from what it says and from a sample (n,) of them.
+    """The meaning of the file's times, from its header and a sample (n,) of them.
 
-    Times of all zeros say nothing, so the file is believed. Where the sample cannot be what the file says but can be
-    the other kind, it is that, and a notice tells.
+    If all times are 0, the header decides. If the sample is not valid for the kind in the header but for the other one,
+    the other one is used, with a notice.
     """
     if not header.has_time:
         return LasClock(TimeKind.NONE), ()
-    said = TimeKind.STANDARD if header.says_standard_time else TimeKind.WEEK
-    told = sample[np.isfinite(sample) & (sample != 0.0)]
-    if not len(told):
+    said = TimeKind.STANDARD if header.is_standard_time else TimeKind.WEEK
+    known = sample[np.isfinite(sample) & (sample != 0.0)]
+    if not len(known):
         return LasClock(said), ()
-    first, last = float(told.min()), float(told.max())
-    week, standard = float(np.mean(is_week(told))), float(np.mean(is_standard(told) & ~is_week(told)))
-    if said is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(told)):
+    first, last = float(known.min()), float(known.max())
+    week, standard = float(np.mean(is_week(known))), float(np.mean(is_standard(known) & ~is_week(known)))
+    if said is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(known)):
         text = (
-            f"{path.name}: the header calls its GPS times seconds of a week, which has {WEEK_S:,}; they are "
-            f"{first:.3f} to {last:.3f}, so they are taken for adjusted standard GPS time."
+            f"{path.name}: the header declares GPS times as seconds of a week ({WEEK_S:,} s), but they are "
+            f"{first:.3f} to {last:.3f}; they are read as adjusted standard GPS time."
         )
         return LasClock(TimeKind.STANDARD), (Notice("gps-time-type", text),)
     if said is TimeKind.STANDARD and week > 0.5 and not _made_in_2011(header):
         text = (
-            f"{path.name}: the header calls its GPS times adjusted standard time, but {first:.3f} to {last:.3f} would "
-            "be in September 2011; they are taken for seconds of a week, which the file does not name."
+            f"{path.name}: the header declares GPS times as adjusted standard time, but {first:.3f} to {last:.3f} "
+            "would "
+            "be in September 2011; they are read as seconds of an unknown week."
         )
         return LasClock(TimeKind.WEEK), (Notice("gps-time-type", text),)
     if week + standard < 0.5:
         text = f"{path.name}: its GPS times ({first:g} to {last:g}) are neither seconds of a week nor of 1980 to 2100."
         return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
     if said is TimeKind.WEEK and standard > 0.5:
-        text = f"{path.name}: its GPS times ({first:g} to {last:g}) are no seconds of a week, as the header calls them."
+        text = f"{path.name}: its GPS times ({first:g} to {last:g}) are not seconds of a week, as the header declares."
         return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
     return LasClock(said), ()
 
@@ -110,5 +111,5 @@ def _plausible(las_time: float) -> bool:
 
 
 def _made_in_2011(header: LasHeader) -> bool:
-    """Whether it may truly be from that week: then it was made then or later in that year."""
+    """Whether the file may be from that week: it was created then, or later in that year."""
     return header.created is not None and header.created.year in (2011, 2012)

@@ -1,4 +1,4 @@
-"""The header of a LAS file, and what of it can be believed."""
+"""The header of a LAS file, checked."""
 
 from __future__ import annotations
 
@@ -17,45 +17,45 @@ LEAST_RECORD_BYTES: Final = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 HEADER_BYTES: Final = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 """By minor version."""
 FARTHEST: Final = 1e13
-"""No coordinate lies farther off in any CRS and unit; nearer ones are resolved to 2 mm and better by a double."""
+"""Largest plausible coordinate in any CRS and unit; a double resolves smaller ones to 2 mm or better."""
 FINEST: Final = 1e-12
-"""A step of less, with 32 bits of them, spans less than a hundredth: no place on Earth needs it."""
+"""Smallest plausible scale: 32 bits of a smaller one span less than 0.01."""
 COMPRESSED: Final = 0x80
 FIRST_YEAR: Final = 1990
 
 _HEAD: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
 _COUNTS: Final = struct.Struct("<QIQ15Q")
-"""From byte 235: where extended records begin, how many there are, points, points by return."""
-_DAMAGED: Final = "Copy or download it again; if it was made like that, let the program that made it write it anew."
+"""From byte 235: start and number of extended records, points, points by return."""
+_DAMAGED: Final = "Copy or download the file again, or write it again with the program that made it."
 
 
 @dataclass(frozen=True)
 class LasHeader:
-    """What the header of a LAS file says, as far as it can be true.
+    """The fields of the header of a LAS file.
 
     Attributes:
-        version: minor one; all there are begin with 1.
-        encoding: bits: 0 standard time instead of week time, 4 CRS as WKT.
-        system: system identifier, as it stands there.
-        software: that wrote the file, as it stands there.
-        created: when, if that is a date.
-        header_bytes: length of the header, where the records begin.
-        offset: byte at which the points begin.
-        records: number of records that it promises between header and points.
+        version: minor version of LAS 1.
+        encoding: global encoding, bit 0: standard time instead of week time, bit 4: CRS as WKT.
+        system: system identifier.
+        software: generating software.
+        created: date of creation; None if it is invalid.
+        header_bytes: length of the header; the variable-length records begin behind it.
+        offset: byte offset of the points.
+        records: number of variable-length records.
         point_format: 0 to 10.
-        compressed: whether it says that the points are.
-        record_bytes: of a point, extra bytes included.
-        points: that it promises.
-        by_return: points that it promises by return number, 5 or (LAS 1.4) 15 of them.
-        scale: of x, y and z.
-        shift: the offsets of x, y and z.
-        low: least x, y and z that it promises.
-        high: greatest ones.
-        extended_at: byte at which extended records begin, 0 for none.
-        extended: number of extended records that it promises.
-        waveforms_at: byte at which waveforms begin, 0 for none.
-        size_bytes: of the file.
-        notices: what it says that is not so.
+        compressed: whether the points are declared as compressed.
+        record_bytes: bytes of a point, extra bytes included.
+        points: number of points.
+        by_return: number of points by return number, 5 or (LAS 1.4) 15 of them.
+        scale: scale factors of x, y and z.
+        shift: offsets of x, y and z.
+        low: minimum x, y and z.
+        high: maximum x, y and z.
+        extended_at: byte offset of the extended records, 0 for none.
+        extended: number of extended records.
+        waveforms_at: byte offset of the waveforms, 0 for none.
+        size_bytes: size of the file.
+        notices: errors in the header.
     """
 
     version: int
@@ -83,38 +83,36 @@ class LasHeader:
 
     @property
     def has_time(self) -> bool:
-        """Whether the points carry GPS time."""
+        """Whether the points have a GPS time."""
         return self.point_format not in (0, 2)
 
     @property
-    def says_standard_time(self) -> bool:
-        """Whether it calls the times adjusted standard GPS time; else they are seconds of a week."""
+    def is_standard_time(self) -> bool:
+        """Whether times are declared as adjusted standard GPS time; else they are seconds of a week."""
         return bool(self.encoding & 1)
 
     @property
-    def says_wkt(self) -> bool:
-        """Whether it says that the CRS stands there as WKT; else as GeoTIFF keys."""
+    def crs_is_wkt(self) -> bool:
+        """Whether the CRS is declared as WKT; else as GeoTIFF keys."""
         return bool(self.encoding & 16)
 
 
 def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
-    """Read the header in the first bytes (375 or more, if there are) of a LAS file.
+    """Read the header in the first bytes (375 or more, if the file has as many) of a LAS file.
 
     Raises:
-        InputError: if it is none, or what it says cannot be.
+        InputError: if it is not a LAS header, or is invalid.
     """
     if data[:4] != SIGNATURE:
         raise InputError(
             f"{path} does not begin with 'LASF' but with {data[:4]!r}.",
-            "It is no LAS or LAZ file, whatever it is called, or its first bytes are lost.",
-            "`furrowmap inspect` says what kind of file it is, where that is known.",
+            "It is not a LAS or LAZ file, or its first bytes are lost.",
+            "`furrowmap inspect` reports the kind of file, if it is known.",
             code="not-las",
         )
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
-        raise _bad(
-            path, f" ends inside its header: {size_bytes} bytes of {least}", "There is no point in it.", "header-cut"
-        )
+        raise _bad(path, f" ends inside its header: {size_bytes} of {least} bytes", "It has no points.", "header-cut")
     head = _HEAD.unpack_from(data)
     (_, source, encoding, major, version, system, software, day, year, header_bytes, offset, records) = head[:12]
     del source
@@ -122,9 +120,9 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     by_return, doubles = head[15:20], head[20:32]
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
         raise InputError(
-            f"{path}, byte 24: LAS version {major}.{version}.",
-            "Known are 1.0 to 1.4; what another one's fields mean is not.",
-            "Convert the file to LAS 1.4, or check that it is no other format.",
+            f"{path}, byte 24: unsupported LAS version {major}.{version}.",
+            "Versions 1.0 to 1.4 are supported.",
+            "Convert the file to LAS 1.4, or check that it is a LAS file.",
             code="las-version",
         )
     notices = []
@@ -137,7 +135,7 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
             notices.append(
                 Notice(
                     "legacy-count",
-                    f"{path.name}: the header promises {whole:,} points, and {points:,} for old readers.",
+                    f"{path.name}: the header states {whole:,} points, but {points:,} in its legacy field.",
                 )
             )
         points, by_return = whole or points, tuple(of_returns) if whole else by_return
@@ -146,7 +144,7 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     _check_scale(path, scale, shift)
     created = _date(year, day)
     if created is None and (year, day) != (0, 0):
-        notices.append(Notice("creation-date", f"{path.name}: made on day {day} of the year {year}, says the header."))
+        notices.append(Notice("creation-date", f"{path.name}: invalid date of creation, day {day} of the year {year}."))
     return LasHeader(
         version=version,
         encoding=encoding,
@@ -176,11 +174,11 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
 def _check_layout(
     path: Path, header_bytes: int, least: int, offset: int, kind: int, record_bytes: int, size_bytes: int
 ) -> None:
-    """Raises InputError where points of that kind cannot be found in the file."""
-    nowhere = "Where and how the points lie cannot be told, so none can be read."
+    """Raises InputError if offset, format or length of the points are invalid."""
+    nowhere = "Without a valid header the points cannot be read."
     if header_bytes < least:
         raise _bad(
-            path, f", byte 94: a header of {header_bytes} bytes, where {least} are the least", nowhere, "header-size"
+            path, f", byte 94: a header size of {header_bytes} bytes; the minimum is {least}", nowhere, "header-size"
         )
     if not header_bytes <= offset <= size_bytes:
         between = f"after the header ({header_bytes}) and before the end ({size_bytes})"
@@ -188,28 +186,28 @@ def _check_layout(
             path, f", byte 96: the points begin at byte {offset}, which is not {between}", nowhere, "points-offset"
         )
     if kind & 0x7F >= len(LEAST_RECORD_BYTES):
-        raise _bad(path, f", byte 104: point format {kind}; known are 0 to 10", nowhere, "point-format")
+        raise _bad(path, f", byte 104: unknown point format {kind} (0 to 10 are defined)", nowhere, "point-format")
     shortest = LEAST_RECORD_BYTES[kind & 0x7F]
     if record_bytes < shortest:
-        said = f", byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which takes {shortest}"
-        raise _bad(path, said, nowhere, "record-length")
+        what = f", byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which needs {shortest}"
+        raise _bad(path, what, nowhere, "record-length")
 
 
 def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...]) -> None:
-    """Raises InputError where no coordinate can come of them."""
+    """Raises InputError if they are invalid."""
     for axis, step, start in zip("xyz", scale, shift, strict=True):
         reach = abs(start) + abs(step) * 2.0**31
         if not (step >= FINEST and reach <= FARTHEST):
             raise _bad(
                 path,
-                f", header: a scale of {step:g} and an offset of {start:g} for {axis}",
-                "Coordinates are whole numbers times scale plus offset: with these they are no places.",
+                f", header: invalid scale {step:g} or offset {start:g} for {axis}",
+                "Coordinates are integers times scale plus offset.",
                 "scale-impossible",
             )
 
 
 def _bad(path: Path, what: str, meaning: str, code: str) -> InputError:
-    """The error of a header; `what` goes on behind the file's name."""
+    """The error of a header; `what` follows the file's name."""
     return InputError(f"{path}{what}.", meaning, _DAMAGED, code=code)
 
 

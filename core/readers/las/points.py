@@ -15,25 +15,25 @@ from furrowmap.core.readers.las.header import LasHeader
 FloatArray = NDArray[np.float64]
 
 _WITHHELD: Final = (0x80, 0x04)
-"""Bit of points to be taken for deleted: in the classification of formats 0 to 5, in the flags of later ones."""
+"""Bit of withheld points: in the classification of formats 0 to 5, in the flags of later ones."""
 
 
 @dataclass(frozen=True)
 class CloudBatch:
-    """Some points of a cloud, n of them, in the order of the file; all arrays have length n.
+    """Some points of a cloud, in the order of the file; all arrays have length n.
 
     Attributes:
-        xyz_m: (n, 3) float64 x, y and z in the file's CRS and its units: metres where that CRS is in metres.
-        classification: uint8, after LAS 1.4 tables 10 and 17.
+        xyz_m: (n, 3) float64 x, y and z in the CRS and the units of the file (metres if the CRS is in metres).
+        classification: uint8, see LAS 1.4 tables 10 and 17.
         intensity: uint16.
         return_number: uint8, from 1.
         returns: uint8 number of returns of the pulse.
         point_source_id: uint16.
-        withheld: bool, points that the file calls deleted.
-        gps_time: float64 as it stands in the file, nan where it cannot be a time; None where the points carry none.
-        t_s: float64 UTC, nan likewise; None where the points carry none, or seconds of a week that the file does not
-            name.
-        rgb: (n, 3) uint16 red, green, blue; None where there is no colour.
+        withheld: bool, points marked as deleted.
+        gps_time: float64 as in the file, nan where it is invalid; None if the points have no time.
+        t_s: float64 UTC, nan where the time is invalid; None if the points have no time, or seconds of an unknown
+            week.
+        rgb: (n, 3) uint16 red, green, blue; None without colour.
     """
 
     xyz_m: FloatArray
@@ -51,7 +51,7 @@ class CloudBatch:
         return len(self.xyz_m)
 
     def where(self, keep: NDArray[np.bool_]) -> CloudBatch:
-        """The points of which `keep` (n,) says so; this batch itself where that is all of them."""
+        """The points where `keep` (n,) is True; this batch itself if all are."""
         if keep.all():
             return self
         kept: dict[str, Any] = {n: None if values is None else values[keep] for n, values in vars(self).items()}
@@ -59,7 +59,7 @@ class CloudBatch:
 
 
 def layout(header: LasHeader) -> np.dtype[np.void]:
-    """Of a record; extra bytes at its end are skipped."""
+    """Structure of a point record; extra bytes at its end are skipped."""
     fields: Any = laspy.point.format.PointFormat(header.point_format).dtype().fields
     return np.dtype(
         {

@@ -1,4 +1,4 @@
-"""The variable-length records between header and points, and the extended ones behind the points."""
+"""Variable-length records before the points, and extended ones after the points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.values.errors import Notice
 
 LONGEST: Final = 1 << 20
-"""Of an extended record only so many bytes are read: a CRS, or the page of a small hierarchy, takes less."""
+"""Bytes that are read of an extended record, at most: a CRS, or the page of a small hierarchy, has less."""
 MOST_EXTENDED: Final = 10_000
 _HEAD: Final = struct.Struct("<2x16sHH32x")
 _EXTENDED_HEAD: Final = struct.Struct("<2x16sHQ32x")
@@ -22,19 +22,19 @@ _EXTRA: Final = struct.Struct("<2xBB32s156x")
 EXTRA_TYPES: Final = (
     *("undocumented", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64", "float32", "float64"),
 )
-"""Of the extra dimensions (LAS 1.4 R15, table 24)."""
+"""Data types of extra dimensions (LAS 1.4 R15, table 24)."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A record.
+    """A variable-length record.
 
     Attributes:
-        user: whose kind of record it is.
-        number: which of that user's.
-        data: its content, of extended ones up to a megabyte.
-        at: byte at which the content begins.
-        extended: whether it stands behind the points.
+        user: user id.
+        number: record id.
+        data: its content, up to a megabyte of extended ones.
+        at: byte offset of the content.
+        extended: whether it is after the points.
     """
 
     user: str
@@ -46,11 +46,11 @@ class Record:
 
 @dataclass(frozen=True)
 class ExtraDimension:
-    """A dimension of the points besides those of their format.
+    """A dimension of the points that is not part of their format.
 
     Attributes:
-        name: as it stands there.
-        type: of its values.
+        name: its name in the file.
+        type: data type of its values.
     """
 
     name: str
@@ -58,7 +58,7 @@ class ExtraDimension:
 
 
 def read_records(path: Path, file: BinaryIO, header: LasHeader) -> tuple[tuple[Record, ...], tuple[Notice, ...]]:
-    """All records that lie where they may lie; a notice tells of each chain that breaks off."""
+    """All valid records; a notice for each chain of records that breaks off."""
     notices: list[Notice] = []
     records = [*_near(path, file, header, notices), *_far(path, file, header, notices)]
     return tuple(records), tuple(notices)
@@ -67,7 +67,7 @@ def read_records(path: Path, file: BinaryIO, header: LasHeader) -> tuple[tuple[R
 def extra_dimensions(
     path: Path, records: tuple[Record, ...], spare_bytes: int
 ) -> tuple[tuple[ExtraDimension, ...], tuple[Notice, ...]]:
-    """The extra dimensions that a file describes, where they fit into the `spare_bytes` of a point."""
+    """The extra dimensions that a file describes, if they fit into the `spare_bytes` of a point."""
     found: list[ExtraDimension] = []
     taken = 0
     for record in records:
@@ -80,7 +80,9 @@ def extra_dimensions(
                 label = EXTRA_TYPES[base] if many == 1 else f"{many} {EXTRA_TYPES[base]}"
                 found.append(ExtraDimension(name.split(b"\0")[0].decode("utf-8", "replace"), label))
     if taken > spare_bytes:
-        text = f"{path.name} describes extra dimensions of {taken} bytes; its points have {spare_bytes} to spare."
+        text = (
+            f"{path.name} describes extra dimensions of {taken} bytes, but its points have {spare_bytes} extra bytes."
+        )
         return (), (Notice("extra-bytes", text),)
     return tuple(found), ()
 
@@ -96,22 +98,22 @@ def _near(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) 
             notices.append(
                 Notice(
                     "records-broken",
-                    f"{path.name}: of {header.records:,} records that the header promises, number {number + 1} (byte "
-                    f"{header.header_bytes + at}) does not end before the points begin at byte {header.offset}. It and "
-                    "all behind it are lost: perhaps the CRS.",
+                    f"{path.name}: variable-length record {number + 1} of {header.records:,} (byte "
+                    f"{header.header_bytes + at}) extends into the points at byte {header.offset}. It and all after it "
+                    "are ignored; the CRS may be among them.",
                 )
             )
             return
         yield _record(_HEAD.unpack_from(data, at), data[end : end + length], header.header_bytes + end)
         at = end + length
-    # LAS 1.0 puts two bytes between records and points; more may be there, but a name would be a record uncounted.
+    # LAS 1.0 has two bytes between records and points, and there may be more; a name would be an uncounted record.
     rest = data[at:]
     if len(rest) >= _HEAD.size and rest[2:].startswith((b"LASF_", b"copc\0", b"laszip")):
         notices.append(
             Notice(
                 "records-uncounted",
-                f"{path.name}: behind the {header.records} records that the header counts, another one begins at byte "
-                f"{header.header_bytes + at}. The length of one or their number is wrong; perhaps the CRS is lost.",
+                f"{path.name}: after the {header.records} records that the header states, another one begins at byte "
+                f"{header.header_bytes + at}. Their number or a length is wrong; the CRS may be lost.",
             )
         )
 
@@ -127,9 +129,8 @@ def _far(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -
             notices.append(
                 Notice(
                     "extended-records-broken",
-                    f"{path.name}: of {header.extended:,} records that the header promises behind the points, number "
-                    f"{number + 1} (byte {at}) is not there: the file has {header.size_bytes} bytes. It and all behind "
-                    "it are lost.",
+                    f"{path.name}: extended record {number + 1} of {header.extended:,} (byte {at}) is outside the file "
+                    f"of {header.size_bytes} bytes. It and all after it are ignored.",
                 )
             )
             return

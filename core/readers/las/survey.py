@@ -1,4 +1,4 @@
-"""A cloud read through: what is in it, and where its header said something else."""
+"""Statistics over all points of a cloud, compared with its header."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ FloatArray = NDArray[np.float64]
 
 @dataclass
 class Survey:
-    """What has been seen of a cloud's points.
+    """Statistics over the points of a cloud.
 
     Attributes:
         cloud: the file.
-        points: seen so far.
-        low: (3,) least x, y, z.
-        high: (3,) greatest.
-        by_return: (16,) points by return number.
-        by_class: (256,) points by class.
-        withheld: points that the file calls deleted.
-        first_time: earliest GPS time as it stands in the file; inf where there is none.
-        last_time: latest.
-        bad_times: points whose time is none.
+        points: number of points so far.
+        low: (3,) minimum x, y, z.
+        high: (3,) maximum x, y, z.
+        by_return: (16,) number of points by return number.
+        by_class: (256,) number of points by class.
+        withheld: number of points marked as deleted.
+        first_time: earliest GPS time as in the file; inf without times.
+        last_time: latest; -inf without times.
+        bad_times: number of points with an invalid time.
     """
 
     cloud: CloudFile
@@ -44,8 +44,8 @@ class Survey:
     last_time: float = -np.inf
     bad_times: int = 0
 
-    def see(self, batch: CloudBatch) -> None:
-        """Count the points of a batch."""
+    def add(self, batch: CloudBatch) -> None:
+        """Add the points of a batch."""
         self.points += len(batch)
         self.low = np.minimum(self.low, batch.xyz_m.min(axis=0, initial=np.inf))
         self.high = np.maximum(self.high, batch.xyz_m.max(axis=0, initial=-np.inf))
@@ -58,7 +58,7 @@ class Survey:
             self.last_time = float(np.fmax(self.last_time, np.fmax.reduce(batch.gps_time)))
 
     def notices(self) -> tuple[Notice, ...]:
-        """Where header and points differ, once all points have been seen."""
+        """Differences between header and points, once all points have been added."""
         return tuple(notice for notice in (self._box(), self._returns(), self._times()) if notice is not None)
 
     def _box(self) -> Notice | None:
@@ -66,7 +66,7 @@ class Survey:
         if not self.points:
             return None
         off = np.maximum(np.abs(np.subtract(header.low, self.low)), np.abs(np.subtract(header.high, self.high)))
-        # A step either way is rounding; so is what a double cannot tell of coordinates that far off.
+        # One step of the scale is rounding, and so is the resolution of a double for large coordinates.
         slack = 1.5 * np.array(header.scale) + 1e-12 * np.maximum(np.abs(self.low), np.abs(self.high))
         wrong = ~(off <= slack)
         if not wrong.any():
@@ -80,7 +80,7 @@ class Survey:
             for box in ((header.low, header.high), (self.low, self.high))
         )
         text = (
-            f"{self.cloud.path.name}: the header's box is not that of the points: it says {said}; they lie at {true}."
+            f"{self.cloud.path.name}: the bounding box in the header ({said}) differs from that of the points ({true})."
         )
         return Notice("header-box", text)
 
@@ -90,26 +90,27 @@ class Survey:
         said[: len(stated)] = stated
         if not self.points or not said.any() or np.array_equal(said, self.by_return[1:]):
             return None
-        told = [" + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (said, self.by_return[1:])]
+        listed = [" + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (said, self.by_return[1:])]
         none = f" and {self.by_return[0]:,} have return number 0" if self.by_return[0] else ""
         text = (
-            f"{self.cloud.path.name}: points by return number are {told[0]} in the header; counted are "
-            f"{told[1] or 'none'}{none}."
+            f"{self.cloud.path.name}: points by return number are {listed[0]} in the header, but "
+            f"{listed[1] or 'none'} in "
+            f"the file{none}."
         )
         return Notice("returns-differ", text)
 
     def _times(self) -> Notice | None:
-        if not self.bad_times or self.cloud.clock.kind is TimeKind.UNKNOWN:  # told when the file was opened
+        if not self.bad_times or self.cloud.clock.kind is TimeKind.UNKNOWN:  # has a notice since the file was opened
             return None
         text = (
-            f"{self.cloud.path.name}: {self.bad_times:,} of {self.points:,} points have a GPS time that is none "
-            f"(no number, or no {self.cloud.clock.kind} at all); they are kept without time."
+            f"{self.cloud.path.name}: {self.bad_times:,} of {self.points:,} points have an invalid GPS time "
+            f"(not a number, or not {self.cloud.clock.kind}); they are kept without time."
         )
         return Notice("gps-times-bad", text)
 
     @property
     def utc_s(self) -> tuple[float, float] | None:
-        """Earliest and latest UTC; None where the file tells no date."""
+        """Earliest and latest UTC; None if the file has no date."""
         if self.cloud.clock.kind is not TimeKind.STANDARD or self.first_time > self.last_time:
             return None
         first, last = las_time_to_utc([self.first_time, self.last_time]).tolist()
@@ -117,12 +118,12 @@ class Survey:
 
 
 def survey(cloud: CloudFile) -> Survey:
-    """Read a cloud through.
+    """Statistics over all points of a cloud.
 
     Raises:
-        InputError: if its points turn out to be damaged.
+        InputError: if its points are damaged.
     """
     found = Survey(cloud)
     for batch in cloud.batches():
-        found.see(batch)
+        found.add(batch)
     return found

@@ -1,4 +1,4 @@
-"""NMEA 0183 logs of GNSS receivers: GGA, RMC, GST, VTG, HDT (THS) and ZDA, with whatever stands between them."""
+"""NMEA 0183 logs of GNSS receivers: GGA, RMC, GST, VTG, HDT (THS) and ZDA."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Final
 
-from furrowmap.core.readers.nmea.sentences import Kind, Sentences, Tally, read_sentences, scan_bytes
-from furrowmap.core.readers.nmea.track import assemble, clock_face
+from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, read_sentences, scan_bytes
+from furrowmap.core.readers.nmea.track import assemble, time_of_day
 from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.errors import Notice
 
 MOST_OTHER_BYTES: Final = 0.5
-"""Share of foreign bytes up to which a file is an NMEA log by that alone."""
+"""Largest share of other bytes in a file that is recognised by its sentences alone."""
 LEAST_NMEA_BYTES: Final = 0.02
-"""Share of sentences from which on a binary log with positions in GGA is read for them."""
-TOLD_OTHER_BYTES: Final = 0.01
+"""Smallest share of sentences in a binary log that is recognised by its GGA sentences."""
+NOTED_OTHER_BYTES: Final = 0.01
+"""Share of other bytes from which a notice reports them."""
 
 
 class NmeaLog(PositionLog):
     """The positions in a log of NMEA 0183 sentences.
 
-    Sentences are found at every ``$`` and believed if their checksum is right, so neither noise nor binary messages
-    between them matter. The height above the ellipsoid is altitude + geoid separation. Times are UTC; the day comes
-    from RMC or ZDA, else from `ReadOptions.date` or `ReadOptions.near_s`.
+    Sentences may begin at every ``$`` and need a valid checksum, so noise and binary messages between them are skipped.
+    The height above the ellipsoid is altitude + geoid separation. Times are UTC; the date comes from RMC or ZDA, else
+    from `ReadOptions.date` or `ReadOptions.near_s`.
 
     Args:
         paths: the files of one recording, in the order of time.
@@ -38,70 +39,71 @@ class NmeaLog(PositionLog):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain where most of the file is sentences; possible where GGA stands between other things."""
+        """Certain if most of the file is sentences; possible with GGA among other bytes."""
         if b"$" not in head.data:
             return 0.0
-        tally = Tally()
-        sentences, _ = scan_bytes(head.data, tally)
-        share = tally.nmea_bytes / len(head.data)
+        counts = SentenceCounts()
+        sentences, _ = scan_bytes(head.data, counts)
+        share = counts.nmea_bytes / len(head.data)
         if len(sentences) and share >= MOST_OTHER_BYTES:
             return 0.9
         return 0.6 if share >= LEAST_NMEA_BYTES and len(sentences.of(Kind.GGA)) else 0.0
 
     def _undated(self, t_s: float) -> str:
-        return f"{clock_face(t_s)} (no date)"
+        return f"{time_of_day(t_s)} (no date)"
 
     def _read(self, paths: list[Path]) -> Positions:
-        tally = Tally()
+        counts = SentenceCounts()
         parts: list[Sentences] = []
         ends: list[int] = []
         for source in self._sources(paths):
-            parts += read_sentences(source, tally, tally.stream_bytes)
-            ends.append(tally.stream_bytes)
+            parts += read_sentences(source, counts, counts.stream_bytes)
+            ends.append(counts.stream_bytes)
         name = log_name(paths)
         sentences = Sentences.joined(parts)
-        parts.clear()  # else a long log is held twice
+        parts.clear()  # else memory holds a long log twice
         date, near_s = self.options.date, self.options.near_s
         positions = assemble(sentences, name, date=date, near_s=near_s, place=byte_place(paths, ends))
-        self.notices += _tally_notices(tally, name)
+        self.notices += _damage_notices(counts, name)
         facts = {
-            "talkers": _by(tally, lambda address: "proprietary" if address.startswith("P") else address[:2]),
-            "sentences": _by(tally, lambda address: address if address.startswith("P") else address[2:]),
-            "intact": tally.intact,
-            "bad_checksums": tally.bad_checksums,
-            "cut_or_without_checksum": tally.cut,
-            "begun_in_mid_line": tally.behind_cut,
-            "other_bytes": tally.other_bytes,
+            "talkers": _by(counts, lambda address: "proprietary" if address.startswith("P") else address[:2]),
+            "sentences": _by(counts, lambda address: address if address.startswith("P") else address[2:]),
+            "intact": counts.intact,
+            "bad_checksums": counts.bad_checksums,
+            "cut_or_without_checksum": counts.cut,
+            "begun_in_mid_line": counts.behind_cut,
+            "other_bytes": counts.other_bytes,
             **positions.facts,
         }
         return replace(positions, facts=facts, scale="UTC from its sentences")
 
 
-def _by(tally: Tally, part: Callable[[str], str]) -> dict[str, int]:
-    """Intact sentences counted by a part of their address, most first."""
-    counts: Counter[str] = Counter()
-    for address, count in tally.addresses.items():
-        counts[part(address)] += count
-    return dict(counts.most_common())
+def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
+    """Number of intact sentences by a part of their address, in descending order."""
+    by_part: Counter[str] = Counter()
+    for address, count in counts.addresses.items():
+        by_part[part(address)] += count
+    return dict(by_part.most_common())
 
 
-def _tally_notices(tally: Tally, name: str) -> list[Notice]:
+def _damage_notices(counts: SentenceCounts, name: str) -> list[Notice]:
     notices = []
-    if tally.bad_checksums or tally.cut:
+    if counts.bad_checksums or counts.cut:
         notices.append(
             Notice(
                 "sentences-damaged",
-                f"{name}: {tally.intact} sentences are intact; {tally.bad_checksums} with a wrong checksum and "
-                f"{tally.cut} cut short or without one are not used.",
+                f"{name}: {counts.bad_checksums} sentences with a wrong checksum and {counts.cut} that are truncated "
+                "or "
+                f"have none are skipped; {counts.intact} are intact.",
             )
         )
-    if tally.other_bytes > TOLD_OTHER_BYTES * tally.stream_bytes:
-        share = 100.0 * tally.other_bytes / tally.stream_bytes
+    if counts.other_bytes > NOTED_OTHER_BYTES * counts.stream_bytes:
+        share = 100.0 * counts.other_bytes / counts.stream_bytes
         notices.append(
             Notice(
                 "bytes-skipped",
-                f"{name}: {tally.other_bytes} bytes ({share:.0f} %) are no NMEA sentences (comments, noise or a "
-                f"receiver's binary messages) and are skipped.",
+                f"{name}: {counts.other_bytes} bytes ({share:.0f} %) are not NMEA sentences (comments, noise or binary "
+                "messages) and are skipped.",
             )
         )
     return notices

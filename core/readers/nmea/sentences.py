@@ -1,8 +1,8 @@
-"""NMEA 0183 sentences out of a stream of bytes, whatever else the stream carries.
+"""NMEA 0183 sentences in a stream of bytes, among whatever else.
 
 A sentence is ``$``, its address and fields, ``*`` and two hexadecimal digits: the exclusive or of all characters
-between ``$`` and ``*`` (NMEA 0183, section 5.3). Sentences are looked for at every ``$``, not line by line, because
-noise, binary messages and sentences cut short stand directly before whole ones.
+between ``$`` and ``*`` (NMEA 0183, section 5.3). The scanner tries every ``$`` and does not split lines, because noise,
+binary messages and truncated sentences may directly precede intact ones.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from furrowmap.core.readers.source import Source
 
 CHUNK_BYTES: Final = 1 << 22
 LONGEST: Final = 512
-"""Bytes after which a ``$`` without its ``*`` is given up; the standard allows 82, makers' own sentences are longer."""
+"""Maximum distance in bytes from ``$`` to ``*``; the standard allows 82, proprietary sentences are longer."""
 
 KNOT_MPS: Final = 1852.0 / 3600.0
 
 
 class Kind(IntEnum):
-    """The sentences whose fields are read; :data:`FIELDS` tells which."""
+    """The sentences that are read; see :data:`FIELDS`."""
 
     GGA = 0
     RMC = 1
@@ -46,19 +46,19 @@ FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.ZDA: ("tod_s", "date_ymd"),
 }
 """Names of the columns of :attr:`Sentences.values`. ``tod_s``: UTC seconds of the day; ``date_ymd``: UTC date as the
-number yyyymmdd; ``valid``: 1 where the receiver calls its data valid. THS is read as HDT."""
+number yyyymmdd; ``valid``: 1 if the receiver marks its data as valid. THS is read as HDT."""
 
 COLUMNS: Final = max(len(names) for names in FIELDS.values())
 
 
 @dataclass(frozen=True)
 class Sentences:
-    """Intact sentences in the order in which they stand.
+    """Intact sentences in the order of the stream.
 
     Attributes:
         kind: (n,) int8, values of :class:`Kind`.
         talker: (n,) bytes of length 2, such as ``b"GN"``.
-        at: (n,) int64, where the ``$`` stands: byte in the stream, plus the length of all streams before.
+        at: (n,) int64, offset of the ``$`` in the stream, plus the length of all streams before.
         values: (n, COLUMNS) float64, columns as in :data:`FIELDS`, nan where a field is empty or malformed.
     """
 
@@ -96,14 +96,14 @@ class Sentences:
 
 
 @dataclass
-class Tally:
-    """What a stream held, counted.
+class SentenceCounts:
+    """Counts over a stream.
 
     Attributes:
         addresses: intact sentences by address, such as ``GNGGA`` or ``PSTI``.
-        bad_checksums: sentences whose checksum is wrong.
-        cut: sentences that end without a checksum, cut short or written without one.
-        behind_cut: intact sentences that begin where one of the cut ones breaks off, in the middle of its line.
+        bad_checksums: sentences with a wrong checksum.
+        cut: sentences without a checksum, because they are truncated or were written without one.
+        behind_cut: intact sentences that begin where a truncated one ends, in the middle of a line.
         nmea_bytes: bytes of all of these, line ends included.
         stream_bytes: all bytes.
     """
@@ -122,23 +122,23 @@ class Tally:
 
     @property
     def other_bytes(self) -> int:
-        """Bytes of the stream that belong to no sentence."""
+        """Bytes that belong to no sentence."""
         return self.stream_bytes - self.nmea_bytes
 
 
-def read_sentences(source: Source, tally: Tally, base: int = 0) -> Iterator[Sentences]:
-    """The sentences of a stream, chunk by chunk; `tally` grows on the way.
+def read_sentences(source: Source, counts: SentenceCounts, base: int = 0) -> Iterator[Sentences]:
+    """The sentences of a stream, chunk by chunk.
 
     Args:
-        source: the stream, from where it stands.
-        tally: takes the counts.
+        source: the stream, from its current position.
+        counts: the counts; updated.
         base: added to every :attr:`Sentences.at`.
     """
     rest = b""
     while True:
         block = source.read(CHUNK_BYTES)
-        tally.stream_bytes += len(block)
-        found, used = scan_bytes(rest + block, tally, base, last=not block)
+        counts.stream_bytes += len(block)
+        found, used = scan_bytes(rest + block, counts, base, last=not block)
         yield found
         if not block:
             return
@@ -146,14 +146,14 @@ def read_sentences(source: Source, tally: Tally, base: int = 0) -> Iterator[Sent
         rest = (rest + block)[used:]
 
 
-def scan_bytes(data: bytes, tally: Tally, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
-    """The sentences in `data`, and how many of its bytes are done with.
+def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
+    """The sentences in `data`, and the number of bytes that are done with.
 
     Args:
         data: a piece of a stream.
-        tally: takes the counts (but for `stream_bytes`).
-        base: where in the stream the piece begins.
-        last: whether the stream ends here; else an unfinished sentence at the end is left for the next piece.
+        counts: the counts; updated, except for `stream_bytes`.
+        base: offset of the piece in the stream.
+        last: whether the stream ends with this piece; else an unfinished sentence at its end is left for the next one.
     """
     room = data.count(b"$")
     kind = np.empty(room, np.int8)
@@ -161,14 +161,14 @@ def scan_bytes(data: bytes, tally: Tally, base: int = 0, *, last: bool = True) -
     at = np.empty(room, np.int64)
     values = np.full((room, COLUMNS), np.nan)
     address = np.zeros((room, 8), np.uint8)
-    counts = np.zeros(4, np.int64)
-    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, kind, talker, at, values, address, counts)
+    sums = np.zeros(4, np.int64)
+    rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, kind, talker, at, values, address, sums)
     names, times = np.unique(address[:sentences].view("S8"), return_counts=True)
-    tally.addresses.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
-    tally.bad_checksums += int(counts[_BAD])
-    tally.cut += int(counts[_CUT])
-    tally.behind_cut += int(counts[_BEHIND])
-    tally.nmea_bytes += int(counts[_BYTES])
+    counts.addresses.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
+    counts.bad_checksums += int(sums[_BAD])
+    counts.cut += int(sums[_CUT])
+    counts.behind_cut += int(sums[_BEHIND])
+    counts.nmea_bytes += int(sums[_BYTES])
     found = Sentences(kind[:rows], talker[:rows].view("S2").ravel(), at[:rows] + base, values[:rows])
     return found, used
 
@@ -187,7 +187,7 @@ _SMALL_A, _SMALL_F = ord("a"), ord("f")
 def _scan(
     data: Any, last: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
 ) -> tuple[int, int, int]:
-    """Fill the arrays; returns rows of known kinds, intact sentences, and bytes done with."""
+    """Fill the arrays; number of rows of known kinds, of intact sentences, and of bytes done with."""
     size = len(data)
     begin = np.empty(_MOST_FIELDS + 1, np.int64)
     rows = 0
@@ -236,7 +236,7 @@ def _scan(
 
 @njit(cache=True, nogil=True)
 def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: Any, values: Any, row: int) -> int:
-    """Read the sentence at `i` into `row` if it is of a known kind; returns how many rows that made."""
+    """Read the sentence at `i` into `row` if it is of a known kind; number of rows (0 or 1)."""
     if data[i + 1] == _P or i + 7 > end or data[i + 6] != _COMMA:
         return 0
     a, b, c = data[i + 3], data[i + 4], data[i + 5]
@@ -305,7 +305,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
 
 @njit(cache=True, nogil=True)
 def _number(data: Any, begin: int, end: int) -> Any:
-    """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is none."""
+    """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is invalid."""
     i = begin
     sign = 1.0
     if i < end and data[i] == _MINUS:
@@ -333,7 +333,7 @@ def _number(data: Any, begin: int, end: int) -> Any:
 
 @njit(cache=True, nogil=True)
 def _time_of_day(data: Any, begin: Any, k: int) -> Any:
-    """Seconds of the day of field `k`, written hhmmss.sss, to the microsecond; nan if it is none."""
+    """Seconds of the day in field `k`, written hhmmss.sss, to the microsecond; nan if it is invalid."""
     value = _number(data, begin[k], begin[k + 1] - 1)
     if begin[k] + 6 > begin[k + 1] - 1 or np.isnan(value) or value < 0.0:
         return np.nan
@@ -347,7 +347,7 @@ def _time_of_day(data: Any, begin: Any, k: int) -> Any:
 
 @njit(cache=True, nogil=True)
 def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: float) -> Any:
-    """Degrees of field `k`, written dddmm.mmm, with the hemisphere in the field behind; nan if it is none."""
+    """Degrees in field `k`, written dddmm.mmm, with the hemisphere in the next field; nan if it is invalid."""
     value = _number(data, begin[k], begin[k + 1] - 1)
     degrees = value // 100.0
     minutes = value - 100.0 * degrees
@@ -362,7 +362,7 @@ def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: fl
 
 @njit(cache=True, nogil=True)
 def _hex(c: int) -> int:
-    """Value of a hexadecimal digit, −1 if it is none."""
+    """Value of a hexadecimal digit; −1 if it is not one."""
     if _0 <= c <= _9:
         return c - _0
     if _A <= c <= _F:
@@ -374,7 +374,7 @@ def _hex(c: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _line_end(data: Any, i: int) -> int:
-    """Number of line-end characters from `i` on, at most 2."""
+    """Number of line-end characters at `i`, at most 2."""
     n = 0
     while n < 2 and i + n < len(data) and (data[i + n] == 13 or data[i + n] == 10):
         n += 1
@@ -383,7 +383,7 @@ def _line_end(data: Any, i: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _is_address(data: Any, begin: int, end: int) -> bool:
-    """Whether at least three capital letters or digits stand there, up to a comma or the end."""
+    """Whether there are three to eight capital letters or digits before a comma or the end."""
     i = begin
     while i < end and (65 <= data[i] <= 90 or _0 <= data[i] <= _9):
         i += 1

@@ -1,8 +1,8 @@
-"""From NMEA sentences to one receiver's positions: which receiver, which day, and what belongs to which epoch.
+"""NMEA sentences to one receiver's positions: choice of receiver, date, and assignment of sentences to epochs.
 
-GGA makes the epoch. RMC and GST join it by their equal time stamp. VTG and HDT carry no time: where the log begins
-with such a sentence, it belongs to the timed sentence behind it (the receiver writes it first in each burst), else to
-the one before it. Nothing is ever sorted: epochs whose time does not run forward are dropped and counted.
+GGA makes the epoch. RMC and GST are joined by equal time stamp. VTG and HDT have no time: if the log begins with such a
+sentence, it belongs to the next sentence with a time (the receiver writes it first in each burst), else to the one
+before. Epochs are never sorted: those that are not later than all before are dropped and counted.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 FloatArray = NDArray[np.float64]
 
 CLOCK_SET_S: Final = 60.0
-"""A step of the clock before the first fix from which on it has been set, and not only waited."""
+"""Smallest step of the clock before the first fix that means that the clock was set."""
 MOST_SATELLITES: Final = 999
 MOST_SWITCHES: Final = 0.2
-"""A receiver may change its talker with the constellations it uses, but not from sentence to sentence."""
+"""Largest share of positions with another talker than before, for one receiver: it changes the talker with the
+constellations that it uses, but not with every sentence."""
 
 
 def assemble(
@@ -38,29 +39,29 @@ def assemble(
     near_s: float | None,
     place: Callable[[int], str],
 ) -> Positions:
-    """The positions of the receiver with the best and most of them; undated, they count from their first midnight.
+    """The positions of the receiver with the best and most of them; undated times count from their first midnight.
 
     Args:
-        sentences: of one recording, in the order in which they were written.
+        sentences: of one recording, in the order of the log.
         name: of the log, for messages.
         date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
         near_s: a UTC time within twelve hours of the first position of a log without dates.
-        place: words for where a sentence stands, of its :attr:`Sentences.at`.
+        place: describes an offset :attr:`Sentences.at` in the log.
 
     Raises:
-        InputError: if `date` is no date.
+        InputError: if `date` is not a date.
     """
     notices: list[Notice] = []
     all_gga = sentences.of(Kind.GGA)
-    of_talker = {t: int(np.sum(all_gga.talker[_states_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
-    mine = _one_receiver(all_gga[_states_position(all_gga)], notices, name)
+    of_talker = {t: int(np.sum(all_gga.talker[_has_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
+    mine = _one_receiver(all_gga[_has_position(all_gga)], notices, name)
     gga = all_gga[np.isin(all_gga.talker, mine)] if len(mine) else all_gga
     belongs = _belongs(sentences, mine, [t for t, count in of_talker.items() if count])
     log = sentences if belongs.all() else sentences[belongs]
-    positions = gga[_states_position(gga)]
+    positions = gga[_has_position(gga)]
 
     t_s, dated = _times(positions, log, notices, name, date=date, near_s=near_s)
-    _tell_clock_set(gga, positions, notices, name)
+    _note_clock_set(gga, positions, notices, name)
     forward = np.zeros(len(t_s), bool)
     dropped = 0
     fault: InputError | None = None
@@ -69,19 +70,19 @@ def assemble(
     else:
         lat, lon = (positions.column(Kind.GGA, column) for column in ("lat_deg", "lon_deg"))
         try:
-            forward, told = in_order(t_s, lon, lat, name, lambda k: place(int(positions.at[k])))
+            forward, disorder_notices = in_order(t_s, lon, lat, name, lambda k: place(int(positions.at[k])))
         except InputError as disorder:
             fault = disorder
         else:
-            notices += told
+            notices += disorder_notices
             dropped = int(np.sum(~forward))
             fault = None if dated else _no_date(t_s, name)
     kept = positions[forward]
-    _tell_heights(kept, notices, name)
+    _note_heights(kept, notices, name)
     return Positions(
         track=_track(kept, t_s[forward], log, name),
         dated=dated,
-        without_position=int(np.sum(~_states_position(gga))),
+        without_position=int(np.sum(~_has_position(gga))),
         dropped=dropped,
         facts={"positions_by_talker": {t.decode("ascii"): count for t, count in of_talker.items() if count}},
         notices=tuple(notices),
@@ -89,13 +90,13 @@ def assemble(
     )
 
 
-def _states_position(gga: Sentences) -> NDArray[np.bool_]:
+def _has_position(gga: Sentences) -> NDArray[np.bool_]:
     quality = gga.column(Kind.GGA, "quality")
     return (quality >= 1) & np.isfinite(gga.values[:, :3]).all(axis=1)
 
 
 def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDArray[np.bytes_]:
-    """The talkers of one receiver: all, if it only changes its talker now and then, else the best one."""
+    """The talkers of one receiver: all, if they alternate only occasionally, else the best one."""
     talkers = np.unique(positions.talker)
     if len(talkers) < 2:
         return talkers
@@ -112,15 +113,15 @@ def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDA
     notices.append(
         Notice(
             "several-receivers",
-            f"{name}: {len(talkers)} talkers state positions side by side. Those of {best.decode('ascii')} "
-            f"({rank[best][1]} positions) are used, those of {others} are left out.",
+            f"{name}: {len(talkers)} talkers have positions at the same time. Those of {best.decode('ascii')} "
+            f"({rank[best][1]} positions) are used, those of {others} are not.",
         )
     )
     return np.array([best])
 
 
 def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[bytes]) -> NDArray[np.bool_]:
-    """Which sentences are the receiver's: of its talkers, or of a kind that only talkers without positions give."""
+    """Which sentences are the receiver's: of its talkers, or of a kind that only talkers without positions have."""
     is_mine = np.isin(sentences.talker, mine)
     is_free = ~np.isin(sentences.talker, np.array(positioned, dtype="S2"))
     out = is_mine.copy()
@@ -134,7 +135,7 @@ def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[by
 def _times(
     positions: Sentences, log: Sentences, notices: list[Notice], name: str, *, date: str | None, near_s: float | None
 ) -> tuple[FloatArray, bool]:
-    """Times (n,) of the positions, and whether they are UTC (else they count from the first one's midnight)."""
+    """Times (n,) of the positions, and whether they are UTC; else they count from the midnight before the first."""
     tod = positions.column(Kind.GGA, "tod_s")
     stated_s = None if date is None else midnight_utc_s(date)
     if not len(tod):
@@ -149,12 +150,9 @@ def _times(
         nearer = np.abs(by_behind - dated_s[behind]) < np.abs(by_before - dated_s[before])
         t_s = np.where(nearer, by_behind, by_before)
         if stated_s is not None and not stated_s <= t_s[0] < stated_s + DAY_S:
-            said = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
-            notices.append(
-                Notice(
-                    "date-contradicted", f"{name}: its sentences say {said} where {date} was stated; they are believed."
-                )
-            )
+            in_log = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
+            text = f"{name}: its sentences have the date {in_log}, but {date} was stated; the former is used."
+            notices.append(Notice("date-contradicted", text))
         return t_s, True
     t_s = unroll(tod, DAY_S)
     if stated_s is not None:
@@ -165,10 +163,10 @@ def _times(
 
 
 def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """UTC of the sentences that carry a date, and where they stand.
+    """UTC of the sentences with a date, and their offsets in the log.
 
-    RMC is believed where the receiver calls it valid. ZDA has no such mark, and before the first position a receiver's
-    calendar may be of any year, so it counts from there on, and only where there is no RMC.
+    RMC is used if it is marked as valid. ZDA has no such mark, and before the first position a receiver's calendar may
+    be wrong by years, so it is used from there on, and only without RMC.
     """
     rmc, zda = log.of(Kind.RMC), log.of(Kind.ZDA)
     rmc = rmc[rmc.column(Kind.RMC, "valid") == 1.0]
@@ -181,13 +179,13 @@ def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]
 
 
 def _midnights(date_ymd: FloatArray) -> FloatArray:
-    """UTC of the beginning of days (n,) written yyyymmdd; nan where there is no such day."""
+    """UTC of the start of days (n,) written yyyymmdd; nan for invalid dates."""
     whole = np.where((date_ymd > 0) & (date_ymd < 1e8), date_ymd, 0.0).astype(np.int64)
     return midnights_utc_s(whole // 10000, whole // 100 % 100, whole % 100)
 
 
 def _track(positions: Sentences, t_s: FloatArray, log: Sentences, name: str) -> GnssTrack:
-    """The positions with what RMC, GST, VTG and HDT add to their epochs."""
+    """The positions with the columns of RMC, GST, VTG and HDT."""
     gga = {column: positions.column(Kind.GGA, column) for column in FIELDS[Kind.GGA]}
     added = _added(positions.at, t_s, log)
     nothing = np.full(len(t_s), np.nan)
@@ -239,7 +237,7 @@ def _added(position_at: NDArray[np.int64], t_s: FloatArray, log: Sentences) -> d
             index -= 0 if leads else 1
         inside = (index >= 0) & (index < len(timed_at))
         stamps = np.where(inside, timed_s[np.clip(index, 0, len(timed_at) - 1)], np.nan)
-        # Of several in one epoch the one nearest to its timed sentence counts: it is assigned last.
+        # Of several in one epoch the one nearest to its sentence with a time is used: it is assigned last.
         order = slice(None) if leads else slice(None, None, -1)
         row, of = _equal(t_s, stamps[order])
         for column in FIELDS[kind][1:]:
@@ -252,7 +250,7 @@ def _added(position_at: NDArray[np.int64], t_s: FloatArray, log: Sentences) -> d
 def _timed(
     log: Sentences, position_at: NDArray[np.int64], position_t_s: FloatArray
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Times of all sentences that carry one, on the day of the position nearest before them, and where they stand."""
+    """Times of all sentences that have one, on the day of the last position before, and their offsets in the log."""
     timed = (log.kind != Kind.VTG) & (log.kind != Kind.HDT)
     at = log.at[timed]
     near = np.clip(np.searchsorted(position_at, at, side="right") - 1, 0, len(position_at) - 1)
@@ -270,33 +268,33 @@ def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArr
 
 
 def _no_positions(name: str, all_gga: int) -> InputError:
-    what = f"all {all_gga} GGA sentences state no position" if all_gga else "there is no intact GGA sentence in it"
+    what = f"none of its {all_gga} GGA sentences has a position" if all_gga else "no intact GGA sentence"
     return InputError(
         f"{name}: {what}.",
-        "Height and kind of fix stand only in GGA, so there is nothing to place scans with.",
-        "Let the receiver write GGA with a fix; `furrowmap inspect` lists the sentences that are there.",
+        "Height and kind of fix are only in GGA.",
+        "Configure the receiver to output GGA, and record with a fix; `furrowmap inspect` lists the sentences.",
         code="no-positions",
     )
 
 
 def _no_date(t_s: FloatArray, name: str) -> InputError:
-    span = f"{clock_face(t_s[0])} to {clock_face(t_s[-1])}"
+    span = f"{time_of_day(t_s[0])} to {time_of_day(t_s[-1])}"
     return InputError(
-        f"{name}: none of its sentences says the date, only times of day ({span}).",
-        "Without the day the positions cannot be set beside scans, nor their coordinates beside an epoch.",
+        f"{name}: no date in its sentences, only times of day ({span}).",
+        "Without the date the positions cannot be matched with scans, and the epoch of their coordinates is unknown.",
         'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
         code="no-date",
     )
 
 
-def clock_face(t_s: float) -> str:
-    """hh:mm:ss.sss of seconds since any midnight."""
+def time_of_day(t_s: float) -> str:
+    """Time of day hh:mm:ss.sss of seconds since any midnight."""
     ms = round(float(t_s) * 1000.0) % (DAY_S * 1000)
     return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
 
 
-def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice], name: str) -> None:
-    """Tell where the receiver's clock was set by its first fix; what it said before is worthless."""
+def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice], name: str) -> None:
+    """Note that the receiver's clock was set at its first fix; the times before are invalid."""
     if not len(positions):
         return
     tod = gga.column(Kind.GGA, "tod_s")[gga.at <= positions.at[0]]
@@ -308,19 +306,21 @@ def _tell_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
         notices.append(
             Notice(
                 "clock-set-at-first-fix",
-                f"{name}: the receiver's clock jumped from {clock_face(tod[last])} to {clock_face(tod[last + 1])} on "
-                f"the way to the first fix; the {len(tod) - 1} times before that fix are worthless and not used.",
+                f"{name}: the receiver's clock jumped from {time_of_day(tod[last])} to {time_of_day(tod[last + 1])} "
+                "before "
+                f"the first fix; the {len(tod) - 1} times before that fix are not used.",
             )
         )
 
 
-def _tell_heights(positions: Sentences, notices: list[Notice], name: str) -> None:
+def _note_heights(positions: Sentences, notices: list[Notice], name: str) -> None:
     altitude, separation = (positions.column(Kind.GGA, c) for c in ("altitude_m", "separation_m"))
     if len(positions) and not np.isfinite(altitude + separation).any():
         lacking = "altitude" if not np.isfinite(altitude).any() else "geoid separation"
         notices.append(
             Notice(
                 "no-ellipsoidal-height",
-                f"{name}: its GGA state no {lacking}, so there is no ellipsoidal height (altitude + separation).",
+                f"{name}: its GGA sentences have no {lacking}, so the ellipsoidal height (altitude + separation) is "
+                "unknown.",
             )
         )

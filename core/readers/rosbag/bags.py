@@ -1,4 +1,4 @@
-"""ROS bags: laser scans out of packets or point clouds, and positions, whatever else was recorded beside them."""
+"""ROS bags: laser scans from packets or point clouds, and GNSS positions."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.packets import PacketScans
 
 T = TypeVar("T")
-_POINT_TIMES: Final = "stamps of the points, which place the scans in time"
+_POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
 
 @dataclass
 class _Topic:
-    """What was recorded under one name and type."""
+    """The messages of one name and type."""
 
     name: str
     type: str
@@ -45,10 +45,10 @@ class _Topic:
 
 
 class _RosBag(FileReader):
-    """What both generations of bags have in common: everything but the files they lie in.
+    """What bags of ROS 1 and ROS 2 have in common.
 
-    Reading passes over the messages twice: once to see what there is, as a bag's index may be missing or wrong, and
-    once for the messages of the chosen topic.
+    Reading takes two passes over the messages: one to list the topics, because a bag's index may be missing or wrong,
+    and one for the messages of the chosen topic.
 
     Args:
         paths: the bags of one recording, in the order of time.
@@ -66,10 +66,10 @@ class _RosBag(FileReader):
         self._topics: list[_Topic] | None = None
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of the topic with packets, or else with point clouds, that has the most messages.
+        """The scans of the topic with the most packets, or if there are none, with the most point clouds.
 
         Raises:
-            InputError: if the bag holds neither, or nothing of it can be decoded.
+            InputError: if the bag has neither, or none that can be decoded.
         """
         chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
         yield from self._scans(chosen, self._decoder(chosen))
@@ -78,13 +78,13 @@ class _RosBag(FileReader):
         """The positions of the topic with the most NavSatFix messages.
 
         Raises:
-            InputError: if the bag holds none that can be decoded.
+            InputError: if the bag has none that can be decoded.
         """
         chosen = self._choose("positions", NAV_SAT_FIX)
         return self._positions(chosen)[0]
 
     def inspect(self) -> Inspection:
-        """Read the first bag through and say what it is and holds.
+        """Read the whole first bag and report what it contains.
 
         Raises:
             InputError: if no message can be recovered from it.
@@ -100,14 +100,14 @@ class _RosBag(FileReader):
             "span_s": round(last_s - first_s, 3),
             "topics": {topic.name: _topic_facts(topic) for topic in topics},
         }
-        clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "when the recorder received the messages")]
+        clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
         for name, look_into in (("scans", self._scan_facts), ("positions", self._position_facts)):
             try:
                 told, clock = look_into()
             except InputError as error:
                 facts[name] = "none"
                 if error.code != "bag-nothing-usable":
-                    self._tell(Notice(error.code, error.what))
+                    self._add_notices(Notice(error.code, error.what))
             else:
                 facts[name] = told
                 clocks.append(clock)
@@ -117,7 +117,7 @@ class _RosBag(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, tuple(clocks), tuple(self.notices))
 
     def _found(self) -> list[_Topic]:
-        """All topics, by a pass over all messages."""
+        """All topics, from one pass over all messages."""
         if self._topics is None:
             files = BagFiles(self.paths)
             found: dict[tuple[str, str], _Topic] = {}
@@ -128,34 +128,36 @@ class _RosBag(FileReader):
                 )
                 topic.messages += 1
                 topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
-            self._tell(*files.notices)
+            self._add_notices(*files.notices)
             if not found:
                 why = "; ".join(notice.text.rstrip(".") for notice in files.notices)
                 raise InputError(
-                    f"{self.paths[0]}: a ROS bag without a readable message{f' ({why})' if why else ''}.",
-                    "There is nothing in it to map.",
-                    "Copy the recording again, or look at it with the recorder's own tools.",
+                    f"{self.paths[0]}: no readable message in this ROS bag{f' ({why})' if why else ''}.",
+                    "The recording is empty or damaged.",
+                    "Copy the recording again, or check it with `rosbag info` or `ros2 bag info`.",
                     code="bag-empty",
                 )
             self._topics = list(found.values())
         return self._topics
 
     def _choose(self, what: str, *kinds: str) -> _Topic:
-        """The topic to read for `what`: of the first of the types that was recorded, the one with most messages."""
+        """The topic to read for `what`: of the first of the types that was recorded, the one with the most messages."""
         found = [topic for topic in self._found() if topic.type in kinds]
         if not found:
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self._found()[:8])
             raise InputError(
-                f"{self.paths[0]}: no topic with {what} among {there}.",
-                f"furrowmap takes {what} from {' or '.join(kinds)}, and none was recorded.",
-                "Give the recording that holds them, or record that topic as well.",
+                f"{self.paths[0]}: no topic with {what} (topics: {there}).",
+                f"furrowmap reads {what} from {' or '.join(kinds)}.",
+                "Use the recording that contains that topic, or record it as well.",
                 code="bag-nothing-usable",
             )
         chosen, *others = sorted(found, key=lambda topic: (kinds.index(topic.type), -topic.messages, topic.name))
         if others:
             rest = ", ".join(f"{topic.name} ({topic.messages})" for topic in others)
             self._note(
-                "bag-topic-chosen", chosen, f"its {chosen.messages} messages are read for {what}; not read: {rest}."
+                "bag-topic-chosen",
+                chosen,
+                f"its {chosen.messages} messages are used for {what}; other topics are ignored: {rest}.",
             )
         return chosen
 
@@ -174,7 +176,7 @@ class _RosBag(FileReader):
                 first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
                 yield scan
         self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
-        self._tell(*decoder.notices())
+        self._add_notices(*decoder.notices())
 
     def _batches(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[list[Scan]]:
         yield from self._read(chosen, decoder.push)
@@ -187,11 +189,11 @@ class _RosBag(FileReader):
         for _ in self._read(chosen, log.add):
             pass
         track, notices = log.track(self._source(chosen))
-        self._tell(*notices, *jump_notices(track))
+        self._add_notices(*notices, *jump_notices(track))
         return track, log
 
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
-        """What `take` makes of each message of a topic; those that make no sense are left out and counted."""
+        """`take` applied to each message of a topic; those that cannot be decoded are skipped and counted."""
         files = BagFiles(self.paths)
         taken = damaged = 0
         first = ""
@@ -211,12 +213,16 @@ class _RosBag(FileReader):
         if not taken:
             raise InputError(
                 f"{self._source(chosen)}: none of its {damaged} messages could be decoded ({first}).",
-                "They are damaged, or laid out otherwise than their type says.",
-                "Copy the recording again, or record the topic with the driver's usual settings.",
+                "They are damaged, or do not match the definition of their type.",
+                "Copy the recording again, or record the topic with the driver's default settings.",
                 code="bag-undecodable",
             )
         if damaged:
-            self._note("bag-messages-damaged", chosen, f"{damaged} messages were left out (the first: {first}).")
+            self._note(
+                "bag-messages-damaged",
+                chosen,
+                f"{damaged} messages cannot be decoded and are skipped (the first: {first}).",
+            )
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
         chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
@@ -236,22 +242,22 @@ class _RosBag(FileReader):
         chosen = self._choose("positions", NAV_SAT_FIX)
         track, log = self._positions(chosen)
         told = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
-        note = f"stamps of the positions, as their driver set them; received {log.delay_s():.3f} s later (median)"
+        note = f"time stamps of the positions by their driver; received {log.delay_s():.3f} s later (median)"
         return told, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _source(self, topic: _Topic) -> str:
         return f"{self.paths[0]}, {topic.name}"
 
     def _note(self, code: str, topic: _Topic, text: str) -> None:
-        self._tell(Notice(code, f"{self._source(topic)}: {text}"))
+        self._add_notices(Notice(code, f"{self._source(topic)}: {text}"))
 
-    def _tell(self, *notices: Notice) -> None:
-        """Take down what has not been told yet: a bag may be inspected, and read for positions and for scans."""
+    def _add_notices(self, *notices: Notice) -> None:
+        """Add those that are new: a bag may be inspected, and read for positions and for scans."""
         self.notices += [notice for notice in notices if notice not in self.notices]
 
 
 class RosBag1(_RosBag):
-    """A ROS 1 bag (.bag), indexed or not, whole or cut."""
+    """A ROS 1 bag (.bag), with or without an index, complete or truncated."""
 
     format: ClassVar[str] = "rosbag1"
     title: ClassVar[str] = "ROS 1 bag"
@@ -270,7 +276,7 @@ class RosBag2(_RosBag):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain by the first bytes (of an SQLite file: by its tables) or by what stands in a folder."""
+        """Certain by the first bytes (of an SQLite file: by its tables) or by the files in a folder."""
         if head.path.is_dir():
             return 0.9 if (head.path / METADATA).is_file() or storage_files(head.path) else 0.0
         if head.data.startswith(mcap.MAGIC):

@@ -1,7 +1,7 @@
 """PointCloud2 messages to scans.
 
-A driver fills a PointCloud2 with fields of its own choice; x, y and z are needed, the others are used under the names
-they have in the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS package sensor_msgs.
+The fields of a PointCloud2 depend on the driver; x, y and z are required, the others are recognised by their names in
+the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS package sensor_msgs.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ FIELD_NAMES: Final = {
 }
 _UNITS_S: Final = (1.0, 1e-3, 1e-6, 1e-9)
 _REVOLUTION_S: Final = (0.005, 1.5)
-"""Between these lies the time that any spinning scanner takes for a turn: three units of time differ by a thousand, so
-at most one of them brings a message's span in here."""
+"""Range of the duration of a revolution, of any spinning scanner. Units of time differ by a factor of 1000, so at most
+one of them puts the time span of a message in this range."""
 
 _MOST_FIRINGS: Final = 1e6
-"""In one message; more come from damaged times only."""
+"""In one message; more result from damaged times only."""
 
 
 @dataclass(frozen=True)
 class _PointTimes:
-    """How a time field is to be read.
+    """Unit and origin of a time field.
 
     Attributes:
-        unit_s: its unit.
-        origin: what it counts from: "utc", "stamp" (that of the message), or "first" (an unknown zero: the message's
-            first return is placed at its stamp).
+        unit_s: the unit.
+        origin: "utc", "stamp" (counts from the message's stamp), or "first" (counts from an unknown zero: the first
+            return is placed at the message's stamp).
     """
 
     unit_s: float
@@ -50,7 +50,7 @@ class _PointTimes:
 
 
 class CloudScans:
-    """Turns the PointCloud2 messages of one topic into scans, one message a scan.
+    """Decodes the PointCloud2 messages of one topic into scans, one scan per message.
 
     Args:
         source: file and topic, for messages.
@@ -67,10 +67,10 @@ class CloudScans:
         self._last_s = -np.inf
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
-        """The scan in a message; none where it holds no return, or runs back behind an earlier one.
+        """The scan in a message; none if it has no return, or is not later than the one before.
 
         Raises:
-            Damage: if fields and data of the message do not go together.
+            Damage: if the fields and the data of the message do not match.
         """
         points = _points(content)
         names = points.dtype.names or ()
@@ -113,11 +113,11 @@ class CloudScans:
         return [scan]
 
     def finish(self) -> list[Scan]:
-        """Nothing: every message is a scan of its own."""
+        """No scans: every message is a complete scan."""
         return []
 
     def facts(self) -> dict[str, Any]:
-        """What `inspect` tells."""
+        """What `inspect` reports."""
         written = "none"
         if self._times is not None:
             unit = {1.0: "s", 1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}[self._times.unit_s]
@@ -126,20 +126,20 @@ class CloudScans:
         return {"slots": self._slots, "fields": list(self._fields), "time_per_point": written}
 
     def notices(self) -> list[Notice]:
-        """What the messages did not say, and those that were left out."""
-        told = {
+        """What the messages lack, and how many were skipped."""
+        found = {
             "no-point-times": self._untimed
-            and f"{self._untimed} of {self._scans} clouds have no usable time per point, so all their points carry the "
-            "message's stamp: the motion during a revolution smears them.",
+            and f"{self._untimed} of {self._scans} clouds have no usable time per point, so all their points have the "
+            "time of the message: motion during a revolution distorts them.",
             "point-times-unanchored": self._times is not None
             and self._times.origin == "first"
-            and "the points' times count from an unknown zero; each cloud's first point was placed at its stamp.",
-            "no-rings": self._scans and not self._ringed and "the points do not say which laser measured them.",
-            "clouds-empty": self._empty and f"{self._empty} clouds without a return were left out.",
+            and "the times of the points have an unknown origin; the first point of each cloud is placed at its stamp.",
+            "no-rings": self._scans and not self._ringed and "the points have no field for the laser (ring).",
+            "clouds-empty": self._empty and f"{self._empty} clouds without a return are skipped.",
             "clouds-late": self._late
-            and f"{self._late} clouds whose stamp is not behind that of the one before were left out.",
+            and f"{self._late} clouds whose stamp is not later than the one before are skipped.",
         }
-        return [Notice(code, f"{self._source}: {text}") for code, text in told.items() if text]
+        return [Notice(code, f"{self._source}: {text}") for code, text in found.items() if text]
 
     def _point_times(self, values: NDArray[Any] | None, n: int, at_s: float) -> FloatArray:
         """UTC of each of n points."""
@@ -157,7 +157,7 @@ class CloudScans:
 
 
 def _points(content: Any) -> NDArray[Any]:
-    """A view of a PointCloud2's points, (height, width), with the fields that are used under their usual names."""
+    """A view (height, width) of a PointCloud2's points, with standard names for the fields that are used."""
     height, width, step, row = (int(n) for n in (content.height, content.width, content.point_step, content.row_step))
     byte_order = ">" if content.is_bigendian else "<"
     there = {str(field.name): field for field in content.fields}
@@ -167,21 +167,21 @@ def _points(content: Any) -> NDArray[Any]:
         field = next((there[spelling] for spelling in spellings if spelling in there), None)
         if field is None or int(field.datatype) not in _DATATYPES:
             if name in "xyz":
-                raise Damage(f"the cloud has no field {name!r} (its fields: {', '.join(there) or 'none'})")
+                raise Damage(f"the cloud has no field {name!r} (fields: {', '.join(there) or 'none'})")
             continue
         names.append(name)
         formats.append(byte_order + _DATATYPES[int(field.datatype)])
         offsets.append(int(field.offset))
     ends = [offset + np.dtype(form).itemsize for offset, form in zip(offsets, formats, strict=True)]
     if max(ends) > step or row < width * step or len(content.data) < height * row:
-        raise Damage(f"{width} × {height} points of {step} bytes do not go into {len(content.data)} bytes of data")
+        raise Damage(f"{width} × {height} points of {step} bytes do not match {len(content.data)} bytes of data")
     dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
     data = np.ascontiguousarray(content.data, np.uint8)
     return np.ndarray((height, width), dtype, data.data, strides=(row, step))
 
 
 def _read_times(values: FloatArray, at_s: float) -> _PointTimes | None:
-    """Unit and origin of a cloud's times (n,): by the span of a revolution, and by where they lie to the stamp."""
+    """Unit and origin of a cloud's times (n,), from the duration of a revolution and the difference from the stamp."""
     span, middle = float(np.ptp(values)), float(np.median(values))
     unit_s = next((unit for unit in _UNITS_S if _REVOLUTION_S[0] <= span * unit < _REVOLUTION_S[1]), None)
     if unit_s is None:
@@ -192,7 +192,7 @@ def _read_times(values: FloatArray, at_s: float) -> _PointTimes | None:
 
 
 def _columns_of_layout(shape: tuple[int, ...], ring: NDArray[Any] | None) -> NDArray[np.int64] | None:
-    """Each slot's firing in an organised cloud (height, width); None where the layout does not tell."""
+    """Index of the firing of each point in an organised cloud (height, width); None if the layout does not show it."""
     if min(shape) <= 1:
         return None
     along = int(np.argmax(shape))
@@ -206,10 +206,10 @@ def _columns_of_layout(shape: tuple[int, ...], ring: NDArray[Any] | None) -> NDA
 
 
 def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Each return's firing (n,) in a cloud from which slots without a return are gone; t_s increasing.
+    """Index of the firing of each return (n,) in a cloud without empty points; t_s increases.
 
-    A laser fires once a cycle, whose length is the usual time between two returns of one laser. The lasers share the
-    cycle in a fixed pattern, and a firing begins in the pattern's widest pause.
+    A laser fires once per cycle, whose length is the typical time between two returns of one laser. The lasers fire in
+    a fixed pattern within the cycle, and a firing begins in the longest pause of the pattern.
     """
     by_laser = np.argsort(laser, kind="stable")
     step = np.diff(t_s[by_laser])[np.diff(laser[by_laser].astype(np.int16)) == 0]
@@ -227,6 +227,6 @@ def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.i
 
 
 def _intensity(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Intensities as the sensor counts them, in the smallest type that holds them."""
+    """Intensities in the sensor's counts, as uint8 if they fit, else as uint16."""
     whole = np.rint(np.clip(np.nan_to_num(values.astype(np.float64)), 0, 65535)).astype(np.uint16)
     return whole.astype(np.uint8) if int(whole.max()) <= 255 else whole

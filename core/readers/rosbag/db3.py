@@ -1,7 +1,7 @@
 """SQLite storages of ROS 2 bags (.db3), closed or not.
 
 Two tables matter: `topics` (id, name, type, serialization_format) and `messages` (topic_id, timestamp, data), whose
-rows stand in the order in which they arrived. Source: the schema in rosbag2_storage_sqlite3.
+rows are in the order of reception. Source: the schema in rosbag2_storage_sqlite3.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _JOURNALS: Final = ("-wal", "-journal")
 
 
 class Db3File(StorageFile):
-    """A .db3 file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
+    """A .db3 file, read once (implements :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -40,14 +40,14 @@ class Db3File(StorageFile):
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
                     yield from self._rows(connection, topics)
             except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
-                self._note("bag-cut", f"the database is damaged ({error}); what follows in it is lost")
+                self._note("bag-cut", f"the database is damaged ({error}); the rest of it is lost")
         self.share_read = 1.0
 
     def _plain(self, folder: Path) -> tuple[Path, bool]:
-        """The database to open, and whether it is a copy of our own.
+        """The database to open, and whether it is a temporary copy.
 
-        Where a recorder that was killed has left its journal, SQLite completes the copy from it; a compressed database
-        is unpacked.
+        A database with a journal, left by a recorder that was killed, is copied so that SQLite completes it; a
+        compressed database is decompressed.
         """
         journals = [Path(f"{self.path}{end}") for end in _JOURNALS]
         journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
@@ -58,16 +58,16 @@ class Db3File(StorageFile):
             with copy.open("wb") as file:
                 shutil.copyfileobj(source, file, 1 << 20)
             if source.fault:
-                self._note("bag-cut", f"{source.fault}; what follows is lost")
+                self._note("bag-cut", f"{source.fault}; the rest is lost")
         for journal in journals:
             shutil.copyfile(journal, f"{copy}{journal.name[len(self.path.name) :]}")
-            self._note("bag-unclosed", f"its recorder was killed and left {journal.name}, which was taken in as well")
+            self._note("bag-unclosed", f"the recorder did not close the database; {journal.name} was applied")
         return copy, True
 
     def _note_missing_pages(self, database: Path) -> None:
-        """SQLite reads a database that was cut without a word where the missing pages are not asked for.
+        """Compare the size with the header's: SQLite reports a truncated database only if it needs a missing page.
 
-        Its header says how large it should be: https://www.sqlite.org/fileformat.html, section 1.3.7.
+        (https://www.sqlite.org/fileformat.html, section 1.3.7.)
         """
         with database.open("rb") as file:
             header = file.read(100)
@@ -77,7 +77,7 @@ class Db3File(StorageFile):
         if there < expected:
             self._note(
                 "bag-cut",
-                f"it has {there} bytes where its header tells of {expected}: its last messages are missing or damaged",
+                f"it has {there} bytes instead of {expected}: its last messages are missing or damaged",
             )
 
     def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
@@ -102,4 +102,4 @@ class Db3File(StorageFile):
             else:
                 damaged += 1
         if damaged:
-            self._note("bag-orphans", f"{damaged} rows that are no messages of a known topic were left out")
+            self._note("bag-orphans", f"{damaged} rows that are not messages of a known topic are skipped")

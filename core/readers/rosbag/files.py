@@ -1,4 +1,4 @@
-"""Which files a bag lies in, and all their messages as one stream."""
+"""The files of a bag, and all their messages as one stream."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from furrowmap.core.values.errors import InputError, Notice
 METADATA: Final = "metadata.yaml"
 
 _STORAGE_NAME: Final = re.compile(r".+\.(db3|mcap)(\.(zstd|zst|gz|xz))?", re.IGNORECASE)
-# Recorders write metadata.yaml in one form, two spaces deep; of all that it says, these two things are needed. A YAML
-# parser would take minutes over a few thousand brackets.
+# Recorders write metadata.yaml in one form, indented by two spaces; only these two entries are needed. A YAML parser
+# would take minutes for a hostile file with a few thousand brackets.
 _FILES: Final = re.compile(r"^ {2}relative_file_paths: *\n((?: *- .+\n)+)", re.MULTILINE)
 _MESSAGES: Final = re.compile(r"^ {2}message_count: (\d{1,18}) *$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class _Metadata:
-    """What the metadata.yaml beside a ROS 2 bag's files says of them."""
+    """The entries of a ROS 2 bag's metadata.yaml that are used."""
 
     files: tuple[str, ...]
     messages: int
@@ -43,7 +43,7 @@ class BagFiles:
         notices: files that are missing or damaged; complete when the messages have ended.
 
     Raises:
-        InputError: if a folder holds no file of a bag.
+        InputError: if a folder has no file of a bag.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -78,19 +78,17 @@ class BagFiles:
             except InputError as error:
                 if len(self._files) == 1:
                     raise
-                self._note(error.code, f"{error.what} The other files of the bag are used.")
+                self._note(error.code, f"{error.what} Only the other files of the bag are used.")
                 continue
             self.notices += storage.notices
             total += count
             if topics is None and storage.declared not in (None, count):
-                self._note(
-                    "bag-count", f"{file}: {count} messages were found where its index counts {storage.declared}."
-                )
+                self._note("bag-count", f"{file}: {count} messages were found; its index lists {storage.declared}.")
         if topics is None and self._declared and total != self._declared:
-            self._note("bag-count", f"{total} messages were found where {METADATA} counts {self._declared}.")
+            self._note("bag-count", f"{total} messages were found; {METADATA} lists {self._declared}.")
 
     def _files_of(self, path: Path) -> list[Path]:
-        """The file itself; or those in a folder that its metadata name, else those that look like a bag's."""
+        """The file itself; of a folder, the files named in its metadata, else those with the names of bag files."""
         if not path.is_dir():
             return [path]
         files = storage_files(path)
@@ -99,30 +97,32 @@ class BagFiles:
             self._declared += metadata.messages
             missing = [name for name in metadata.files if not (path / name).is_file()]
             if missing:
-                self._note("bag-file-missing", f"{path}: {', '.join(missing)} of the bag is not there.")
+                self._note("bag-file-missing", f"{path}: missing files of the bag: {', '.join(missing)}.")
             files = [path / name for name in metadata.files if name not in missing] or files
         if not files:
             raise InputError(
-                f"{path}: a folder without a .db3 or .mcap file.",
-                "There is no recording in it.",
-                "Give the folder of a ROS 2 bag with all its files, or a recording itself.",
+                f"{path}: no .db3 or .mcap file in this folder.",
+                "It is not a ROS 2 bag.",
+                "Use the folder of a ROS 2 bag with all its files, or a recording file.",
                 code="bag-folder-empty",
             )
         return files
 
     def _metadata(self, folder: Path) -> _Metadata | None:
-        """What metadata.yaml says; None, and a notice, where it is not there or makes no sense."""
+        """The entries of metadata.yaml; None, with a notice, if it is missing or damaged."""
         file = folder / METADATA
         try:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
-            self._note("bag-no-metadata", f"{file}: {error.strerror}; the files were taken by their names.")
+            self._note("bag-no-metadata", f"{file}: {error.strerror}; the files are found by their names.")
             return None
         files, messages = _FILES.search(text), _MESSAGES.search(text)
         if files is None or messages is None:
-            self._note("bag-metadata-damaged", f"{file} does not name the bag's files; they were taken by their names.")
+            self._note(
+                "bag-metadata-damaged", f"{file} does not list the files of the bag; they are found by their names."
+            )
             return None
-        # A name is taken without its folders: nothing outside the bag's own one is read.
+        # Folders in the names are ignored, so that nothing outside the bag is read.
         names = (line.strip().removeprefix("- ").strip("\"'") for line in files[1].splitlines())
         return _Metadata(tuple(PurePath(name).name for name in names), int(messages[1]))
 
@@ -131,7 +131,7 @@ class BagFiles:
 
 
 def storage_files(folder: Path) -> list[Path]:
-    """Files in a folder that are named like those of a ROS 2 bag, parts in the order of their numbers."""
+    """Files in a folder with the names of ROS 2 bag files, in the order of their numbers."""
     return sorted(
         (file for file in folder.iterdir() if _STORAGE_NAME.fullmatch(file.name) and file.is_file()),
         key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)],
@@ -142,7 +142,7 @@ def open_storage(path: Path) -> Storage:
     """The file's storage, by its content.
 
     Raises:
-        InputError: if it is none of the three that bags are kept in.
+        InputError: if it is not a storage of a ROS bag.
     """
     data = look(path).data
     if data.startswith(rosbag1.MAGIC):
@@ -152,8 +152,8 @@ def open_storage(path: Path) -> Storage:
     if data.startswith(db3.MAGIC):
         return Db3File(path)
     raise InputError(
-        f"{path}: neither a ROS 1 bag nor an MCAP nor an SQLite file.",
-        "Its first bytes belong to no storage of a ROS bag, so nothing of it was read.",
+        f"{path}: neither a ROS 1 bag nor an MCAP or SQLite file.",
+        "The file cannot be read.",
         "Copy the recording again; if only its beginning is damaged, the recorder's own tools may repair it.",
         code="bag-unknown-storage",
     )

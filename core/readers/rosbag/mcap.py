@@ -1,8 +1,7 @@
-"""MCAP files as a stream of records, with or without a summary, whole or cut.
+"""MCAP files as a stream of records, with or without a summary, complete or truncated.
 
-Source: the MCAP format specification, https://mcap.dev/spec. A file is a row of records (an opcode, a length, the
-content); messages and the channels they belong to stand in chunks or alone, and the summary at the end only repeats
-and counts them.
+Source: the MCAP format specification, https://mcap.dev/spec. A file is a sequence of records (opcode, length,
+content). Messages and their channels are in chunks or separate; the summary at the end only repeats and counts them.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _CHUNK_HEAD = struct.Struct("<QQQI")
 
 
 class McapFile(RecordsFile):
-    """An MCAP file, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
+    """An MCAP file, read once (implements :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -49,7 +48,7 @@ class McapFile(RecordsFile):
                     else:
                         yield from self._message(op, content, topics)
                 else:
-                    self._note("bag-cut", f"the file ends at {self._stream.where()}, before its footer; {self._lost()}")
+                    self._note("bag-cut", f"the file ends at {self._stream.where()} without a footer; {self._lost()}")
             except Damage as damage:
                 self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
             self._note_orphans("channels")
@@ -62,17 +61,17 @@ class McapFile(RecordsFile):
                 raise Damage(self._stream.source.fault)
             return None
         if len(head) < _RECORD.size:
-            raise Damage("the file ends within a record's head")
+            raise Damage("the file ends within the header of a record")
         op, size = _RECORD.unpack(head)
         if op not in _KNOWN and op not in _PRIVATE:
-            raise Damage(f"a record of kind {op} is none of this format")
+            raise Damage(f"unknown record type {op}")
         content = self._stream.take(size)
         if len(content) < size and op != _CHUNK:
-            raise Damage(f"the file ends {size - len(content)} bytes before the record does")
+            raise Damage(f"the last record is truncated by {size - len(content)} bytes")
         return op, content
 
     def _chunk(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The messages of a chunk, as far as it is whole; none where its checksum is wrong."""
+        """The messages of a chunk up to where it is damaged; none if its checksum is wrong."""
         at = self._stream.offset - len(content)
         faults = []
         records = b""
@@ -85,11 +84,11 @@ class McapFile(RecordsFile):
                 faults.append(fault)
             elif checksum and zlib.crc32(records) != checksum:
                 records = b""
-                faults.append("its checksum is wrong, so none of it was used")
+                faults.append("its checksum is wrong, so all of it is skipped")
         except Damage as damage:
             faults.append(str(damage))
         except (struct.error, UnicodeDecodeError):
-            faults.append("its head is damaged")
+            faults.append("its header is damaged")
         position = 0
         while position < len(records):
             if position + _RECORD.size > len(records):
@@ -100,12 +99,12 @@ class McapFile(RecordsFile):
                 break
             yield from self._message(op, records[start:position], topics)
         if position != len(records):
-            faults.append("its last record is cut")
+            faults.append("its last record is truncated")
         if faults:
-            self._note("bag-chunk-damaged", f"the chunk at byte {at} was read only in part: {'; '.join(faults)}")
+            self._note("bag-chunk-damaged", f"the chunk at byte {at} is incomplete: {'; '.join(faults)}")
 
     def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The message in a record, if it is one; a schema or channel is remembered."""
+        """The message in a record, if it is one; schemas and channels are stored."""
         try:
             if op == _MESSAGE:
                 channel, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(content)
@@ -126,7 +125,7 @@ class McapFile(RecordsFile):
 
 
 def _string(content: bytes, position: int) -> tuple[str, int]:
-    """The string at `position`, and where it ends."""
+    """The string at `position`, and its end."""
     (size,) = struct.unpack_from("<I", content, position)
     end = position + 4 + size
     if end > len(content):

@@ -1,7 +1,7 @@
-"""ROS messages that carry packets and positions, deserialised by `rosbags`.
+"""ROS messages with packets and positions, deserialised by `rosbags`.
 
-Definitions: the ROS packages sensor_msgs and velodyne_msgs. `rosbags` is imported when the first message comes: the
-registry loads every reader at each start.
+Definitions: the ROS packages sensor_msgs and velodyne_msgs. `rosbags` is imported with the first message, because all
+readers are imported at each start.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 IMU: Final = "sensor_msgs/msg/Imu"
 
 FIXED_SIGMA_M: Final = 0.10
-"""A position augmented from the ground whose horizontal standard deviation is at most this counts as fixed: integer
+"""Largest horizontal standard deviation of an RTK fix in a NavSatFix with ground-based augmentation: integer
 ambiguities give centimetres, float ones decimetres."""
 
 _PACKET_BYTES: Final = 1206
@@ -36,13 +36,13 @@ _VELODYNE_DEFINITIONS: Final = {
 
 
 def deserialised(message: BagMessage) -> Any:
-    """The message as `rosbags` understands it: an object with the fields of its definition.
+    """The message deserialised by `rosbags`: an object with the fields of its definition.
 
     Raises:
-        Damage: if the bytes are no message of their type.
+        Damage: if the bytes are not a message of this type.
     """
     if message.encoding not in ("ros1", "cdr"):
-        raise Damage(f"messages encoded as {message.encoding!r} are not read")
+        raise Damage(f"unsupported encoding {message.encoding!r}")
     store = _typestore(message.encoding)
     try:
         if message.encoding == "ros1":
@@ -63,7 +63,7 @@ def _typestore(encoding: str) -> Typestore:
 
 
 def stamp_s(content: Any, message: BagMessage) -> float:
-    """The stamp in a message's header as UTC; where the driver left it 0, the time of its reception."""
+    """The stamp in a message's header as UTC; the time of reception if the driver left it at 0."""
     return _seconds(content.header.stamp) or message.received_ns * 1e-9
 
 
@@ -75,11 +75,11 @@ def packets(content: Any, message: BagMessage) -> tuple[NDArray[np.uint8], NDArr
 
 
 class FixLog:
-    """Positions out of NavSatFix messages, gathered to a track.
+    """A track collected from NavSatFix messages.
 
-    A NavSatFix states no more than that there is a fix (0), one with satellite-based (1) or with ground-based
-    augmentation (2): these become single, dgps, and fixed or float by the stated standard deviation, which is the best
-    that the message can tell. Its altitude is above the ellipsoid by definition.
+    The status of a NavSatFix is a fix (0), one with satellite-based augmentation (1) or with ground-based augmentation
+    (2). These become single, dgps, and fixed or float by the stated standard deviation. Its altitude is above the
+    ellipsoid by definition.
     """
 
     def __init__(self) -> None:
@@ -90,14 +90,14 @@ class FixLog:
         return len(self._rows)
 
     def add(self, content: Any, message: BagMessage) -> None:
-        """Take in one message.
+        """Add one message.
 
         Raises:
-            Damage: if it places the antenna nowhere on Earth.
+            Damage: if its coordinates are out of range.
         """
         lat, lon, height = float(content.latitude), float(content.longitude), float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
-            raise Damage(f"latitude {lat:g}, longitude {lon:g} is no place on Earth")
+            raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")
         known = int(content.position_covariance_type) > 0
         variance = np.asarray(content.position_covariance, np.float64)[::4]
         with np.errstate(invalid="ignore"):
@@ -113,7 +113,7 @@ class FixLog:
         return float(np.median(np.array(self._received_s) - np.array(self._rows)[:, 0]))
 
     def track(self, source: str) -> tuple[GnssTrack, list[Notice]]:
-        """All positions in the order of their stamps, and what was odd about them."""
+        """All positions in the order of their stamps, and what is unusual about them."""
         table = np.array(self._rows, np.float64).reshape(-1, 8)
         notices = []
         back = int((np.diff(table[:, 0]) <= 0).sum())
@@ -121,8 +121,9 @@ class FixLog:
             notices.append(
                 Notice(
                     "gnss-time-back",
-                    f"{source}: at {back} places time stands or runs back; the positions were put in the order of "
-                    "their stamps, one a stamp.",
+                    f"{source}: {back} stamps are not later than the one before; the positions are sorted by stamp, "
+                    "one "
+                    "per stamp.",
                 )
             )
             table = table[np.unique(table[:, 0], return_index=True)[1]]
@@ -133,16 +134,17 @@ class FixLog:
             notices.append(
                 Notice(
                     "gnss-fix-guessed",
-                    f"{source}: bags do not say whether RTK was fixed or float, only that corrections from the ground "
-                    f"were used. {ground['fixed']} positions that state an accuracy of {FIXED_SIGMA_M:.2f} m or better "
-                    f"(horizontal sigma) are taken as fixed, {ground['float']} with a worse or no accuracy as float.",
+                    f"{source}: NavSatFix does not distinguish RTK fixed from float. {ground['fixed']} positions with "
+                    "a "
+                    f"horizontal sigma of {FIXED_SIGMA_M:.2f} m or better are assumed to be fixed, {ground['float']} "
+                    "with a larger or no sigma to be float.",
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices
 
 
 def _fix(status: int, sigma_m: float) -> Fix:
-    """The quality behind a NavSatStatus and a horizontal standard deviation (nan: not stated)."""
+    """The fix of a NavSatStatus and a horizontal standard deviation (nan: not stated)."""
     if status == 2:
         return Fix.FIXED if sigma_m <= FIXED_SIGMA_M else Fix.FLOAT
     return {0: Fix.SINGLE, 1: Fix.DGPS}.get(status, Fix.NONE)

@@ -1,4 +1,4 @@
-"""VelodyneScan messages to scans, through the decoder that captures go through as well."""
+"""VelodyneScan messages to scans, with the same decoder as captures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BATCH: Final = 1000
 
 
 class PacketScans:
-    """Turns the VelodyneScan messages of one topic into scans.
+    """Decodes the VelodyneScan messages of one topic into scans.
 
     Args:
         source: file and topic, for messages.
@@ -34,7 +34,7 @@ class PacketScans:
         self._held = self._foreign = 0
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
-        """Take in one message; the scans that are complete with it."""
+        """The scans that this message completes."""
         payloads, host_s = packets(content, message)
         sound = (payloads[:, :2] == np.frombuffer(BLOCK_MARK, np.uint8)).all(axis=1)
         payloads, host_s = payloads[sound], host_s[sound]
@@ -45,7 +45,7 @@ class PacketScans:
         return self._decoded() if self._held >= _BATCH else []
 
     def finish(self) -> list[Scan]:
-        """The scans that were still open."""
+        """The scans that are still open."""
         return self._decoded() + self._decoder.finish()
 
     def _decoded(self) -> list[Scan]:
@@ -58,11 +58,11 @@ class PacketScans:
 
     @property
     def clock(self) -> Clock:
-        """Where the times come from; known with the first scan."""
+        """The clock that the times come from; known with the first scan."""
         return self._decoder.kind
 
     def facts(self) -> dict[str, Any]:
-        """What `inspect` tells."""
+        """What `inspect` reports."""
         counts, model = self._decoder.counts, self._decoder.model
         return {
             "model": model.name if model else None,
@@ -72,9 +72,9 @@ class PacketScans:
         }
 
     def notices(self) -> list[Notice]:
-        """What was odd; complete after `finish`."""
+        """What is unusual; complete after `finish`."""
         notices = self._decoder.notices()
         if self._foreign:
-            text = f"{self._source}: {self._foreign} packets that do not begin as data packets do were left out."
+            text = f"{self._source}: {self._foreign} packets that are not data packets are skipped."
             notices.append(Notice("packets-damaged", text))
         return notices

@@ -1,8 +1,8 @@
-"""ROS 1 bags (format V2.0) as a stream of records, indexed or not, whole or cut.
+"""ROS 1 bags (format V2.0) as a stream of records, with or without an index, complete or truncated.
 
-Source: the ROS wiki's page 'Bags/Format/2.0'. A bag is a row of records: a header of named fields, then data. Messages
-and the connections they belong to stand in chunks; behind each chunk stands its index, and at the end of a bag that was
-closed the connections again and what each chunk holds. A bag that was never closed lacks the end only.
+Source: the ROS wiki's page 'Bags/Format/2.0'. A bag is a sequence of records: a header of named fields, then data.
+Messages and their connections are in chunks, each followed by its index. A bag that was closed ends with the
+connections again and a summary of each chunk.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _Fields = dict[bytes, bytes]
 
 
 class Rosbag1File(RecordsFile):
-    """A ROS 1 bag, read once (a :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
+    """A ROS 1 bag, read once (implements :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -36,7 +36,7 @@ class Rosbag1File(RecordsFile):
         """The messages (of some topics) in the order of recording.
 
         Raises:
-            InputError: if the file is no bag of this version, or encrypted.
+            InputError: if the file is not a bag of version 2.0, or is encrypted.
         """
         with self._stream.source:
             self._begin()
@@ -56,17 +56,15 @@ class Rosbag1File(RecordsFile):
                     elif op in (_MESSAGE, _CONNECTION):
                         yield from self._message(fields, data, topics)
                     elif op != _INDEX:
-                        self._note(
-                            "bag-record-unknown", f"the record before {self._stream.where()} is of no known kind"
-                        )
+                        self._note("bag-record-unknown", f"unknown record type before {self._stream.where()}")
             except Damage as damage:
                 self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
             else:
                 self.declared = counted
                 if not indexed:
-                    self._note("bag-unindexed", "the bag was never closed and has no index; it was read through")
+                    self._note("bag-unindexed", "the bag was never closed and has no index; all of it was read")
                 elif counted is None:
-                    self._note("bag-cut", f"the bag ends at {self._stream.where()}, before its index; {self._lost()}")
+                    self._note("bag-cut", f"the bag ends at {self._stream.where()} without an index; {self._lost()}")
             self._note_orphans("connections")
 
     def _begin(self) -> None:
@@ -74,9 +72,9 @@ class Rosbag1File(RecordsFile):
         if line != _VERSION:
             version = line[len(MAGIC) :].decode("ascii", "replace").strip()
             raise InputError(
-                f"{self.path}: a ROS bag of version {version or 'unknown'}, where 2.0 is read.",
-                "Its records are laid out differently, so none of it was read.",
-                "Bring it to version 2.0 on a machine with ROS 1: `rosbag fix old.bag new.bag`.",
+                f"{self.path}: unsupported ROS bag version {version or 'unknown'}.",
+                "Only version 2.0 can be read.",
+                "Convert it on a machine with ROS 1: `rosbag fix old.bag new.bag`.",
                 code="bag-version",
             )
 
@@ -99,22 +97,22 @@ class Rosbag1File(RecordsFile):
         header = self._whole(_U32.unpack(head)[0]) if len(head) == 4 else b""
         size = self._stream.take(4)
         if len(size) < 4:
-            raise Damage("the file ends within a record's header")
+            raise Damage("the file ends within the header of a record")
         fields = _fields(header)
         (length,) = _U32.unpack(size)
         data = self._stream.take(length)
         if len(data) < length and fields.get(b"op") != _CHUNK:
-            raise Damage(f"the file ends {length - len(data)} bytes before the record does")
+            raise Damage(f"the last record is truncated by {length - len(data)} bytes")
         return fields, data
 
     def _whole(self, size: int) -> bytes:
         data = self._stream.take(size)
         if len(data) < size:
-            raise Damage(f"the file ends {size - len(data)} bytes before the record does")
+            raise Damage(f"the last record is truncated by {size - len(data)} bytes")
         return data
 
     def _chunk(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The messages of a chunk, as far as it is whole."""
+        """The messages of a chunk up to where it is damaged."""
         at = self._stream.offset - len(data)
         faults = []
         content = b""
@@ -134,10 +132,10 @@ class Rosbag1File(RecordsFile):
         except Damage as damage:
             faults.append(str(damage))
         if faults:
-            self._note("bag-chunk-damaged", f"the chunk at byte {at} was read only in part: {'; '.join(faults)}")
+            self._note("bag-chunk-damaged", f"the chunk at byte {at} is incomplete: {'; '.join(faults)}")
 
     def _message(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The message in a record, if it is one; a connection is remembered."""
+        """The message in a record, if it is one; connections are stored."""
         try:
             op = fields[b"op"]
             if op == _CONNECTION:
@@ -153,15 +151,15 @@ class Rosbag1File(RecordsFile):
 
 
 def _inner_record(content: bytes, position: int) -> tuple[_Fields, int, int]:
-    """Fields, start and end of the data of the record at `position` of a chunk."""
+    """Fields, and start and end of the data, of the record at `position` in a chunk."""
     try:
         (header_size,) = _U32.unpack_from(content, position)
         start = position + 4 + header_size + 4
         (size,) = _U32.unpack_from(content, start - 4)
     except struct.error:
-        raise Damage("it ends within a record's header") from None
+        raise Damage("it ends within the header of a record") from None
     if start + size > len(content):
-        raise Damage(f"it ends {start + size - len(content)} bytes before its last record does")
+        raise Damage(f"its last record is truncated by {start + size - len(content)} bytes")
     return _fields(content[position + 4 : start - 4]), start, start + size
 
 
@@ -171,18 +169,18 @@ def _fields(header: bytes) -> _Fields:
     position = 0
     while position < len(header):
         if position + 4 > len(header):
-            raise Damage("a record's header is damaged")
+            raise Damage("the header of a record is damaged")
         end = position + 4 + int.from_bytes(header[position : position + 4], "little")
         name, equals, value = header[position + 4 : end].partition(b"=")
         if end > len(header) or not equals:
-            raise Damage("a record's header is damaged")
+            raise Damage("the header of a record is damaged")
         fields[name] = value
         position = end
     return fields
 
 
 def _connection(fields: _Fields, data: bytes) -> tuple[str, str]:
-    """Topic and message type of a connection, the type in ROS 2's spelling."""
+    """Topic and message type of a connection, the type with its ROS 2 name."""
     try:
         kind = _fields(data)[b"type"].decode()
     except Damage:
@@ -191,5 +189,5 @@ def _connection(fields: _Fields, data: bytes) -> tuple[str, str]:
 
 
 def _messages_of_chunk(data: bytes) -> int:
-    """How many messages a chunk's entry in the index counts."""
+    """The number of messages of a chunk in its index."""
     return sum(count for _, count in _TIME.iter_unpack(data[: len(data) // 8 * 8]))

@@ -1,8 +1,8 @@
-"""What the storages of ROS bags have in common: messages out, one after another, and damage survived.
+"""What the storages of ROS bags have in common.
 
-A storage is read once from its start to its end, in the order in which it was recorded, without its index. The same
-few lines so read a whole bag, one that was never closed and one that was cut; memory holds one chunk, whatever the
-bag's length; and no size that a file declares is believed before as many bytes have come.
+A storage is read once from start to end, in the order of recording, without its index. So the same code reads complete
+bags, bags that were never closed and truncated ones. Memory holds one chunk, and no size that a file declares is
+trusted before that many bytes have been read.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ else:
     from backports import zstd
 
 LARGEST_BYTES = 1 << 29
-"""No record or chunk of a bag is larger: a rosbag chunk holds 768 KiB or a single message, one of an MCAP file a few
-MiB. A declared size beyond is damage."""
+"""Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
 _BLOCK_BYTES = 1 << 20
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -34,11 +33,11 @@ class BagMessage(NamedTuple):
     """One recorded message, still serialised.
 
     Attributes:
-        topic: its name.
-        type: in ROS 2's spelling, such as "sensor_msgs/msg/PointCloud2".
+        topic: name of the topic.
+        type: ROS 2 name of the type, such as "sensor_msgs/msg/PointCloud2".
         encoding: "ros1" or "cdr".
-        received_ns: when the recorder received it, POSIX nanoseconds.
-        data: the message.
+        received_ns: time of reception by the recorder, POSIX nanoseconds.
+        data: the serialised message.
     """
 
     topic: str
@@ -52,8 +51,8 @@ class Storage(Protocol):
     """One file of a bag.
 
     Attributes:
-        notices: what was damaged; complete when the messages have ended.
-        declared: how many messages the file's own index counts, where it has one and was read to its end.
+        notices: damage; complete when the messages have ended.
+        declared: number of messages in the file's index, if it has one and was read to its end.
     """
 
     notices: list[Notice]
@@ -65,26 +64,26 @@ class Storage(Protocol):
         ...
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages (of some topics) in the order of recording; they end where the file or its sense does."""
+        """The messages (of some topics) in the order of recording, up to the end or to damage."""
         ...
 
 
 class Damage(Exception):
-    """A part of a bag that makes no sense; says which and why."""
+    """A part of a bag that cannot be decoded, and why."""
 
 
 class ByteStream:
-    """A file's bytes in order, and where one stands in them (counted behind the decompression of a `.gz`)."""
+    """A file's bytes in order, and the current offset (in the decompressed bytes of a `.gz`)."""
 
     def __init__(self, path: Path) -> None:
         self.source = Source(path)
         self.offset = 0
 
     def take(self, size: int) -> bytes:
-        """The next `size` bytes; fewer only where the file ends.
+        """The next `size` bytes; fewer only at the end of the file.
 
         Raises:
-            Damage: if no record of a bag can be so large.
+            Damage: if the size is implausible.
         """
         if size > LARGEST_BYTES:
             raise Damage(f"a record of {size} bytes is declared at byte {self.offset}")
@@ -102,13 +101,13 @@ class ByteStream:
         return 1.0 if self.source.closed else self.source.share_read
 
     def where(self) -> str:
-        """The byte reached, in words."""
+        """The current offset, for messages."""
         packed = self.source.compression
         return f"byte {self.offset}" + (f" (unpacked from {packed})" if packed else f" of {self.source.size_bytes}")
 
 
 class StorageFile:
-    """What all storages begin with."""
+    """Base of all storages."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -120,7 +119,7 @@ class StorageFile:
 
 
 class RecordsFile(StorageFile):
-    """A storage that is a row of records, which may break off anywhere."""
+    """A storage that is a sequence of records, which may end anywhere."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -134,37 +133,35 @@ class RecordsFile(StorageFile):
         return self._stream.share_read
 
     def _lost(self) -> str:
-        """What records that end too early have lost, as far as anyone can tell."""
+        """What a truncated file has lost."""
         last_ns = self._last_ns
-        return (
-            "no message was found" if last_ns is None else f"what was recorded after {iso_utc(last_ns * 1e-9)} is lost"
-        )
+        return "it has no message" if last_ns is None else f"messages after {iso_utc(last_ns * 1e-9)} are lost"
 
     def _note_orphans(self, kind: str) -> None:
-        """Tell how many messages are left out because what they belong to, of that kind, is damaged."""
+        """Note how many messages are skipped because their schema, channel or connection is damaged."""
         if self._orphans:
-            self._note("bag-orphans", f"{self._orphans} messages of {kind} that are damaged were left out")
+            self._note("bag-orphans", f"{self._orphans} messages of damaged {kind} are skipped")
 
 
 def ros2_type(name: str) -> str:
-    """A message type in ROS 2's spelling: "sensor_msgs/Imu" and "sensor_msgs/msg/Imu" are the same."""
+    """The ROS 2 name of a message type: "sensor_msgs/Imu" becomes "sensor_msgs/msg/Imu"."""
     parts = name.split("/")
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
 
 
 def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
-    """A chunk's content, decompressed step by step so that what precedes damage is kept and no bomb goes off.
+    """A chunk's content, decompressed in steps: content before damage is kept, and decompression bombs are stopped.
 
     Args:
-        data: the chunk, perhaps cut.
-        method: its compression as the storage names it: "", "none", "lz4", "bz2" or "zstd".
-        size: the size its content is declared to have.
+        data: the chunk, possibly truncated.
+        method: name of its compression: "", "none", "lz4", "bz2" or "zstd".
+        size: the declared size of its content.
 
     Returns:
         Up to `size` bytes, and why they are fewer, or "".
 
     Raises:
-        Damage: if the compression is unknown or the declared size is beyond reason.
+        Damage: if the compression is unknown or the declared size is implausible.
     """
     if size > LARGEST_BYTES:
         raise Damage(f"a chunk of {size} bytes is declared")
@@ -182,12 +179,12 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
     except faults as error:
         fault = f"its {method} data are damaged ({error})"
     if wanted and not fault:
-        fault = f"it holds {size - wanted} bytes where {size} are declared"
+        fault = f"it has {size - wanted} bytes instead of the declared {size}"
     return b"".join(out), fault
 
 
 def unpacked(data: bytes) -> bytes:
-    """A CDR message as it was before rosbag2 compressed it (mode "message"); other messages as they are.
+    """A CDR message, decompressed if rosbag2 compressed it (mode "message").
 
     Raises:
         Damage: if it cannot be decompressed.
@@ -200,12 +197,12 @@ def unpacked(data: bytes) -> bytes:
     except zstd.ZstdError as error:
         raise Damage(f"its zstd data are damaged ({error})") from None
     if not decompressor.eof:
-        raise Damage("its zstd data are cut")
+        raise Damage("its zstd data are truncated")
     return out
 
 
 def _decompressor(method: str) -> tuple[Any, tuple[type[Exception], ...]]:
-    """An incremental decompressor of a fresh chunk, and what it raises on damage."""
+    """An incremental decompressor, and the exceptions that it raises on damage."""
     if method == "lz4":
         from lz4.frame import LZ4FrameDecompressor
 
@@ -214,4 +211,4 @@ def _decompressor(method: str) -> tuple[Any, tuple[type[Exception], ...]]:
         return bz2.BZ2Decompressor(), (OSError, EOFError, ValueError)
     if method == "zstd":
         return zstd.ZstdDecompressor(), (zstd.ZstdError, EOFError)
-    raise Damage(f"a chunk is compressed by {method[:20]!r}, which is none of lz4, bz2 and zstd")
+    raise Damage(f"unsupported compression {method[:20]!r} of a chunk (supported: lz4, bz2, zstd)")

@@ -1,1 +1,1 @@
-"""Solutions of RTKLIB and its descendants (CLASLIB, MADOCALIB, rtklib-py): ``.pos`` files."""
+"""Solution files (``.pos``) of RTKLIB and its descendants (CLASLIB, MADOCALIB, rtklib-py)."""

@@ -1,4 +1,4 @@
-"""Solutions that a processor wrote: the ``.pos`` files of RTKLIB, CLASLIB, MADOCALIB and their kin."""
+"""Solution files (``.pos``) of RTKLIB, CLASLIB, MADOCALIB and others in the same format."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ FloatArray = NDArray[np.float64]
 FIXES: Final = {1: Fix.FIXED, 2: Fix.FLOAT, 3: Fix.DGPS, 4: Fix.DGPS, 5: Fix.SINGLE, 6: Fix.PPP, 7: Fix.ESTIMATED}
 """Quality of a position by its flag Q (fix, float, SBAS, DGPS, single, PPP, dead reckoning)."""
 MOST_AHEAD: Final = 0.5
-"""Share of steps back in time from which on a solution was written from its end to its beginning."""
+"""Share of steps back in time above which a solution was written from end to start."""
 
 
 class RtklibPos(PositionLog):
     """The positions of a solution file, in either of its two time styles.
 
-    Times are GPS time unless the header says UTC or JST. A standard deviation of 0, 0 satellites, and an age that is 0
-    throughout are taken for not stated. Heights above the geoid are not taken for ellipsoidal ones. A solution that was
-    filtered backward and written so is turned round.
+    Times are GPS time unless the header states UTC or JST. A standard deviation of 0, 0 satellites, and an age that is
+    always 0 mean that they are unknown. Heights above the geoid are ignored. A solution that was written in reverse, by
+    a backward filter, is reversed.
 
     Args:
         paths: the files of one recording, in the order of time.
-        options: not used; the files carry all.
+        options: not used.
     """
 
     format: ClassVar[str] = "rtklib-pos"
-    title: ClassVar[str] = "solution of RTKLIB or its kin (.pos)"
+    title: ClassVar[str] = "RTKLIB solution (.pos)"
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain with a header of its kind; likely where the first lines are rows."""
+        """Certain with a header; likely if the first lines are rows."""
         if b"\0" in head.data[:4096]:
             return 0.0
         lines = [line.strip() for line in head.data.split(b"\n")[:200]]
@@ -70,8 +70,8 @@ class RtklibPos(PositionLog):
             self.notices.append(
                 Notice(
                     "lines-damaged",
-                    f"{name}: {rows.damaged} of {rows.lines} lines are neither comments nor whole rows and are not "
-                    "used.",
+                    f"{name}: {rows.damaged} of {rows.lines} lines are neither comments nor complete rows and are "
+                    "skipped.",
                 )
             )
 
@@ -89,11 +89,11 @@ class RtklibPos(PositionLog):
             "lines_damaged": rows.damaged,
         }
         positions = _solutions(rows, name, place)
-        return replace(positions, facts=facts, scale=header.time or "taken as GPST")
+        return replace(positions, facts=facts, scale=header.time or "assumed to be GPST")
 
 
 def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
-    """The positions of the rows; `place` has words for where a row stands."""
+    """The positions of the rows; `place` describes where a row is in the files."""
     notices: list[Notice] = []
     try:
         columns = _columns(rows, name, notices)
@@ -104,7 +104,7 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
         kept = np.flatnonzero(usable)
         if len(kept) > 1 and np.mean(np.diff(columns["t_s"][kept]) < 0) > MOST_AHEAD:
             kept = kept[::-1]
-            text = f"{name}: its times run back all through; it is read from its end."
+            text = f"{name}: its times decrease; it is read from end to start."
             notices.append(Notice("written-backward", text))
     except InputError as fault:
         return replace(Positions.none(name, fault), notices=tuple(notices))
@@ -119,33 +119,33 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
 
 
 def _no_positions(rows: Rows, name: str) -> InputError:
-    what = f"none of its {len(rows.line)} rows states a position" if len(rows.line) else "there is not one row in it"
+    what = f"none of its {len(rows.line)} rows has a position" if len(rows.line) else "no rows"
     return InputError(
         f"{name}: {what}.",
-        "The processor found no solution, or the file was cut behind its header.",
-        "Look at the processor's settings and inputs, and let it write again.",
+        "The software found no solution, or the file was truncated after its header.",
+        "Check the settings and the inputs of the software, and run it again.",
         code="no-positions",
     )
 
 
 def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[Any]]:
-    """The columns of a track, and `t_s`; nan where a value cannot be."""
+    """The columns of a track, and `t_s`; nan where a value is invalid."""
     header, values = rows.header, rows.values
     if header.form is Form.BASELINE:
         raise InputError(
             f"{name}: its positions are baselines from a base station (east, north, up), not coordinates.",
-            "Without the base station's coordinates they lie nowhere on the earth.",
-            "Let the processor write latitude, longitude and height (out-solformat = llh).",
+            "They cannot be converted without the coordinates of the base station.",
+            "Configure the software to write latitude, longitude and height (out-solformat = llh).",
             code="pos-baseline",
         )
     if len(rows.line) and not header.time:
-        text = f"{name}: no header says whether its times are GPS time, UTC or JST; they are taken as GPS time."
+        text = f"{name}: no header states the time scale (GPS time, UTC or JST); GPS time is assumed."
         notices.append(Notice("time-scale-assumed", text))
     if header.form is Form.SEXAGESIMAL:
         values = np.column_stack([_sexagesimal(values[:, :3]), _sexagesimal(values[:, 3:6]), values[:, 6:]])
     lat, lon, height = values[:, 0], values[:, 1], values[:, 2]
     north, east, up = (_positive(values[:, k]) for k in (5, 6, 7))
-    vn, ve = values[:, 13], values[:, 14]  # behind age and ratio, where velocities were asked for
+    vn, ve = values[:, 13], values[:, 14]  # after age and ratio, if velocities were requested
     if header.form is Form.CARTESIAN:
         lon, lat, height = geodetic(values[:, :3])
         north, east, up = _turned_sigmas(values, lon, lat)
@@ -155,7 +155,7 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
         speed = np.hypot(vn, ve)
     if header.geodetic_height and len(values):
         height = np.full(len(values), np.nan)
-        text = f"{name}: its heights are above the geoid (geodetic), so there is no ellipsoidal height."
+        text = f"{name}: its heights are above the geoid (geodetic), so the ellipsoidal height is unknown."
         notices.append(Notice("no-ellipsoidal-height", text))
     quality = np.where((values[:, 3] >= 0) & (values[:, 3] <= 7), values[:, 3], 0).astype(np.int64)
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
@@ -176,7 +176,7 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
 
 
 def _utc(rows: Rows) -> FloatArray:
-    """UTC (n,) of the rows' times; nan where a calendar has no such day."""
+    """UTC (n,) of the rows' times; nan for invalid dates."""
     time = rows.time
     if time.shape[1] == 2:
         gps_s = time[:, 0] * WEEK_S + time[:, 1]
@@ -193,20 +193,20 @@ def _utc(rows: Rows) -> FloatArray:
 
 
 def _positive(sigma: FloatArray) -> FloatArray:
-    """Standard deviations that are stated."""
+    """Standard deviations; nan if they are not stated."""
     return np.where(sigma > 0.0, sigma, np.nan)
 
 
 def _sexagesimal(parts: FloatArray) -> FloatArray:
-    """Degrees (n,) of degrees, minutes and seconds (n, 3), of which the first carries the sign."""
+    """Degrees (n,) of degrees, minutes and seconds (n, 3); the degrees have the sign."""
     size = np.abs(parts[:, 0]) + parts[:, 1] / 60.0 + parts[:, 2] / 3600.0
     return np.where(np.signbit(parts[:, 0]), -size, size)
 
 
 def _turned_sigmas(values: FloatArray, lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard deviations north, east and up of those in x, y, z.
+    """Standard deviations north, east and up from those in x, y, z.
 
-    Off the diagonal stand square roots of covariances with the sign of those (RTKLIB manual, appendix B.1).
+    The values off the diagonal are square roots of covariances, with their sign (RTKLIB manual, appendix B.1).
     """
     diagonal = values[:, 5:8] ** 2
     xy, yz, zx = (np.sign(values[:, k]) * values[:, k] ** 2 for k in (8, 9, 10))

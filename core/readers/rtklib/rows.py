@@ -1,6 +1,6 @@
-"""The rows of a ``.pos`` file: which lines are whole, and what its header says of them.
+"""The rows and the header of a ``.pos`` file.
 
-(RTKLIB 2.4.2 manual, appendix B.1, "Positioning solution file"; its descendants write the same layout.)
+(RTKLIB 2.4.2 manual, appendix B.1, "Positioning solution file"; its descendants write the same format.)
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from furrowmap.core.readers.source import Source
 
 CHUNK_BYTES: Final = 1 << 22
 LONGEST: Final = 2048
-"""Bytes above which a line is none of a solution."""
+"""Maximum length of a line in bytes."""
 FEWEST: Final = 5
-"""Numbers behind the time that no row can do without: three of position, quality, satellites."""
+"""Minimum number of values after the time: three of position, quality, satellites."""
 MOST: Final = 24
 
 _NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
@@ -32,12 +32,12 @@ ROWS: Final = {
     6: re.compile(rb"[ \t]*" + _CALENDAR + _VALUES),
     2: re.compile(rb"[ \t]*" + _WEEK + _VALUES),
 }
-"""What a row looks like, by how many numbers its time is: year to second, or week and second of the week."""
+"""Pattern of a row by the number of values of its time: year to second, or week and second of the week."""
 _PLAIN: Final = bytes.maketrans(b"/:,;\t\r", b"      ")
 
 
 class Form(Enum):
-    """How a position is written."""
+    """Form of the coordinates."""
 
     DEGREES = "latitude, longitude, height"
     SEXAGESIMAL = "latitude, longitude in degrees, minutes, seconds; height"
@@ -47,14 +47,14 @@ class Form(Enum):
 
 @dataclass
 class Header:
-    """What the comments at a file's head say.
+    """The header of a file, from its comments.
 
     Attributes:
-        form: how positions are written.
-        time: "GPST", "UTC", "JST"; "" where it is not said.
+        form: form of the coordinates.
+        time: "GPST", "UTC", "JST"; "" if it is not stated.
         geodetic_height: whether heights are above the geoid.
-        program: that wrote the file.
-        mode: of its positioning.
+        program: the program that wrote the file.
+        mode: its positioning mode.
     """
 
     form: Form = Form.DEGREES
@@ -64,7 +64,7 @@ class Header:
     mode: str = ""
 
     def take(self, line: str) -> None:
-        """Take in one line of comment."""
+        """Read one comment line."""
         text = line.lstrip("%").strip()
         name, colon, value = text.partition(":")
         if colon and name.strip() == "program":
@@ -88,7 +88,7 @@ class Header:
 
     @property
     def service(self) -> str:
-        """Whose corrections were used, as far as the header says it."""
+        """The correction service, if the header shows it; see :class:`GnssTrack`."""
         words = f"{self.program} {self.mode}".lower()
         for word, service in (("madoca", "madoca"), ("clas", "clas"), ("ppp-rtk", "ppp-rtk"), ("ppp", "ppp")):
             if re.search(rf"\b{word}(?:lib)?\b", words):
@@ -102,11 +102,11 @@ class Rows:
 
     Attributes:
         header: of the first file.
-        time: (n, 6) or (n, 2) numbers of the time.
-        values: (n, 24) of what stands behind it, nan where a row has no more.
-        line: (n,) number of the row's line, in all files.
-        damaged: lines that are neither comment nor row.
-        lines: of all files.
+        time: (n, 6) or (n, 2) values of the time.
+        values: (n, 24) values after the time, nan where a row has fewer.
+        line: (n,) line number of the row, counted over all files.
+        damaged: number of lines that are neither comments nor rows.
+        lines: number of lines of all files.
     """
 
     header: Header
@@ -128,7 +128,7 @@ class _Gathering:
 
 
 def read_rows(source: Source, into: _Gathering | None = None) -> _Gathering:
-    """Gather the rows of a stream behind those of the streams before it."""
+    """Collect the rows of a stream after those of the streams before."""
     gathered = into or _Gathering()
     for lines in _lines(source):
         _gather(lines, gathered)
@@ -136,7 +136,7 @@ def read_rows(source: Source, into: _Gathering | None = None) -> _Gathering:
 
 
 def finished(gathered: _Gathering) -> Rows:
-    """All that was gathered."""
+    """All rows that were collected."""
     style = gathered.style or 6
     table = np.concatenate([np.empty((0, style + MOST)), *gathered.tables])
     line = np.concatenate([np.empty(0, np.int64), *gathered.numbers])
@@ -152,12 +152,12 @@ def _lines(source: Source) -> Iterator[list[bytes]]:
                 yield [rest]
             return
         *whole, rest = (rest + block).split(b"\n")
-        rest = rest[: LONGEST + 1]  # a line that is longer is none, and need not be kept
+        rest = rest[: LONGEST + 1]  # a longer line is not a row and need not be kept
         yield whole
 
 
 def _gather(lines: list[bytes], gathered: _Gathering) -> None:
-    """Take the rows among the lines; the first one decides how times are written."""
+    """Collect the rows among the lines; the first one determines the form of the times."""
     rows: list[bytes] = []
     numbers: list[int] = []
     for number, line in enumerate(lines, start=gathered.lines + 1):
@@ -181,7 +181,7 @@ def _gather(lines: list[bytes], gathered: _Gathering) -> None:
 
 
 def _table(rows: list[bytes], width: int) -> NDArray[np.float64]:
-    """The numbers (n, width) of rows of numbers, which may be of different lengths; nan where one has no more."""
+    """The values (n, width) of rows with different numbers of values; nan where a row has fewer."""
     table = np.full((len(rows), width), np.nan)
     counts = np.array([len(row.split()) for row in rows])
     for count in np.unique(counts):

@@ -1,4 +1,4 @@
-"""Velodyne sensors' packets in captures of network traffic."""
+"""Velodyne packets in captures of network traffic."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 
 GLANCE_S: Final = 0.12
-"""Packets of so long are taken where a glance is enough: a revolution, in two parts."""
+"""Duration of the packets that are read where a glance is sufficient: a revolution, in two parts."""
 _SURVEY_PACKETS: Final = 4000
-"""Data packets (3 to 5 s) that are looked at before the first scan is given out."""
+"""Number of data packets (3 to 5 s) that are surveyed before the first scan."""
 _STRAY: Final = 0.01
 _STRAY_PACKETS: Final = 10
-"""A second sensor with less than this share of the packets, or fewer than so many, is a stray."""
+"""A second sensor with a smaller share of the packets, or fewer packets than this, is ignored."""
 
 
 class VelodynePcap(FileReader):
-    """Reader of the scans in captures of a VLP-16, Puck LITE, Puck Hi-Res, VLP-32C or HDL-32E.
+    """Scans in captures of a VLP-16, Puck LITE, Puck Hi-Res, VLP-32C or HDL-32E.
 
-    Opening it reads the first seconds: which sensor is speaking, and what its clock counts from. Where position
-    packets are there but the sensor has no lock yet, it reads on until it has one, so that scans before it get the
-    right time too.
+    Opening it reads the first seconds to determine the sensor's address and the origin of its clock. If there are
+    position packets but the sensor has no GPS lock yet, it reads up to the lock, so that scans before it have the
+    correct time too.
 
     Raises:
-        InputError: on opening, if a file is no capture or holds no Velodyne packets, or those of several sensors; on
-            reading, if the model is none that can be decoded.
+        InputError: on opening, if a file is not a capture, or has no Velodyne packets or those of several sensors; on
+            reading, if the model is not supported.
     """
 
     format: ClassVar[str] = "velodyne-pcap"
@@ -56,7 +56,7 @@ class VelodynePcap(FileReader):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """1 for captures in whose first bytes a data packet lies, 0.5 for any other capture."""
+        """1 for captures with a data packet in their first bytes, 0.5 for other captures."""
         if not capture_format(head.data):
             return 0.0
         at = head.data.find(BLOCK_MARK)
@@ -67,11 +67,11 @@ class VelodynePcap(FileReader):
         return 0.5
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of all files, streamed; `notices` and `clocks` are complete when they have ended."""
+        """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
         return self._read(self.paths, Traffic())
 
     def inspect(self) -> Inspection:
-        """Read the first file through and say what it is and holds."""
+        """Read the whole first file and report what it contains."""
         traffic = Traffic()
         for _ in self._read(self.paths[:1], traffic):
             pass
@@ -108,13 +108,13 @@ class VelodynePcap(FileReader):
 
 @dataclass
 class _Survey:
-    """The beginning of a recording.
+    """The start of a recording.
 
     Attributes:
         sender: address and port of the sensor (see `Datagrams.sender`).
         device_us: stamps of its first data packets.
         host_s: the recorder's times of those.
-        positions: its position packets, up to the first with a lock and at least as far as the data packets reach.
+        positions: its position packets, up to the first with a lock, and at least as far as the data packets.
     """
 
     sender: int
@@ -175,7 +175,7 @@ def _stamps_us(datagrams: Datagrams, which: NDArray[np.bool_]) -> NDArray[np.uin
 
 
 def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
-    """The sensor that speaks.
+    """The sensor that sends the packets.
 
     Raises:
         InputError: if there are several.
@@ -187,9 +187,9 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     if len(several) > 1:
         words = "; ".join(f"{address_of(sender)} ({n:,} packets)" for sender, n in several)
         raise InputError(
-            f"{paths[0]} holds packets of {len(several)} sensors: {words}.",
-            "Each has its own place on the machine and its own clock, so they cannot be read as one.",
-            "Split the capture and name the sensor you mean, such as: tcpdump -r all.pcap -w one.pcap"
+            f"{paths[0]} has packets of {len(several)} sensors: {words}.",
+            "Each sensor has its own mounting and clock, so they cannot be read as one.",
+            "Extract the packets of one sensor, such as: tcpdump -r all.pcap -w one.pcap"
             f" 'src host {str(address_of(several[0][0])).split(' ')[0]}'.",
             code="two-sensors",
         )
@@ -201,8 +201,8 @@ def _no_packets(paths: Sequence[Path], skipped: Counter[str], positions: int) ->
     if positions:
         frames = f"{positions:,} position packets" + (f", {frames}" if frames else "")
     return InputError(
-        f"{paths[0]} holds no packets of a Velodyne sensor ({frames or 'no packets at all'}).",
-        "Without data packets (1206 bytes, UDP port 2368 by default) there are no points.",
-        "Check that the recorder captured the sensor's network interface, and was not stopped before it began.",
+        f"{paths[0]} has no packets of a Velodyne sensor ({frames or 'no packets at all'}).",
+        "The points are in data packets (1206 bytes, UDP port 2368 by default).",
+        "Check that the recorder captured the sensor's network interface while the sensor was on.",
         code="no-packets",
     )

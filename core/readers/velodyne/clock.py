@@ -1,8 +1,8 @@
-"""UTC of a Velodyne's device stamps, which show only the microseconds past some hour.
+"""UTC of a Velodyne's device stamps, which count microseconds of an hour.
 
-The stamp of a sensor that gets PPS and GPRMC from a GNSS receiver counts from the full hour of UTC; which hour, its
-position packets say (VLP-16 User Manual 63-9243 Rev. E, sections 9.3.1.6 and 9.3.3). Any other sensor's counts from
-when it was switched on, and only the recorder's time of each packet tells when that was.
+The stamp of a sensor with PPS and GPRMC from a GNSS receiver counts from the full hour of UTC, and its position packets
+contain the hour (VLP-16 User Manual 63-9243 Rev. E, sections 9.3.1.6 and 9.3.3). The stamp of other sensors counts from
+power-on, and UTC comes from the recorder's time of each packet.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ POSITION_BYTES: Final = 512
 STAMP_AT: Final = 198
 SENTENCE_AT: Final = 206
 
-PPS_WORDS: Final = ("absent", "synchronising", "locked", "error")
+PPS_STATES: Final = ("absent", "synchronising", "locked", "error")
 PPS_LOCKED: Final = 2
 
 _SENTENCE_AGE_S: Final = 2.0
-"""A GPRMC sentence tells of the second just past; a device stamp further from it counts from no full hour of UTC."""
+"""A GPRMC sentence is of the last second; if it differs more, the device stamp does not count from an hour of UTC."""
 _JUMP_S: Final = 2.0
-"""The recorder receives packets late and in bursts; a device stamp that departs further from it has been set anew."""
+"""The recorder receives packets late and in bursts; if they differ more, the sensor's clock was reset."""
 _DISCIPLINED_S: Final = 2.0
-"""Stamps this near to the recorder's time past the hour count from it: by chance one sensor in nine hundred does."""
+"""Stamps this close to the recorder's time past the hour count from the hour: by chance, one sensor in 900 does."""
 _SAME_S: Final = 0.05
-"""Stamps even nearer were set by the recorder, or give the same times."""
+"""Stamps even closer were set by the recorder, or result in the same times."""
 _LATE_S: Final = 0.02
 """A stamp earlier than its predecessor by less than this is a packet out of order."""
 _NEXT_S: Final = 0.25
-"""A stamp later than its predecessor by less than this needs no second opinion."""
+"""A stamp later than its predecessor by less than this is not compared with the recorder's time."""
 _FIRST_PLAUSIBLE_S: Final = 946_684_800.0
-"""2000-01-01: a recorder whose clock says less has no clock."""
+"""2000-01-01: a recorder with an earlier time has no clock."""
 
 _RMC = re.compile(
     rb"\$G[A-Z]RMC,(\d{2})(\d{2})(\d{2}(?:\.\d*)?),([AV]),"
@@ -54,16 +54,16 @@ _RMC = re.compile(
 
 @dataclass(frozen=True)
 class PositionPacket:
-    """What a sensor said in a position packet.
+    """The content of a position packet.
 
     Attributes:
         host_s: the recorder's time of the packet.
-        device_s: the sensor's own time, seconds past its hour.
-        pps: state of the pulse per second, an index into `PPS_WORDS`.
-        sentence_s: UTC of its GPRMC sentence; a time of day (0 to 86,400) where that has no date; nan without one.
-        valid: whether the receiver called that sentence valid (A).
-        lat_deg: latitude, nan where there is none.
-        lon_deg: longitude, nan where there is none.
+        device_s: the sensor's time, seconds of its hour.
+        pps: state of the pulse per second, an index into `PPS_STATES`.
+        sentence_s: UTC of its GPRMC sentence; a time of day (0 to 86,400) without a date; nan without a sentence.
+        valid: whether the receiver marked that sentence as valid (A).
+        lat_deg: latitude; nan without a position.
+        lon_deg: longitude; nan without a position.
     """
 
     host_s: float
@@ -76,7 +76,7 @@ class PositionPacket:
 
     @classmethod
     def parse(cls, payload: bytes, host_s: float) -> PositionPacket:
-        """Take a position packet apart; a damaged sentence counts as none."""
+        """Decode a position packet; a damaged sentence is ignored."""
         device_s = int.from_bytes(payload[STAMP_AT : STAMP_AT + 4], "little") * 1e-6
         pps = payload[STAMP_AT + 4]
         sentence_s = lat_deg = lon_deg = float("nan")
@@ -97,10 +97,10 @@ class PositionPacket:
         return cls(host_s, device_s, pps, sentence_s, valid, lat_deg, lon_deg)
 
     def utc_s(self, near_s: float) -> float | None:
-        """UTC of the device stamp by the sentence's hour; None where the two don't belong together.
+        """UTC of the device stamp, with the hour of the sentence; None if the two do not match.
 
         Args:
-            near_s: a time on about the right day, for sentences without a date.
+            near_s: a time within twelve hours, for sentences without a date.
         """
         if not self.valid:
             return None
@@ -113,16 +113,16 @@ class PositionPacket:
 
 @dataclass
 class SensorClock:
-    """Turns device stamps, batch after batch in the order of the recording, into UTC.
+    """Converts device stamps, batch by batch in the order of the recording, to UTC.
 
-    Hours roll over and pauses are bridged by what the recorder says went by. Where the sensor's clock was set anew
-    (it got its lock, or was restarted), time runs on by the recorder's clock and `jumps` counts it.
+    Rollovers of the hour and pauses are resolved with the recorder's time. If the sensor's clock is reset (it locks to
+    GPS, or is restarted), time continues by the recorder's clock, and `jumps` records it.
 
     Attributes:
-        kind: which clock the times come from.
-        home_s: UTC where the sensor's hour begins, give or take whole hours; 0 for one that counts from the hour.
-        utc_minus_host_s: what to add to the recorder's time to come near UTC.
-        jumps: UTC and size in seconds of each step of the sensor's clock.
+        kind: the clock that the times come from.
+        home_s: UTC of the start of the sensor's hour, modulo an hour; 0 for a sensor that counts from the full hour.
+        utc_minus_host_s: approximate UTC minus the recorder's time.
+        jumps: UTC and size in seconds of each reset of the sensor's clock.
     """
 
     kind: Clock
@@ -137,7 +137,7 @@ class SensorClock:
         """UTC of each packet's stamp.
 
         Args:
-            device_us: (m,) stamps, microseconds past the hour.
+            device_us: (m,) stamps, microseconds of the hour.
             host_s: (m,) the recorder's time of each packet.
         """
         if not len(device_us):
@@ -153,7 +153,7 @@ class SensorClock:
         return device_s + offset_s
 
     def _step(self, i: int, device_s: FloatArray, host_s: FloatArray, offset_s: FloatArray) -> float:
-        """By how much the offset changes at packet `i`, whose stamp does not simply follow the one before."""
+        """Change of the offset at packet `i`, whose stamp does not directly follow the one before."""
         first = i == 0 and np.isnan(self._device_s)
         if first:
             predicted_s = float(host_s[0]) + self.utc_minus_host_s
@@ -180,13 +180,13 @@ def settle(
     positions: list[PositionPacket],
     near_s: float | None = None,
 ) -> tuple[SensorClock, list[Notice]]:
-    """Find out what the sensor's stamps count from.
+    """Determine the origin of the sensor's stamps, and what is unusual about it.
 
     Args:
-        device_us: (m,) stamps of the first data packets, m > 0; the more, the less the recorder's jitter matters.
+        device_us: (m,) stamps of the first data packets, m > 0; more of them reduce the recorder's jitter.
         host_s: (m,) the recorder's time of each.
-        positions: the position packets seen so far.
-        near_s: a time near which the recording lies, for recorders without a clock.
+        positions: the position packets so far.
+        near_s: a time near the recording, for recorders without a clock.
     """
     near = float(np.median(host_s))
     if near_s is not None and near < _FIRST_PLAUSIBLE_S:
@@ -199,8 +199,8 @@ def settle(
         utc_s = float(nearest_in_cycle(device_us[0] * 1e-6, near_s, HOUR_S))
         notice = Notice(
             "clock-stated",
-            f"The recorder's clock knows no date ({iso_utc(float(host_s[0]))}): the sensor's stamps are taken as"
-            f" counted from the full hour of UTC, the hour as near as possible to {iso_utc(near_s)}.",
+            f"The recorder's clock has no date ({iso_utc(float(host_s[0]))}): the sensor's stamps are assumed to count"
+            f" from the full hour of UTC, in the hour closest to {iso_utc(near_s)}.",
         )
         return SensorClock(Clock.STATED, 0.0, utc_s - float(host_s[0])), [notice]
     apart_s = host_s - device_us * 1e-6
@@ -219,8 +219,8 @@ def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: fl
     return [
         Notice(
             "clock-before-lock",
-            "The recording begins before the sensor's clock was set by GPS: until then its times are the recorder's,"
-            f" moved by the {ahead_s:+.3f} s found after the lock.",
+            "The recording begins before the sensor's clock was set by GPS: until then, times are the recorder's,"
+            f" shifted by the {ahead_s:+.3f} s found after the lock.",
         )
     ]
 
@@ -228,34 +228,36 @@ def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: fl
 def _sensor_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
     return Notice(
         "clock-sensor",
-        f"{_no_receiver(positions)}, but the stamps fit the hour of the recorder's clock to {past_hour_s:+.3f} s, as "
-        "they hardly would by chance: they are taken as set by GPS, the recorder's clock as that much ahead, its "
-        "hour as right. If the cloud lies shifted along the way, set `[recording] lidar_minus_gnss_s`.",
+        f"{_no_receiver(positions)}, but the stamps match the recorder's time past the hour within {past_hour_s:+.3f} "
+        "s, "
+        "which is unlikely by chance: the sensor's clock is assumed to be set by GPS, and the recorder's clock to be "
+        "ahead by that difference. If the cloud is shifted along the driving direction, set `[recording] "
+        "lidar_minus_gnss_s`.",
     )
 
 
 def _recorder_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
     if abs(past_hour_s) <= _SAME_S:
-        how = f"the stamps agree with its time past the hour to {abs(past_hour_s):.3f} s"
+        how = f"the stamps match its time past the hour within {abs(past_hour_s):.3f} s"
     else:
-        how = f"the stamps stand {abs(past_hour_s):.1f} s off its time past the hour"
+        how = f"the stamps differ by {abs(past_hour_s):.1f} s from its time past the hour"
     return Notice("clock-recorder", f"{_no_receiver(positions)}: times are the recorder's; {how}.")
 
 
 def _no_receiver(positions: list[PositionPacket]) -> str:
-    """Why it is not sure that a receiver sets the sensor's clock."""
+    """Why it is uncertain whether a receiver sets the sensor's clock."""
     if not positions:
         return "There are no position packets"
     if all(np.isnan(p.sentence_s) for p in positions):
-        return f"The position packets bring no GPRMC sentence (PPS {pps_words(p.pps for p in positions)})"
+        return f"The position packets have no GPRMC sentence (PPS {pps_states(p.pps for p in positions)})"
     if not any(p.valid for p in positions):
-        return f"The receiver calls all its GPRMC sentences void (PPS {pps_words(p.pps for p in positions)})"
-    return "The sensor's stamps do not follow the GPRMC sentences in its position packets"
+        return f"The receiver marks all its GPRMC sentences as void (PPS {pps_states(p.pps for p in positions)})"
+    return "The sensor's stamps do not match the GPRMC sentences in its position packets"
 
 
-def pps_words(states: Iterable[int]) -> str:
-    """The states of the pulse per second that occur, in words."""
-    return ", ".join(PPS_WORDS[pps] if pps < len(PPS_WORDS) else f"state {pps}" for pps in sorted(set(states)))
+def pps_states(states: Iterable[int]) -> str:
+    """Names of the states of the pulse per second that occur."""
+    return ", ".join(PPS_STATES[pps] if pps < len(PPS_STATES) else f"state {pps}" for pps in sorted(set(states)))
 
 
 def _checksum(body: bytes) -> int:

@@ -1,4 +1,4 @@
-"""What went through a packet decoder, and what was odd about it."""
+"""Counts of a packet decoder, and notices from them."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ _RATE_TOLERANCE: Final = 0.02
 
 @dataclass
 class PacketCounts:
-    """What went through a decoder.
+    """Counts over the packets of a decoder.
 
     Attributes:
-        packets: data packets decoded.
-        points: returns given out.
-        whole: scans that are whole.
-        cut: scans that are not.
+        packets: decoded data packets.
+        points: returns in the scans.
+        whole: complete scans.
+        cut: incomplete scans.
         modes: packets by return mode byte.
         products: packets by product byte.
         first_s: UTC of the first packet.
         last_s: UTC of the last packet.
-        usual_s: from one packet to the next, median of the first batch of 20 or more.
-        lost: packets that are missing where stamps leave a gap of less than half a revolution.
-        gaps: such gaps.
-        lost_s: their length in all.
-        pauses: longer gaps.
+        usual_s: time between packets, median of the first batch of 20 or more.
+        lost: packets missing in gaps between stamps of less than half a revolution.
+        gaps: number of such gaps.
+        lost_s: their total duration.
+        pauses: number of longer gaps.
         shortest_pause_s: the shortest of them.
-        longest_pause_s: the longest.
-        paused_s: their length in all.
-        repeated: packets left out because the one before was the same.
+        longest_pause_s: the longest of them.
+        paused_s: their total duration.
+        repeated: packets skipped because they repeat the one before.
         late: packets with a stamp earlier than the one before.
-        bad_blocks: blocks left out because they don't begin as blocks do.
-        revolutions: by how much azimuth went on within packets.
-        turning_s: the time that took.
-        host_first_s: recorder's time minus the stamps', median of the first batch.
+        bad_blocks: blocks skipped because their mark is wrong.
+        revolutions: revolutions of azimuth within packets, summed.
+        turning_s: duration of those.
+        host_first_s: recorder's time minus the stamps' time, median of the first batch.
         host_last_s: the same of the last batch.
-        host_least_s: the smallest of all packets.
-        host_most_s: the largest.
+        host_least_s: its minimum over all packets.
+        host_most_s: its maximum over all packets.
     """
 
     packets: int = 0
@@ -78,7 +78,7 @@ class PacketCounts:
 
     @property
     def rpm(self) -> float:
-        """Revolutions a minute (nan where nothing turned)."""
+        """Revolutions per minute; nan without rotation."""
         return 60.0 * self.revolutions / self.turning_s if self.turning_s else float("nan")
 
     @property
@@ -88,11 +88,11 @@ class PacketCounts:
 
     def note_factory_bytes(self, modes: ByteArray, products: ByteArray) -> None:
         """Count the return modes and products (m,) of packets."""
-        self.modes.update(_tally(modes))
-        self.products.update(_tally(products))
+        self.modes.update(_counted(modes))
+        self.products.update(_counted(products))
 
     def note_times(self, t_s: FloatArray, host_s: FloatArray, model: Model) -> None:
-        """Look for gaps and disorder in the UTC `t_s` (m,) of packets, and at the recorder's times of them."""
+        """Count gaps and disorder in the UTC `t_s` (m,) of packets; compare it with the recorder's times `host_s`."""
         self.packets += len(t_s)
         step_s = np.diff(t_s, prepend=self.last_s)
         if np.isnan(self.usual_s) and len(step_s) >= 20:
@@ -122,18 +122,18 @@ class PacketCounts:
         self.host_most_s = max(self.host_most_s, float(ahead_s.max()))
 
     def notices(self, model: Model, *, stated: bool) -> list[Notice]:
-        """What was odd.
+        """What is unusual.
 
         Args:
-            model: what the packets were decoded as.
-            stated: whether a user said so, or the packets.
+            model: the model that the packets were decoded as.
+            stated: whether the session states it, rather than the packets.
         """
         notices = [*self._model_notices(model, stated=stated), *self._mode_notices()]
         if self.gaps:
             notices.append(
                 Notice(
                     "lost-packets",
-                    f"{self.lost:,} packets are missing in {self.gaps:,} gaps, {self.lost_s:.3f} s in all"
+                    f"{self.lost:,} packets are missing in {self.gaps:,} gaps, {self.lost_s:.3f} s in total"
                     f" ({100 * self.lost / (self.lost + self.packets):.1f} %).",
                 )
             )
@@ -142,30 +142,30 @@ class PacketCounts:
                 Notice(
                     "pauses",
                     f"{self.pauses:,} pauses of {_span(self.shortest_pause_s, self.longest_pause_s)} s,"
-                    f" {self.paused_s:.1f} s in all: only a part was stored, or the sensor reports a sector only.",
+                    f" {self.paused_s:.1f} s in total: only a part was recorded, or the sensor reports a sector only.",
                 )
             )
         if self.repeated:
-            notices.append(Notice("repeated-packets", f"{self.repeated:,} packets are there twice; one was taken."))
+            notices.append(Notice("repeated-packets", f"{self.repeated:,} duplicate packets are skipped."))
         if self.late:
-            notices.append(Notice("late-packets", f"{self.late:,} packets are stamped earlier than the one before."))
+            notices.append(Notice("late-packets", f"{self.late:,} packets have an earlier stamp than the one before."))
         if self.bad_blocks:
-            notices.append(Notice("bad-blocks", f"{self.bad_blocks:,} damaged blocks of packets were left out."))
+            notices.append(Notice("bad-blocks", f"{self.bad_blocks:,} damaged blocks of packets are skipped."))
         return notices
 
     def _contradicts(self, model: Model) -> bool:
-        """Whether packets follow each other at another rate than this model's."""
+        """Whether the packet rate differs from that of the model."""
         return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
 
     def _model_notices(self, model: Model, *, stated: bool) -> list[Notice]:
         notices = []
-        said = {product: n for product, n in self.products.items() if product != model.product}
-        if said:
+        others = {product: n for product, n in self.products.items() if product != model.product}
+        if others:
             names = OTHER_PRODUCTS | {m.product: m.name for m in MODELS}
-            words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in said.items())
-            why = "stated" if stated else "said by the first packets"
+            words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in others.items())
+            source = "stated in the session" if stated else "the model of the first packets"
             notices.append(
-                Notice("model-differs", f"Decoded as {model.name}, as {why}; the product byte says {words}.")
+                Notice("model-differs", f"Decoded as {model.name} ({source}); the product byte is that of {words}.")
             )
         if self._contradicts(model):
             fits = [
@@ -177,9 +177,9 @@ class PacketCounts:
             notices.append(
                 Notice(
                     "packet-rate",
-                    f"A packet every {1e3 * self.usual_s:.3f} ms contradicts a {model.name} with"
+                    f"The packet interval of {1e3 * self.usual_s:.3f} ms does not match a {model.name} with"
                     f" {'two returns' if self.mode == DUAL else 'one return'} ({1e3 * model.packet_s(self.mode):.3f}"
-                    f" ms); it would fit {' or '.join(fits) or 'no known model'}.",
+                    f" ms); it matches {' or '.join(fits) or 'no known model'}.",
                 )
             )
         return notices
@@ -194,19 +194,20 @@ class PacketCounts:
             return [
                 Notice(
                     "return-mode-unknown",
-                    f"The packets' return mode byte (0x{self.mode:02x}) is none that is known: they are taken as dual"
-                    " where pairs of blocks have one azimuth, as single elsewhere.",
+                    f"Unknown return mode byte 0x{self.mode:02x} in the packets: packets whose blocks have equal "
+                    "azimuths"
+                    " in pairs are decoded as dual, others as single.",
                 )
             ]
         return []
 
 
 def _span(shortest_s: float, longest_s: float) -> str:
-    """Two lengths of time to the millisecond, or one where they are the same."""
+    """A range of durations to the millisecond, or one value if both are equal."""
     ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (shortest_s, longest_s))
     return " to ".join(ends)
 
 
-def _tally(values: ByteArray) -> dict[int, int]:
+def _counted(values: ByteArray) -> dict[int, int]:
     counts = np.bincount(values)
     return {int(value): int(counts[value]) for value in np.flatnonzero(counts)}

@@ -1,8 +1,8 @@
-"""Velodyne's sensors: the angles, heights and firing times of their lasers, and what their packets call them.
+"""Velodyne's sensors: angles, heights and firing times of their lasers, and their product bytes.
 
 Sources: VLP-16 User Manual 63-9243 Rev. E (packets: section 9.3, timing: 9.4, angles and vertical corrections: table
 9-1), VLP-32C User Manual 63-9325 Rev. C (the same sections), HDL-32E application note 63-9277 Rev. D (packet structure
-and timing). That they agree with velodyne-decoder 3.1 is a test; the heights of the VLP-32C and HDL-32E are its.
+and timing). A test compares them with velodyne-decoder 3.1, which is the source of the heights of VLP-32C and HDL-32E.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 PACKET_BYTES: Final = 1206
 """Length of a data packet's payload: 12 blocks of 100 bytes, the stamp, and two factory bytes."""
 BLOCK_MARK: Final = b"\xff\xee"
-"""What each block of a data packet begins with."""
+"""First bytes of each block of a data packet."""
 
 STRONGEST, LAST, DUAL = 0x37, 0x38, 0x39
 RETURN_WORDS: Final = {STRONGEST: "strongest", LAST: "last", DUAL: "dual"}
@@ -32,14 +32,14 @@ class Model:
     """A sensor's geometry and timing.
 
     Attributes:
-        name: the maker's name.
+        name: the manufacturer's name.
         product: product byte of its packets (VLP-16 manual, table 9-2).
-        resolution_m: what a count of distance is.
+        resolution_m: distance per count.
         cycle_s: time between the firing sequences, in which all lasers fire once.
-        laser_s: (n,) when in the sequence each laser fires, in the order of the packet.
+        laser_s: (n,) firing time of each laser in the sequence, in the order of the packet.
         elevation_deg: (n,) of each laser, in the same order.
-        azimuth_deg: (n,) by how much each laser looks ahead of the block's azimuth.
-        height_m: (n,) height above the sensor's origin at which each beam leaves its axis.
+        azimuth_deg: (n,) azimuth of each laser relative to that of the block.
+        height_m: (n,) height of each beam's origin on the vertical axis above the sensor's origin.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Model:
 
 
 def _down_up(low_deg: tuple[float, ...], high_deg: tuple[float, ...]) -> FloatArray:
-    """Two fans of lasers that fire in turns."""
+    """Two fans of lasers that fire alternately."""
     return np.stack([low_deg, high_deg], axis=1).reshape(-1)
 
 
@@ -151,21 +151,23 @@ OTHER_PRODUCTS: Final = {
 
 
 def model_named(name: str) -> Model:
-    """The model of that name, however it is spelt.
+    """The model with this name, ignoring case and punctuation.
 
     Raises:
-        InputError: if it is none that can be decoded.
+        InputError: if it is not supported.
     """
     by_name = {_plain(model.name): model for model in MODELS}
     by_name.update({_plain(alias): by_name[_plain(to)] for alias, to in _ALIASES.items()})
     found = by_name.get(_plain(name))
     if found is None:
         near = difflib.get_close_matches(_plain(name), by_name, 1)
-        hint = f" Perhaps you meant {by_name[near[0]].name!r}." if near else ""
+        hint = f" Did you mean {by_name[near[0]].name!r}?" if near else ""
         raise InputError(
-            f"Session key `lidar.model` is {name!r}, which is no known model.",
-            "Angles and firing times belong to a model; with others every point would lie wrong.",
-            f"Known: {', '.join(model.name for model in MODELS)}.{hint} Without the key, the packets say their model.",
+            f"Session key `lidar.model`: unknown model {name!r}.",
+            "Angles and firing times depend on the model; with wrong ones all points are misplaced.",
+            f"Supported: {', '.join(model.name for model in MODELS)}.{hint} Without the key, the model is taken from "
+            "the "
+            "packets.",
             code="unknown-model",
         )
     return found
@@ -176,10 +178,10 @@ def model_of(product: int, where: str = "") -> Model:
 
     Args:
         product: the byte.
-        where: the place to name in an error.
+        where: the location that an error names.
 
     Raises:
-        InputError: if it is none that can be decoded.
+        InputError: if it is not supported.
     """
     for model in MODELS:
         if model.product == product:
@@ -187,13 +189,13 @@ def model_of(product: int, where: str = "") -> Model:
     at = f"{where}: " if where else ""
     if product in OTHER_PRODUCTS:
         raise InputError(
-            f"{at}the packets are those of a {OTHER_PRODUCTS[product]} (product byte 0x{product:02x}).",
-            "Its angles and firing times are not known here, so its points cannot be placed.",
-            f"Models that can be read: {', '.join(model.name for model in MODELS)}.",
+            f"{at}unsupported model {OTHER_PRODUCTS[product]} (product byte 0x{product:02x}).",
+            "Its packets cannot be decoded.",
+            f"Supported models: {', '.join(model.name for model in MODELS)}.",
             code="unsupported-model",
         )
     raise InputError(
-        f"{at}the packets do not say which model they are from (product byte 0x{product:02x}).",
+        f"{at}the packets do not identify the model (product byte 0x{product:02x}).",
         "Old firmware leaves the byte empty; angles and firing times depend on the model.",
         f'State the model: model = "..." under [lidar], one of {", ".join(model.name for model in MODELS)}.',
         code="model-unknown",

@@ -1,4 +1,4 @@
-"""What the datagrams in a capture are: the sensor's data, its position packets, and what else was on the network."""
+"""The datagrams in a capture: data packets and position packets of the sensor, and other network traffic."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from furrowmap.core.readers.velodyne.clock import (
     PPS_LOCKED,
     SENTENCE_AT,
     PositionPacket,
-    pps_words,
+    pps_states,
 )
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS
@@ -27,25 +27,25 @@ from furrowmap.core.values.scan import Clock
 
 _POSITION_PORT: Final = 8308
 _HOUR_FROM: Final = {
-    Clock.SENSOR: "no receiver confirms it; its hour is the recorder's",
-    Clock.STATED: "its hour as stated",
+    Clock.SENSOR: "not confirmed by a receiver; the hour is the recorder's",
+    Clock.STATED: "the hour is as stated",
     Clock.SENSOR_GPS: "",
 }
 
 
 @dataclass
 class Traffic:
-    """What the datagrams of a reading were.
+    """Counts over the datagrams of a recording.
 
     Attributes:
-        decoder: of the sensor's data packets, once reading has begun.
-        captures: that were read to their end.
-        ignored: datagrams that are not the sensor's, by what they are.
-        pps: position packets by what they say of the pulse per second.
+        decoder: decoder of the sensor's data packets, once reading has begun.
+        captures: captures that were read to their end.
+        ignored: datagrams that are not the sensor's, by kind.
+        pps: position packets by state of the pulse per second.
         void: position packets without a valid sentence.
-        untied: those whose sentence is of another second than the sensor's own stamp.
+        untied: position packets whose sentence is of another second than the sensor's stamp.
         first_fix: the first position packet with a valid sentence.
-        last_fix: the last one.
+        last_fix: the last position packet with a valid sentence.
     """
 
     decoder: PacketDecoder | None = None
@@ -81,14 +81,14 @@ class Traffic:
 
     @property
     def other_packets(self) -> dict[str, int]:
-        """Frames that are no packets of the sensor, by what they are."""
+        """Frames that are not packets of the sensor, by kind."""
         counts = +self.ignored
         for capture in self.captures:
             counts.update(capture.skipped)
         return dict(counts.most_common())
 
     def notices(self, clock: Clock) -> list[Notice]:
-        """What is odd about them, where times come from that clock."""
+        """What is unusual, if times come from that clock."""
         notices = []
         if other := self.other_packets:
             words = ", ".join(f"{n:,} {why}" for why, n in other.items())
@@ -96,12 +96,12 @@ class Traffic:
         total = self.pps.total()
         unlocked = total - self.pps[PPS_LOCKED]
         if clock is Clock.SENSOR_GPS and unlocked:
-            states = pps_words(state for state in self.pps if state != PPS_LOCKED)
+            states = pps_states(state for state in self.pps if state != PPS_LOCKED)
             notices.append(
                 Notice(
                     "pps-unlocked",
-                    f"In {unlocked:,} of {total:,} position packets the sensor was not locked to the pulse per second"
-                    f" ({states}): its time may have drifted by milliseconds there.",
+                    f"In {unlocked:,} of {total:,} position packets the sensor is not locked to the pulse per second"
+                    f" ({states}): its time may drift by milliseconds there.",
                 )
             )
         if clock is Clock.SENSOR_GPS and self.void:
@@ -110,13 +110,13 @@ class Traffic:
             notices.append(
                 Notice(
                     "gprmc-disagrees",
-                    f"{self.untied:,} of {total:,} GPRMC sentences are of another second than the sensor's own stamps.",
+                    f"{self.untied:,} of {total:,} GPRMC sentences are of another second than the sensor's stamps.",
                 )
             )
         return notices
 
     def facts(self, sender: int) -> dict[str, Any]:
-        """What `inspect` tells, of the sensor with that sender."""
+        """Facts for `inspect`, of the sensor with that sender."""
         assert self.decoder is not None
         counts, model = self.decoder.counts, self.decoder.model
         capture = self.captures[0]
@@ -148,20 +148,22 @@ class Traffic:
         return facts
 
     def clock_readings(self, clock: Clock) -> tuple[ClockReading, ...]:
-        """What the clocks in the packets said, that one first from which the times come."""
+        """Readings of the clocks in the packets, the clock that the times come from first."""
         assert self.decoder is not None
         counts = self.decoder.counts
-        note = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s against the sensor's stamps"
+        note = (
+            f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the sensor's stamps"
+        )
         if clock is not Clock.RECORDER:
             note += f", {counts.host_first_s:+.3f} s at the start and {counts.host_last_s:+.3f} s at the end"
         first_s, last_s = counts.first_s + counts.host_first_s, counts.last_s + counts.host_last_s
         readings = [ClockReading(Clock.RECORDER, first_s, last_s, note)]
         if clock is not Clock.RECORDER:
-            words = f"PPS {pps_words(self.pps)}" if self.pps else _HOUR_FROM[clock]
+            words = f"PPS {pps_states(self.pps)}" if self.pps else _HOUR_FROM[clock]
             readings.insert(0, ClockReading(clock, counts.first_s, counts.last_s, words))
         if self.first_fix and self.last_fix:
             first, last = self.first_fix, self.last_fix
-            note = f"GPRMC sentences, the last second's; {self.pps.total() - self.void:,} valid, {self.void:,} not"
+            note = f"GPRMC sentences of the last second; {self.pps.total() - self.void:,} valid, {self.void:,} not"
             if clock is Clock.SENSOR_GPS and (utc_s := first.utc_s(first.host_s)) is not None:
                 note += f"; the first {utc_s - first.sentence_s:.3f} s old" if first.sentence_s > 86_400 else ""
             readings.append(ClockReading(Clock.GNSS, first.sentence_s, last.sentence_s, note))
@@ -181,7 +183,7 @@ def kinds_of(datagrams: Datagrams) -> tuple[NDArray[np.bool_], NDArray[np.bool_]
 
 
 def position_packets(datagrams: Datagrams, which: NDArray[np.bool_]) -> list[tuple[int, PositionPacket]]:
-    """Sender and content of those datagrams that are position packets, (n,) bool."""
+    """Sender and content of the datagrams `which` (n,) bool, which are position packets."""
     found = []
     for i in np.flatnonzero(which):
         at = datagrams.offset[i]
@@ -191,6 +193,6 @@ def position_packets(datagrams: Datagrams, which: NDArray[np.bool_]) -> list[tup
 
 
 def address_of(sender: int) -> str:
-    """A sender (see `Datagrams.sender`) in words."""
+    """A sender (see `Datagrams.sender`) for messages."""
     host, port = sender >> 16, sender & 0xFFFF
     return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"

@@ -63,6 +63,6 @@ def test_numbers_that_are_no_place_are_told_to_be_none(shared_data: Path, place:
 
 def test_logs_without_dates_are_told_of_this_commands_option(shared_data: Path) -> None:
     logs = shared_data / "gnss/nmea"
-    with pytest.raises(InputError, match="says the date") as refused:
+    with pytest.raises(InputError, match="no date in its sentences") as refused:
         evaluate_logs(logs / "drone_rtk_fixed_10hz.nmea", str(logs / "drone_farm_rtk_fix_float.nmea"))
     assert "--date" in refused.value.lines[2]

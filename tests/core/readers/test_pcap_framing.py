@@ -139,7 +139,7 @@ def test_capture__nanoseconds(tmp_path: Path) -> None:
 def test_capture__of_an_unknown_link_type_is_counted_not_guessed(tmp_path: Path) -> None:
     found, capture = read(write_pcap(tmp_path / "a.pcap", [(T0, frame(b"x"))], link=105))
     assert found == []
-    assert dict(capture.skipped) == {"of a link type that is not read": 1}
+    assert dict(capture.skipped) == {"of an unsupported link type": 1}
 
 
 @pytest.mark.parametrize(
@@ -227,7 +227,7 @@ def test_pcapng__of_times_beyond_all_dates_gives_nothing(tmp_path: Path) -> None
     path.write_bytes(ng.section() + ng.interface(shift_s=-(1 << 62)) + ng.packet(1, frame(b"when?")))
     found, capture = read(path)
     assert found == []
-    assert dict(capture.skipped) == {"without a credible time": 1}
+    assert dict(capture.skipped) == {"without a plausible time": 1}
 
 
 def test_capture__larger_than_a_block_loses_nothing(tmp_path: Path) -> None:
@@ -246,7 +246,7 @@ def test_capture__steps_over_damage_in_the_middle(tmp_path: Path) -> None:
     found, capture = read(path)
     assert [data[0] for _, data in found] == [i for i in range(20) if i != 7]
     assert [n.code for n in capture.notices] == ["damaged-records"]
-    assert f"{record:,} bytes at 1 places (the first at byte {24 + 7 * record:,})" in capture.notices[0].text
+    assert f"{record:,} damaged bytes at 1 places (the first at byte {24 + 7 * record:,})" in capture.notices[0].text
 
 
 def test_pcapng__steps_over_damage_in_the_middle(tmp_path: Path) -> None:
@@ -284,7 +284,7 @@ def test_capture__cut_at_any_byte_gives_the_datagrams_before(
     path = folder / "a"
     path.write_bytes(whole[:cut])
     if cut < (4 if kind == "pcap" else 12):
-        with pytest.raises(InputError, match="is no packet capture"):
+        with pytest.raises(InputError, match="is not a packet capture"):
             read(path)
         return
     found, _ = read(path)

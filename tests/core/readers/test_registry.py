@@ -99,13 +99,13 @@ def test_other_formats__are_named(shared_data: Path, tmp_path: Path) -> None:
     (tmp_path / "base.rtcm3").write_bytes(bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98"))
     assert "RTCM 3" in refused(tmp_path / "base.rtcm3").what
     (tmp_path / "SemiDyna2026.par").write_text("for SemiDynaEXE    Ver.1.0.0\n")
-    assert "a session names them under [crs]" in refused(tmp_path / "SemiDyna2026.par").what
+    assert "which a session names under [crs]" in refused(tmp_path / "SemiDyna2026.par").what
 
 
 def test_folder__without_a_bag_is_told_as_one(tmp_path: Path) -> None:
     (tmp_path / "field").mkdir()
     error = refused(tmp_path / "field")
-    assert (error.code, "is a folder, and holds no bag" in error.what) == ("unknown-format", True)
+    assert (error.code, "is a folder without a ROS 2 bag" in error.what) == ("unknown-format", True)
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def test_a_cut_bag_gives_what_was_written_before(shared_data: Path, cut: str, wh
     assert recovered == every[: len(recovered)]
     assert len(recovered) >= least * len(every)
     told = {notice.code: notice.text for notice in files.notices}
-    assert "is lost" in told["bag-cut"]
+    assert "are lost" in told["bag-cut"]
 
 
 def test_positions_of_a_cut_bag_are_used_and_the_loss_is_told(shared_data: Path) -> None:

@@ -65,7 +65,7 @@ def test_source__cut_keeps_what_is_there_and_says_so(tmp_path: Path, kind: str) 
     content, fault = read_all(path, 1 << 21)
     assert CONTENT.startswith(content)
     assert len(content) > 0.4 * len(CONTENT)
-    assert fault == f"the {kind} stream is damaged or cut (it ends too early)"
+    assert fault == f"the {kind} stream is damaged or truncated (unexpected end of file)"
 
 
 @given(length=st.integers(1 << 18, 1 << 21), size=st.integers(1, 1 << 21))
@@ -88,7 +88,7 @@ def test_source__damaged_is_no_exception(tmp_path: Path, kind: str) -> None:
     packed[len(packed) // 2 : len(packed) // 2 + 50] = bytes(50)
     path.write_bytes(packed)
     content, fault = read_all(path, 1 << 20)
-    assert fault.startswith(f"the {kind} stream is damaged or cut")
+    assert fault.startswith(f"the {kind} stream is damaged or truncated")
     assert len(content) <= len(CONTENT)
 
 

@@ -304,7 +304,7 @@ def test_model__stated_wins_over_the_packets_and_is_told() -> None:
     assert decoder.model is model_named("puck hi res")
     (notice,) = decoder.notices()
     assert notice.code == "model-differs"
-    assert "Decoded as Puck Hi-Res, as stated" in notice.text
+    assert "Decoded as Puck Hi-Res (stated in the session)" in notice.text
     assert "VLP-16 (0x22) in 40 packets" in notice.text
 
 
@@ -312,7 +312,7 @@ def test_model__that_contradicts_the_packet_rate_is_told() -> None:
     decoder = decode(turning(40, product=VLP16), "HDL-32E")
     texts = {notice.code: notice.text for notice in decoder.notices()}
     assert texts.keys() == {"model-differs", "packet-rate"}
-    assert "1.327 ms contradicts a HDL-32E with one return (0.553 ms)" in texts["packet-rate"]
+    assert "1.327 ms does not match a HDL-32E with one return (0.553 ms)" in texts["packet-rate"]
     assert "VLP-16 (one return)" in texts["packet-rate"]
 
 
@@ -334,10 +334,10 @@ def test_model_named__reads_the_usual_spellings(name: str) -> None:
 
 
 def test_model_named__unknown_names_the_nearest() -> None:
-    with pytest.raises(InputError, match="Perhaps you meant 'VLP-32C'") as error:
+    with pytest.raises(InputError, match="Did you mean 'VLP-32C'") as error:
         model_named("VLP-23C")
     assert error.value.code == "unknown-model"
-    assert "`lidar.model` is 'VLP-23C'" in error.value.what
+    assert "`lidar.model`: unknown model 'VLP-23C'" in error.value.what
 
 
 def test_gaps__are_counted() -> None:

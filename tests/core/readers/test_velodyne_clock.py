@@ -130,14 +130,14 @@ def test_settle__void_or_no_sentences_leave_the_recorders_clock() -> None:
     for positions, words in (
         ([], "There are no position packets"),
         ([position(T0 + 0.1, status="V", pps=0)], "void (PPS absent)"),
-        ([PositionPacket.parse(position_packet(5e6, "", 0), T0)], "bring no GPRMC sentence"),
-        ([position(T0 + 0.1, device_s=5.0)], "do not follow the GPRMC sentences"),
+        ([PositionPacket.parse(position_packet(5e6, "", 0), T0)], "have no GPRMC sentence"),
+        ([position(T0 + 0.1, device_s=5.0)], "do not match the GPRMC sentences"),
     ):
         clock, (notice,) = settle(device, t_s + jitter, positions)
         assert clock.kind is Clock.RECORDER
         assert notice.code == "clock-recorder"
         assert words in notice.text
-        assert "777.0 s off" in notice.text
+        assert "differ by 777.0 s" in notice.text
         found = clock.utc_s(device, t_s + jitter)
         np.testing.assert_allclose(found - t_s, np.median(jitter), atol=3e-6)
 
@@ -156,7 +156,7 @@ def test_settle__says_where_the_recorder_set_the_stamps() -> None:
     t_s = every(100)
     clock, (notice,) = settle(stamps(t_s - 0.02), t_s, [])
     assert clock.kind is Clock.RECORDER
-    assert "agree with its time past the hour to 0.020 s" in notice.text
+    assert "match its time past the hour within 0.020 s" in notice.text
 
 
 def test_utc__relative_times_are_the_devices_though_the_recorder_runs_slow() -> None:

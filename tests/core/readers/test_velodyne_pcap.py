@@ -101,7 +101,7 @@ def test_inspect__counts_what_is_missing_and_what_is_foreign(shared_data: Path) 
     foreign = inspected(shared_data / "velodyne" / "damaged_foreign_traffic_mixed.pcap")
     assert foreign.facts["other_packets"] == {"other UDP datagrams": 40, "not IP": 10}
     pauses = {n.code: n.text for n in inspected(shared_data / "velodyne" / "vlp32c_single.pcap").notices}
-    assert "4 pauses of 0.050 s, 0.2 s in all" in pauses["pauses"]
+    assert "4 pauses of 0.050 s, 0.2 s in total" in pauses["pauses"]
 
 
 def test_scans__of_a_capture_with_foreign_traffic_are_the_same(shared_data: Path) -> None:
@@ -119,12 +119,12 @@ def test_scans__of_a_cut_capture_are_those_up_to_the_cut(shared_data: Path) -> N
     np.testing.assert_array_equal(found[:, 1:], expected[: len(found), 1:])
     np.testing.assert_allclose(found[:, 0], expected[: len(found), 0], rtol=0, atol=2e-4)
     (notice,) = (n for n in cut.notices if n.code == "cut-capture")
-    assert "the 300 records before it are whole" in notice.text
+    assert "the 300 records before are complete" in notice.text
     assert "516 bytes of it" in notice.text
 
 
 REFUSED = [
-    ("damaged_swapped_endian_header_only.pcap", "damaged-capture", "no record behind it makes sense"),
+    ("damaged_swapped_endian_header_only.pcap", "damaged-capture", "no valid record after the header"),
     ("damaged_wrong_suffix_is_a_rosbag.pcap", "not-a-capture", "a ROS 1 bag"),
     ("damaged_header_only.pcap", "no-packets", "no packets at all"),
     ("damaged_zero_length.pcap", "not-a-capture", "empty"),
@@ -304,7 +304,7 @@ def test_capture_without_a_velodyne__is_refused_with_what_is_in_it(tmp_path: Pat
 def test_model__stated_in_the_options_is_used_and_checked(tmp_path: Path) -> None:
     path = write_pcap(tmp_path / "a.pcap", recording())
     assert inspected(path, ReadOptions(model="Puck Hi-Res")).facts["model"] == "Puck Hi-Res"
-    with pytest.raises(InputError, match=r"`lidar\.model` is 'OS1'"):
+    with pytest.raises(InputError, match=r"`lidar\.model`: unknown model 'OS1'"):
         inspected(path, ReadOptions(model="OS1"))
 
 

@@ -129,7 +129,7 @@ def test_mac__its_own_files_are_passed_over(shared_data: Path) -> None:
 
 def test_damaged_archive__is_read_and_its_damage_told(shared_data: Path) -> None:
     content, tasks = read_tasks(open_task_files(shared_data / "isoxml/hostile/corrupt_zip_and_bad_positions.zip"))
-    assert ["500,000 bytes" in notice.text for notice in content.notices] == [True]
+    assert ["500,000 foreign bytes" in notice.text for notice in content.notices] == [True]
     by_log = {log: task for task in tasks for log in task.logs}
     assert "time-log-damaged" in codes(by_log["TLG0006"])
     assert "time-log-damaged" in codes(by_log["TLG0007"])

@@ -87,7 +87,7 @@ def test_damage__a_log_cut_short_keeps_its_whole_records() -> None:
     data = b"".join(record.pack() for record in drive(10))
     log = read_time_log(header(CHANNELS), data[:-3], "TLG00001")
     assert len(log) == 9
-    assert "bytes are no records" in log.notices[0].text
+    assert "are not records" in log.notices[0].text
 
 
 @settings(deadline=None, max_examples=50)

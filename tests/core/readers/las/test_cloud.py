@@ -212,7 +212,7 @@ def test_two_crs__the_one_that_the_header_announces_holds_and_the_other_is_told(
     assert said in source.read_bytes()
     (tmp_path / "cloud.las").write_bytes(source.read_bytes().replace(said, said.replace(b"-100", b"-101")))
     cloud = open_cloud(tmp_path / "cloud.las")
-    assert cloud.header.says_wkt
+    assert cloud.header.crs_is_wkt
     assert cloud.crs is not None
     assert cloud.crs.name == "NAD83_2011_Nebraska_ft"
     assert "-101" in cloud.crs.to_wkt()
@@ -220,7 +220,7 @@ def test_two_crs__the_one_that_the_header_announces_holds_and_the_other_is_told(
 
 
 def test_not_there__is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is not there"):
+    with pytest.raises(InputError, match="does not exist"):
         open_cloud(tmp_path / "cloud.laz")
     with pytest.raises(InputError, match="is a folder"):
         open_cloud(tmp_path)
