@@ -13,58 +13,59 @@ PAGE: Final = CHECKOUT / "docs" / "reference" / "codes.md"
 PARTS: Final = ("app", "core", "exporters", "cli")
 NOTICE: Final = "Notice"
 CODE: Final = "code"
-"""What the argument is called by which errors, and functions that make them, are given their code."""
+"""The parameter for the code, of errors and of functions that make them."""
 ANYTHING: Final = "…"
-"""Stands for what differs from case to case: a file, a number."""
+"""Replaces values that vary, such as file names and numbers."""
 HEAD: Final = """\
 # Codes of errors and warnings
 
 <!-- Written by scripts/code_reference.py from the source. -->
 
-Programs tell errors and warnings apart by their codes: `code` in the JSON of an error, `warnings` in
-`report.json`. … stands for what differs from case to case; a code that is used in several places has a line for each.
+Every error and warning has a code that does not change between versions: `code` in the JSON of an error, and in
+`warnings` of `report.json`. … replaces values that vary, such as file names and numbers. A code with several messages
+has a row for each.
 """
 
 
 Words: TypeAlias = dict[str, list[ast.expr]]
-"""What may have been assigned to each name where a code is told."""
+"""The expressions that may have been assigned to each name."""
 
 
 Helpers: TypeAlias = dict[str, tuple[ast.FunctionDef, Words]]
-"""Functions by name that tell with a code that they are given, each with what its file assigns."""
+"""Functions with a parameter `code`, by name, each with the assignments of its file."""
 
 
-class Told(NamedTuple):
-    """A code where it is used, and the sentences told with it."""
+class Message(NamedTuple):
+    """A code and the text of its message."""
 
     code: str
-    says: str
+    text: str
     remedy: str
     error: bool
 
 
 def page() -> str:
-    """The page as it should be."""
-    told = sorted(set(found()))
-    errors = [f"| `{t.code}` | {t.says} | {t.remedy} |" for t in told if t.error]
-    notices = [f"| `{t.code}` | {t.says} |" for t in told if not t.error]
+    """The generated page."""
+    messages = sorted(set(found()))
+    errors = [f"| `{t.code}` | {t.text} | {t.remedy} |" for t in messages if t.error]
+    notices = [f"| `{t.code}` | {t.text} |" for t in messages if not t.error]
     return "\n".join(
         [
             HEAD,
             "## Warnings\n",
-            "They do not change the exit status; they are told at the end of a run, on its page and in its report.\n",
-            "| code | says |\n| --- | --- |",
+            "Warnings do not change the exit status. A run prints them, and lists them in `report.html` and `report.json`.\n",
+            "| code | message |\n| --- | --- |",
             *notices,
             "\n## Errors\n",
-            "| code | says | what to do |\n| --- | --- | --- |",
+            "| code | message | remedy |\n| --- | --- | --- |",
             *errors,
             "",
         ]
     )
 
 
-def found() -> Iterator[Told]:
-    """Every place of the source where a code is used."""
+def found() -> Iterator[Message]:
+    """Every message in the source."""
     for part in PARTS:
         for folder in sorted({file.parent for file in (CHECKOUT / part).rglob("*.py")}):
             trees = [ast.parse(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.py"))]
@@ -74,7 +75,7 @@ def found() -> Iterator[Told]:
 
 
 def _helpers(tree: ast.Module) -> Helpers:
-    """Functions that tell with a code that they are given, each with the words of its file."""
+    """Functions with a parameter `code`, each with the assignments of its file."""
     simple = [statement for statement in tree.body if isinstance(statement, ast.Assign | ast.AnnAssign)]
     words = {name: values for statement in simple for name, values in _assigned(statement).items()}
     return {
@@ -84,15 +85,15 @@ def _helpers(tree: ast.Module) -> Helpers:
     }
 
 
-def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Told]:
-    """The codes of a block of statements, of which each knows what was assigned before it."""
+def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Message]:
+    """The messages of a block of statements, each with the assignments before it."""
     words = dict(outer)
     for statement in block:
         blocks = list(_blocks(statement))
         within = {node for inner in blocks for line in inner for node in ast.walk(line)}
         for call in ast.walk(statement):
             if isinstance(call, ast.Call) and call not in within:
-                yield from _told(call, words)
+                yield from _messages(call, words)
                 helper = helpers.get(_name(call))
                 if helper is not None:
                     yield from _helped(call, *helper, words)
@@ -104,8 +105,8 @@ def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[To
             words |= {name: words.get(name, []) + values for name, values in _assigned(statement).items()}
 
 
-def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -> Iterator[Told]:
-    """What a helper with its own words tells where it is called so, among these words."""
+def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -> Iterator[Message]:
+    """The messages of a helper for the arguments of a call."""
     names = [argument.arg for argument in helper.args.args if argument.arg not in ("self", "cls")]
     given = dict(zip(names, call.args, strict=False)) | {k.arg: k.value for k in call.keywords if k.arg}
     if CODE not in given:
@@ -114,7 +115,7 @@ def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -
     for inner in ast.walk(helper):
         if isinstance(inner, ast.Call):
             for code in _constants(given[CODE]):
-                yield from _told(inner, own | known, given=code)
+                yield from _messages(inner, own | known, given=code)
 
 
 def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
@@ -127,7 +128,7 @@ def _blocks(statement: ast.stmt) -> Iterator[list[ast.stmt]]:
 
 
 def _assigned(statement: ast.stmt) -> Words:
-    """What a statement assigns to names, in any of its branches."""
+    """The assignments to names in a statement and its branches."""
     words: Words = {}
     for node in ast.walk(statement):
         if isinstance(node, ast.Assign | ast.AnnAssign) and isinstance(node.value, ast.expr):
@@ -141,17 +142,17 @@ def _name(call: ast.Call) -> str:
     return call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
 
 
-def _told(call: ast.Call, words: Words, given: str = "") -> Iterator[Told]:
-    """What a call tells; `given` is the code that a helper was given, whose own calls these are."""
+def _messages(call: ast.Call, words: Words, given: str = "") -> Iterator[Message]:
+    """The messages of a call; `given` is the code passed to the helper that contains it."""
     arguments = call.args
     code = next((keyword.value for keyword in call.keywords if keyword.arg == CODE), None)
     if _name(call) == NOTICE and arguments:
-        says = arguments[1] if len(arguments) > 1 else next((k.value for k in call.keywords if k.arg == "text"), None)
+        text = arguments[1] if len(arguments) > 1 else next((k.value for k in call.keywords if k.arg == "text"), None)
         for each in _codes(arguments[0], given):
-            yield Told(each, _first(_text(says, words)), "", error=False)
+            yield Message(each, _first(_text(text, words)), "", error=False)
     elif code is not None and len(arguments) >= 3:
         for each in _codes(code, given):
-            yield Told(each, _text(arguments[0], words), _text(arguments[2], words), error=True)
+            yield Message(each, _text(arguments[0], words), _text(arguments[2], words), error=True)
 
 
 def _codes(node: ast.expr, given: str) -> list[str]:
@@ -162,7 +163,7 @@ def _codes(node: ast.expr, given: str) -> list[str]:
 
 
 def _constants(node: ast.expr) -> Iterator[str]:
-    """The texts that an expression can be."""
+    """The strings that an expression can be."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         yield node.value
     elif isinstance(node, ast.IfExp):
@@ -171,7 +172,7 @@ def _constants(node: ast.expr) -> Iterator[str]:
 
 
 def _text(node: ast.expr | None, words: Words) -> str:
-    """An expression as a table's cell; what is known only when it is told becomes an ellipsis."""
+    """An expression as a table cell; values known only at run time become an ellipsis."""
     text = re.sub(r"\s+", " ", _raw(node, words)).replace("|", "\\|").replace("<", "&lt;").strip()
     return re.sub(rf"{ANYTHING}(?:\s*{ANYTHING})+", ANYTHING, text)
 

@@ -1,6 +1,6 @@
-"""What ``make demo`` does: a recording is simulated, furrowmap makes a cloud of it, and the result is shown.
+"""``make demo``: simulate a recording, run furrowmap on it, and show the result.
 
-Everything lands in ``demo/``, which is made anew each time.
+All files are in ``demo/``, which is replaced each time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ draw_map = runpy.run_path(str(CHECKOUT / "scripts" / "picture.py"))["draw_map"]
 
 
 def furrowmap(*arguments: str) -> None:
-    """Run a command as a user would type it, and show it."""
+    """Print and run a command."""
     print(f"\n$ furrowmap {' '.join(arguments)}", flush=True)
     program = Path(sys.executable).with_name("furrowmap")
     status = subprocess.run([program, *arguments], cwd=CHECKOUT, check=False).returncode
@@ -32,17 +32,17 @@ def furrowmap(*arguments: str) -> None:
 
 
 def summary(result: Path, seconds: float) -> Table:
-    """The result in a few figures."""
+    """A table of the main results."""
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
     figures, whole_s = report["figures"], report["timings"]["whole"]
     sigma_cm = [100 * report["accuracy"][f"sigma_{axis}_m"]["median"] for axis in "enh"]
     table = Table("", "", title=report["session"]["name"], title_justify="left", show_header=False)
     table.add_row("points", f"{figures['points']:,} in {figures['scans']} scans")
-    table.add_row("drive", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
+    table.add_row("distance", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
     table.add_row("map frame", f"{figures['crs']}, {figures['heights']} heights")
-    table.add_row("vehicle's position", "± {:.1f} cm east, {:.1f} cm north, {:.1f} cm up (median)".format(*sigma_cm))
+    table.add_row("position sigma", "± {:.1f} cm east, {:.1f} cm north, {:.1f} cm up (median)".format(*sigma_cm))
     table.add_row("furrowmap run", f"{whole_s:.1f} s")
-    table.add_row("the whole demo", f"{seconds:.0f} s")
+    table.add_row("whole demo", f"{seconds:.0f} s")
     table.add_section()
     for path in sorted(result.iterdir()):
         table.add_row(path.name, f"{path.stat().st_size / 1e6:,.2f} MB")
@@ -50,16 +50,16 @@ def summary(result: Path, seconds: float) -> Table:
 
 
 def main() -> None:
-    """Simulate, run, draw, tell."""
+    """Simulate, run, draw the map, print the summary."""
     start = time.perf_counter()
     shutil.rmtree(DEMO, ignore_errors=True)
     furrowmap("simulate", "demo", "-o", "demo/recording")
     furrowmap("run", "demo/recording/session.toml", "-o", "demo/result")
     picture = DEMO / "result" / "map.png"
-    draw_map(DEMO / "result", picture, "Two passes beside the barn: the ground in relief")
+    draw_map(DEMO / "result", picture, "Two passes beside the barn: shaded relief of the ground")
     print()
     Console().print(summary(DEMO / "result", time.perf_counter() - start))
-    print(f"The map: {picture}")
+    print(f"Map: {picture}")
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if screen and (viewer := shutil.which("xdg-open")):
         subprocess.Popen([viewer, picture])

@@ -36,7 +36,7 @@ IMAGES = CHECKOUT / "docs" / "images"
 
 
 def initial_heading(name: str, picture: Path) -> None:
-    """Errors of the antenna's course and of the axle's heading against the truth, over a recording's time."""
+    """Errors of the course of the antenna and of the heading of the axle over time."""
     session = load_session(DATA / name / "session.toml")
     assert session.antenna is not None
     reader = open_recording([DATA / name / "gnss.nmea"], ReadOptions())
@@ -79,7 +79,7 @@ def initial_heading(name: str, picture: Path) -> None:
 
 
 def worked_ground_map(name: str, picture: Path) -> None:
-    """The ground worked as truth trajectory and truth states give it, with its overlaps, misses and zones."""
+    """The worked ground from the true trajectory and tool states, with overlaps, misses and zones."""
     session = load_session(DATA / name / "session.toml")
     assert session.implement is not None
     frame = map_frame(session.crs)
@@ -118,7 +118,7 @@ def worked_ground_map(name: str, picture: Path) -> None:
 
 
 def implement(name: str, depth_picture: Path, height_picture: Path) -> None:
-    """What the sensor sees of the implement up and down, its side view, and its height over a recording's time."""
+    """Range images of the implement up and down, its side view, and its height over time."""
     session = load_session(DATA / name / "session.toml")
     assert session.implement is not None
     truth = np.genfromtxt(

@@ -19,17 +19,17 @@ def test_code_reference__is_what_the_script_writes() -> None:
 
 def test_code_reference__has_every_code_of_the_source() -> None:
     page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
-    told = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
+    listed = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
     source = "".join(
         f.read_text(encoding="utf-8") for part in ("app", "core", "exporters") for f in (CHECKOUT / part).rglob("*.py")
     )
     used = set(re.findall(r'code="([a-z0-9-]+)"', source))
     assert len(used) > 50
-    assert not used - told
+    assert not used - listed
 
 
 def test_code_reference__has_every_code_that_hostile_clouds_end_in() -> None:
     page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
-    told = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
+    listed = set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
     met = {*ERRORS.values(), *(code for _, codes in NOTICES.values() for code in codes)}
-    assert not met - told
+    assert not met - listed
