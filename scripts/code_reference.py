@@ -53,7 +53,7 @@ def page() -> str:
         [
             HEAD,
             "## Warnings\n",
-            "Warnings do not change the exit status. A run prints them, and lists them in `report.html` and `report.json`.\n",
+            "Warnings do not change the exit status. A run prints them and lists them in its reports.\n",
             "| code | message |\n| --- | --- |",
             *notices,
             "\n## Errors\n",
