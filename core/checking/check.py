@@ -1,4 +1,4 @@
-"""A cloud or a surface compared with surveyed points."""
+"""Comparison of a cloud or a surface with surveyed points."""
 
 from __future__ import annotations
 
@@ -25,14 +25,13 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Check:
-    """What surveyed points say of a product.
+    """Result of a comparison with surveyed points.
 
     Attributes:
         kind: "cloud" or "surface".
         crs: of the product.
         points: one for each surveyed point.
         accuracy: from those that could be compared.
-        notices: what a user should know.
     """
 
     kind: str
@@ -57,22 +56,22 @@ def check_product(
 
     Args:
         product: the file.
-        points_file: of the points; see :func:`furrowmap.core.checking.surveyed_points.read_points`.
-        points_crs: of a points file that states none, and of a cloud likewise.
-        targets: by what of the returns discs are looked for, which show the horizontal error.
+        points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
+        points_crs: of a points file, and of a cloud, without a CRS.
+        targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.
         sigma_m: standard deviation of the survey along each axis, where the file states none.
-        class_m: the vertical accuracy class that is asked for; None for none.
-        progress: is told of the share of the cloud that was read.
+        class_m: required vertical accuracy class; None for none.
+        progress: receives the share of the cloud that was read.
 
     Raises:
         InputError: if a file cannot be read, or no point lies in the product.
-        RefusedError: if PROJ cannot vouch for the way between their CRS.
+        RefusedError: if PROJ has no exact transformation between their CRS.
     """
     if not product.is_file():
         raise InputError(
             f"{product} {'is a folder' if product.is_dir() else 'is not there'}.",
-            "There is nothing to check.",
+            "Nothing was checked.",
             "Give a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF).",
             code="no-such-file",
         )
@@ -90,9 +89,9 @@ def check_product(
         raise InputError(
             f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
             f"{checks[0].name} {checks[0].why_not}.",
-            "There is nothing to compare.",
+            "Nothing was compared.",
             _exchanged(survey, found.box_m)
-            or "See in a GIS whether they lie together; name the points' CRS with --crs if it is another.",
+            or "Compare their locations in a GIS; state the CRS of the points with --crs if it differs.",
             code="check-nowhere",
         )
     notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
@@ -102,13 +101,13 @@ def check_product(
 
 
 def _exchanged(survey: SurveyedPoints, box: Box) -> str:
-    """What to do about points that lie in the product with easting and northing exchanged; empty where they do not."""
+    """Remedy for points that lie in the product once easting and northing are swapped; empty where none do."""
     north, east = survey.xyz_m[:, 0], survey.xyz_m[:, 1]
     inside = (east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])
     if not inside.any():
         return ""
     return (
-        f"With easting and northing exchanged {int(inside.sum())} points lie in it: X is the northing in Japan's plane "
+        f"With easting and northing swapped {int(inside.sum())} points lie in it: X is the northing in Japan's plane "
         "coordinates. Name the columns n_m and e_m."
     )
 

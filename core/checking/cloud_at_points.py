@@ -1,4 +1,4 @@
-"""What the returns of a cloud say at surveyed points: the height of the plane through them, and discs laid out."""
+"""A cloud at surveyed points: height of the local plane, and disc targets."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ FloatArray = NDArray[np.float64]
 Targets = Literal["none", "intensity", "colour"]
 
 RADIUS_M: Final = 0.25
-"""Returns up to so far from a point make the plane that it is compared with."""
+"""Radius of the returns to which the plane at a point is fitted."""
 STEEPEST: Final = 0.5
-"""A steeper plane shows an edge, where a height depends on the place."""
+"""A steeper plane is an edge, where the height depends on the position."""
 SEARCH_DIAMETERS: Final = 3.0
-"""A target is looked for up to so many of its diameters away."""
+"""Search radius of a target, in its diameters."""
 LUMINANCE: Final = np.array([0.299, 0.587, 0.114])
 """Of red, green and blue, after ITU-R BT.601."""
 
@@ -44,19 +44,19 @@ def cloud_at_points(
     diameter_m: float = 0.3,
     progress: Progress = silent,
 ) -> ProductAtPoints:
-    """The heights of a cloud at each point: of the plane through the returns around it, and by swath.
+    """Height of a cloud at each point, from a plane through the returns around it, in all and by swath.
 
     Args:
         path: of a LAS, LAZ or COPC file.
-        points_file: see :func:`furrowmap.core.checking.surveyed_points.read_points`.
-        points_crs: of a points file that states none, and of the cloud likewise.
-        targets: by what of the returns discs are looked for, which show the horizontal error.
+        points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
+        points_crs: of a points file, and of a cloud, without a CRS.
+        targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.
-        progress: is told of the share of the cloud that was read.
+        progress: receives the share of the cloud that was read.
 
     Raises:
         InputError: if a file cannot be read.
-        RefusedError: if PROJ cannot vouch for the way between their CRS.
+        RefusedError: if PROJ has no exact transformation between their CRS.
     """
     clouds = _opened(path, points_crs)
     survey = read_points(points_file, clouds.crs, points_crs)
@@ -80,12 +80,7 @@ def cloud_at_points(
 
 
 def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
-    """The cloud, in metres.
-
-    Args:
-        product: the file.
-        crs: of the points: the cloud's as well where it states none, and what one in degrees is brought to.
-    """
+    """The cloud in metres; `crs` is that of the points, and the target of a cloud in degrees."""
     try:
         return open_clouds([product], crs)
     except InputError as error:
@@ -95,7 +90,7 @@ def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
             raise InputError(
                 error.lines[0],
                 "Points and returns are compared in metres.",
-                "Name the points' CRS with --crs, projected and in metres; the cloud is brought to it.",
+                "State the CRS of the points with --crs, projected and in metres; the cloud is transformed to it.",
                 code="crs-not-metres",
             ) from None
     return open_clouds([product], crs, crs)
@@ -126,7 +121,7 @@ def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Prog
 
 
 def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[np.int64]:
-    """Numbers of the square cells in which points (n, 2) lie, with those around them if `around`."""
+    """Keys of the square cells that hold points (n, 2), with the neighbouring ones if `around`."""
     column, row = np.floor(xy_m / side_m).astype(np.int64).T
     if not around:
         return np.asarray((column << 32) + row, np.int64)
@@ -135,7 +130,7 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
 
 
 def _swath_key(near: list[CloudBatch], *, own: bool) -> SwathKey:
-    """What tells the swaths of the returns around all points apart."""
+    """What separates the swaths of the returns around all points."""
     if not near:
         return "nothing"
     source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
@@ -143,7 +138,7 @@ def _swath_key(near: list[CloudBatch], *, own: bool) -> SwathKey:
 
 
 def _seconds(near: list[CloudBatch]) -> FloatArray | None:
-    """Times of returns, counted from no matter when; None where any has none."""
+    """Times of returns from an arbitrary origin; None where any has none."""
     times = [part.gps_time for part in near]
     known = [t_s for t_s in times if t_s is not None]
     return np.concatenate(known) if len(known) == len(times) else None
@@ -154,9 +149,9 @@ class _Around:
     """The returns around a point, n of them.
 
     Attributes:
-        xyz_m: (n, 3) less the point.
-        light: (n,) brightness by which discs are looked for; None where none are, or the cloud has no such.
-        swath: (n,) number of the swath.
+        xyz_m: (n, 3) relative to the point.
+        light: (n,) brightness for disc detection; None where it is not requested or not available.
+        swath: (n,) swath number.
     """
 
     xyz_m: FloatArray
@@ -167,7 +162,7 @@ class _Around:
 def _by_point(
     near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, targets: Targets, swath_key: SwathKey, *, own: bool
 ) -> Iterator[_Around]:
-    """For each point the returns around it."""
+    """The returns around each point."""
     if not near:
         yield from [_Around(np.empty((0, 3)), None, np.empty(0, np.int64))] * len(survey)
         return
@@ -185,7 +180,7 @@ def _by_point(
 
 
 def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
-    """Brightness (n,) of the returns, by what targets are told; None where they have none."""
+    """Brightness (n,) of the returns for target detection; None where there is none."""
     if targets == "none":
         return None
     if targets == "intensity":
@@ -198,7 +193,7 @@ def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
 
 
 def _point_check(name: str, place: tuple[float, float, float], around: _Around, diameter_m: float) -> PointCheck:
-    """What the returns around a point say of it."""
+    """Comparison of a point with the returns around it."""
     middle = None
     if around.light is not None and len(around.light):
         middle = find_disc(around.xyz_m[:, :2], around.light, diameter_m, SEARCH_DIAMETERS * diameter_m)
@@ -218,7 +213,7 @@ def _point_check(name: str, place: tuple[float, float, float], around: _Around, 
 
 
 def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -> SwathHeights:
-    """What each swath says of a place."""
+    """Height at a point by swath."""
     planes = [(number, local_plane(xyz_m[swath == number])) for number in np.unique(swath).tolist()]
     known = [(number, plane) for number, plane in planes if plane is not None]
     if not known:

@@ -1,7 +1,6 @@
-"""How well a cloud agrees with itself: within each swath, and between swaths over the same ground.
+"""Internal precision of a cloud: within swaths, and between swaths over the same ground.
 
-ASPRS Positional Accuracy Standards, Edition 2 (2023), section 7.14; the limits of a vertical accuracy class are those
-of its section 7.4 and table 7.2.
+ASPRS Positional Accuracy Standards, Edition 2 (2023), section 7.14; limits by section 7.4 and table 7.2.
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ FloatArray = NDArray[np.float64]
 SwathKey = Literal["times", "sources", "nothing"]
 
 APART_S: Final = 20.0
-"""A place that was not seen for so long is seen anew, by another swath."""
+"""A place not seen for this long is seen again by another swath."""
 LIMITS: Final = {"within_swath_max_m": 0.60, "between_swath_m": 0.80, "between_swath_max_m": 1.60}
-"""What the standard lets each figure be, in parts of a class's RMSE."""
+"""Limit of each figure as a share of the RMSE of a class."""
 
 
 @dataclass(frozen=True)
 class SwathHeights:
-    """What the swaths say of one place.
+    """Heights of swaths at one place.
 
     Attributes:
-        height_m: of each swath's plane there, by its number.
-        spread_m: RMS of returns above their own swath's plane; nan where there are too few.
-        range_m: greatest difference of neighbouring returns of one swath above its plane; nan likewise.
+        height_m: of the plane of each swath, by its number.
+        spread_m: RMS of returns about the plane of their swath; nan where there are too few.
+        range_m: greatest difference of neighbouring returns of one swath about its plane; nan likewise.
     """
 
     height_m: tuple[tuple[int, float], ...] = ()
@@ -44,7 +43,7 @@ class SwathHeights:
 
 
 UNSEEN: Final = SwathHeights()
-"""A place of which no swath says anything."""
+"""A place that no swath covers."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +51,12 @@ class InternalPrecision:
     """Of a cloud, nan where unknown.
 
     Attributes:
-        within_swath_m: RMS of the returns of one swath above their own plane.
+        within_swath_m: RMS of the returns of one swath about their plane.
         within_swath_max_m: greatest difference between neighbouring returns of one swath.
         between_swath_m: RMS of the differences in height of two swaths at one place.
         between_swath_max_m: greatest of these differences.
         swath_pairs: number of them.
-        swath_key: what tells the swaths apart.
+        swath_key: what separates the swaths.
     """
 
     within_swath_m: float
@@ -69,7 +68,7 @@ class InternalPrecision:
 
     @classmethod
     def of(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
-        """What all places say together; swaths that nothing tells apart say nothing."""
+        """Over all places; nan where nothing separates the swaths."""
         seen = list(places) if swath_key != "nothing" else []
         spread = np.array([place.spread_m for place in seen])
         ranges = np.array([place.range_m for place in seen])
@@ -84,7 +83,7 @@ class InternalPrecision:
         )
 
     def verdicts(self, class_m: float) -> dict[str, dict[str, Any]]:
-        """Each figure against the limit of a vertical accuracy class; `met` is None where it is unknown."""
+        """Each figure against its limit for a vertical accuracy class; `met` is None where unknown."""
         out: dict[str, dict[str, Any]] = {}
         for name, share in LIMITS.items():
             found, limit = float(getattr(self, name)), share * class_m
@@ -98,12 +97,12 @@ class InternalPrecision:
 
 
 def find_swath_key(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> SwathKey:
-    """What tells the swaths of returns (n,) apart.
+    """What separates the swaths of returns (n,).
 
     Args:
         source: point source of each.
-        t_s: seconds of each; None, or all alike, where the cloud has no times.
-        own: whether it is a cloud of furrowmap's, in which sources are passes of the implement and no swaths.
+        t_s: seconds of each; None, or constant, where the cloud has no times.
+        own: whether furrowmap wrote the cloud: then point sources are passes of the implement, not swaths.
     """
     if t_s is not None and np.isfinite(t_s).any() and np.nanmax(t_s) > np.nanmin(t_s):
         return "times"
@@ -113,7 +112,7 @@ def find_swath_key(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: b
 def swath_numbers(
     source: NDArray[np.uint16], t_s: FloatArray | None, swath_key: SwathKey, *, own: bool
 ) -> NDArray[np.int64]:
-    """Number of the swath of each return (n,) at one place; of a foreign cloud, one a source and visit."""
+    """Swath number of each return (n,) at one place; in clouds of other software one for each source and visit."""
     number = np.zeros(len(source), np.int64)
     if swath_key == "times" and t_s is not None and len(t_s):
         order = np.argsort(t_s)

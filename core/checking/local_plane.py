@@ -1,4 +1,4 @@
-"""The plane through the returns around a place, and how far they lie from it."""
+"""Plane fit to the returns around a point."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ FloatArray = NDArray[np.float64]
 
 FEWEST_RETURNS: Final = 6
 OUTLIER_SIGMAS: Final = 3.5
-"""Returns farther from the plane, in robust standard deviations, are not of it."""
+"""Outlier threshold, in robust standard deviations."""
 SPACINGS: Final = 2.0
-"""Side of the cells in which single returns are compared with each other, in mean distances between them."""
+"""Side of the cells in which returns are compared, in mean point spacings."""
 
 
 @dataclass(frozen=True)
 class LocalPlane:
-    """A plane through returns.
+    """A plane through n returns.
 
     Attributes:
-        height_m: at the place.
-        slope: metres a metre to the east and north.
-        xy_m: (n, 2) of the returns of the plane, from the place.
-        above_m: (n,) above the plane.
+        height_m: at the point.
+        slope: rise to the east and north.
+        xy_m: (n, 2) returns relative to the point.
+        above_m: (n,) residuals.
     """
 
     height_m: float
@@ -35,20 +35,17 @@ class LocalPlane:
 
     @property
     def steepness(self) -> float:
-        """Metres a metre along the steepest way."""
+        """Slope as a ratio."""
         return float(np.hypot(*self.slope))
 
     @property
     def freedom(self) -> int:
-        """Returns that are not needed to make the plane."""
+        """Degrees of freedom of the fit."""
         return len(self.above_m) - 3
 
     @property
     def range_m(self) -> float:
-        """Greatest difference of returns above the plane within a cell of two mean spacings a side.
-
-        So the smoothness of a surface is measured: over so small a cell only noise makes a difference.
-        """
+        """Greatest difference of residuals within a cell of two mean point spacings, where relief is negligible."""
         radius_m = float(np.hypot(*self.xy_m.T).max())
         side_m = SPACINGS * radius_m * np.sqrt(np.pi / len(self.above_m))
         column, row = np.floor(self.xy_m / side_m).astype(np.int64).T
@@ -60,9 +57,9 @@ class LocalPlane:
 
 
 def local_plane(xyz_m: FloatArray) -> LocalPlane | None:
-    """The plane through returns (n, 3) around 0, 0.
+    """Plane through returns (n, 3) around 0, 0, refitted once without outliers.
 
-    None with too few returns, or where they do not lie on all sides. Returns far from the plane are left out once.
+    None with too few returns, or where they do not lie on all sides.
     """
     keep = np.ones(len(xyz_m), bool)
     for _ in range(2):

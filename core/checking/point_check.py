@@ -1,4 +1,4 @@
-"""What a product says at surveyed points."""
+"""A product at surveyed points."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class PointCheck:
-    """One surveyed point and what the product says there.
+    """One surveyed point and the product there.
 
     Attributes:
         name: of the point.
         surveyed_m: easting, northing, height.
-        found_m: of the product; nan where it shows none, easting and northing without a target.
-        returns: that made the height; 0 for a surface.
+        found_m: of the product; nan where unknown, easting and northing without a target.
+        returns: used for the height; 0 for a surface.
         slope: of the plane; nan for a surface.
-        swaths: what each swath says of the place.
-        why_not: why its height was not compared; empty where it was.
+        swaths: heights by swath.
+        why_not: why the height was not compared; else empty.
     """
 
     name: str
@@ -47,15 +47,14 @@ class PointCheck:
 
 @dataclass(frozen=True)
 class ProductAtPoints:
-    """A product where points were surveyed.
+    """A product at all surveyed points.
 
     Attributes:
         crs: of the product.
         points: one for each surveyed point.
         survey: the points, in that CRS.
-        box_m: of the product, as it states it.
-        swath_key: what tells its swaths apart.
-        notices: what is to be known of product and points.
+        box_m: of the product, as stated in its header.
+        swath_key: what separates its swaths.
     """
 
     crs: pyproj.CRS
@@ -67,5 +66,5 @@ class ProductAtPoints:
 
 
 def three(xyz: FloatArray) -> tuple[float, float, float]:
-    """Coordinates as a point's."""
+    """Coordinates (3,) as a tuple."""
     return float(xyz[0]), float(xyz[1]), float(xyz[2])

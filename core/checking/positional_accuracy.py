@@ -1,8 +1,7 @@
-"""Accuracy from surveyed points, as the field reports it.
+"""Positional accuracy from surveyed points.
 
-ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2 (2023): the root mean square error is that of
-the product, so the error of the survey is added to what the comparison shows: RMSE² = RMSE₁² + RMSE₂², where 1 is the
-fit to the points and 2 the points' own. Fewer than 30 points make no statement of accuracy.
+ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2 (2023): the RMSE of a product includes the
+error of the survey, RMSE² = RMSE₁² + RMSE₂², where 1 is the fit to the points and 2 that of the points themselves.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ FloatArray = NDArray[np.float64]
 FEWEST: Final = 30
 """Edition 2's minimum of check points for a statement of accuracy."""
 BIAS_SHARE: Final = 0.25
-"""A mean error of more than this share of the RMSE shows a bias that should be found before the product is used."""
+"""A mean error above this share of the RMSE is a bias."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,8 @@ class Component:
         n: number of points.
         mean_m, sigma_m: mean and (sample) standard deviation of product less survey.
         fit_m: RMSE of product less survey.
-        survey_m: RMS of the points' own standard deviations; nan where none is stated.
-        rmse_m: of the product, the survey's error included where it is stated.
+        survey_m: RMS of the standard deviations of the points; nan where none is stated.
+        rmse_m: of the product, including the error of the survey where stated.
         median_m, p95_m, greatest_m: median of the errors, 95th percentile and greatest of their absolute values.
     """
 
@@ -48,7 +47,7 @@ class Component:
 
     @classmethod
     def of(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> Component:
-        """Of errors (n,), n at least 1, and the survey's own standard deviations (n,), nan where unstated."""
+        """From errors (n,), n at least 1, and standard deviations of the survey (n,), nan where unstated."""
         known = survey_sigma_m[np.isfinite(survey_sigma_m)]
         survey = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
         fit = float(np.sqrt(np.mean(error_m**2)))
@@ -66,7 +65,7 @@ class Component:
 
     @property
     def biased(self) -> bool:
-        """Whether the mean is more of the error than scatter explains, and than the standard lets pass."""
+        """Whether the mean exceeds the limit of the standard and twice its standard error."""
         if self.n < 2 or not self.fit_m:
             return False
         return bool(abs(self.mean_m) > max(BIAS_SHARE * self.rmse_m, 2.0 * self.sigma_m / np.sqrt(self.n)))
@@ -78,12 +77,12 @@ class Component:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Of a product.
+    """Accuracy of a product.
 
     Attributes:
         vertical: None where no point could be compared.
         easting, northing: None where no target was found.
-        precision: how well the product agrees with itself.
+        precision: internal precision.
     """
 
     vertical: Component | None
@@ -93,7 +92,7 @@ class Accuracy:
 
     @property
     def horizontal_m(self) -> float | None:
-        """RMSE of easting and northing together: the root of the sum of their squares."""
+        """RMSE of easting and northing combined."""
         if self.easting is None or self.northing is None:
             return None
         return float(np.hypot(self.easting.rmse_m, self.northing.rmse_m))

@@ -1,4 +1,4 @@
-"""Heights of a surface at surveyed points."""
+"""A surface at surveyed points."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from furrowmap.core.checking.surveyed_points import read_points
 from furrowmap.core.values.errors import InputError
 
 HEIGHT: Final = "height"
-"""What furrowmap calls the first band of a surface; of its other rasters it is something else."""
+"""Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
 
 def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | None) -> ProductAtPoints:
-    """The heights of a surface at each point, bilinear between the middles of four cells.
+    """Height of a surface at each point, bilinear between cell centres.
 
     Args:
         path: of a GeoTIFF, whose first band is heights.
@@ -26,7 +26,7 @@ def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | No
 
     Raises:
         InputError: if it is no such raster, or the points cannot be read.
-        RefusedError: if PROJ cannot vouch for the way between their CRS.
+        RefusedError: if PROJ has no exact transformation between their CRS.
     """
     import rasterio
     from rasterio.windows import Window
@@ -61,7 +61,7 @@ def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | No
 def _no_surface(path: Path, why: str) -> InputError:
     return InputError(
         f"{path} {why}.",
-        "It is nothing that surveyed points could be compared with.",
+        "Surveyed points cannot be compared with it.",
         "Give a cloud (LAS, LAZ, COPC) or a surface with a CRS (GeoTIFF).",
         code="check-product",
     )

@@ -1,4 +1,4 @@
-"""A table of points as surveyors' programs and spreadsheets write it: encodings, separators, decimal commas."""
+"""Text tables as written by survey software and spreadsheets: encodings, separators, decimal commas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _ENCODINGS: Final = ("utf-8-sig", "cp932")
-"""Of a table without a mark of its own: UTF-8, or what spreadsheets write in Japan (Shift-JIS)."""
+"""Without a byte order mark: UTF-8, or Shift-JIS from Japanese spreadsheets."""
 _SEPARATORS: Final = ",;\t"
 _UNIT: Final = re.compile(r"\s*[(\[（].*?[)\]）]\s*$")
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?\d+,\d+\s*")
@@ -28,7 +28,7 @@ class SurveyTable:
     Attributes:
         columns: each column's cells by its name in lower case, without a unit in brackets.
         lines: number in the file of each row.
-        decimal_comma: whether numbers are written with one.
+        decimal_comma: whether numbers have a decimal comma.
     """
 
     columns: dict[str, list[str]]
@@ -43,7 +43,7 @@ class SurveyTable:
         return np.array([_number(cell) for cell in cells])
 
     def first_fault(self, name: str) -> tuple[int, str] | None:
-        """Line and text of the first cell of a column that holds something that is no number; None if none does."""
+        """Line and text of the first cell of a column that is not a number; None if there is none."""
         known = np.isfinite(self.numbers(name))
         at = (k for k, cell in enumerate(self.columns[name]) if cell.strip() and not known[k])
         found = next(at, None)

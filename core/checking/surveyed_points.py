@@ -1,4 +1,4 @@
-"""Surveyed points that a product is checked against, from a table or a GeoPackage."""
+"""Surveyed points from a table or a GeoPackage."""
 
 from __future__ import annotations
 
@@ -26,22 +26,18 @@ _NAMES: Final = {
     "sigma_y": ("sigma_n_m", "sigma_n", "sd_n"),
     "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
 }
-"""Columns by what they hold; upper or lower case, a unit in brackets left out.
-
-Japan's surveyors write X for north: a bare X and Y needs other names, which is told where points lie nowhere.
-"""
+"""Accepted column names, in any case, without units in brackets. X is the easting, unlike in Japanese surveying."""
 _DEGREES: Final = ("lon_deg", "lon", "longitude")
 
 
 @dataclass(frozen=True)
 class SurveyedPoints:
-    """Points, n of them, in the CRS of the product that they are for.
+    """n points in the CRS of a product.
 
     Attributes:
         name: (n,) of each.
         xyz_m: (n, 3) easting, northing, height.
         sigma_m: (n, 3) standard deviations that the survey states; nan where it states none.
-        notices: what a user should know.
     """
 
     name: tuple[str, ...]
@@ -59,17 +55,17 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     Args:
         path: of the file. A CSV has columns such as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m.
         target: of the product, with or without heights.
-        crs: of a file that states none; without it a CSV of eastings and northings is taken to be in `target`, one of
-            longitudes and latitudes in the geographic CRS that `target` stands on.
+        crs: of a file without one; by default `target` for eastings and northings, and its geographic base CRS for
+            longitudes and latitudes.
 
     Raises:
         InputError: if the file cannot be read, or has no points with heights.
-        RefusedError: if PROJ cannot vouch for the way from the points' CRS, or their heights are of another kind.
+        RefusedError: if PROJ has no exact transformation from the CRS of the points, or the height systems differ.
     """
     if not path.is_file():
         raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
     if path.stat().st_size > LARGEST_BYTES:
-        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: it is a cloud rather than a survey")
+        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
     if path.read_bytes()[:16].startswith(b"SQLite format 3"):
         columns, stated = _from_geopackage(path)
     else:
@@ -122,7 +118,7 @@ def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
         raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
     if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
         raise _unreadable(
-            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are exchanged"
+            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are swapped"
         )
     return columns, degrees
 
@@ -166,14 +162,14 @@ def _columns(table: Any, found: dict[str, str | None]) -> dict[str, Any]:
 
 
 def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> None:
-    """Raises RefusedError where both state their heights, and those are of two kinds."""
+    """Raises RefusedError where both state height systems that differ."""
     kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
     if None in kinds or kinds[0] == kinds[1]:
         return
     raise RefusedError(
-        f"{path} has heights of '{kinds[0]}', the product of '{kinds[1]}'.",
-        "Tens of metres may lie between them, so nothing was compared.",
-        "Run the session with `[crs] heights` of the points, or give the points in the product's heights.",
+        f"{path} has heights in '{kinds[0]}', the product in '{kinds[1]}'.",
+        "They may differ by tens of metres, so nothing was compared.",
+        "Run the session with `[crs] heights` of the points, or convert the points to the heights of the product.",
         code="check-heights",
     )
 
@@ -185,7 +181,7 @@ def _flat(crs: pyproj.CRS) -> pyproj.CRS:
 def _unreadable(path: Path, why: str) -> InputError:
     return InputError(
         f"{path} {why}.",
-        "There are no surveyed points to compare with.",
+        "Nothing was compared.",
         "Give a CSV with the columns name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), or a GeoPackage of points with "
         "heights.",
         code="points-unreadable",

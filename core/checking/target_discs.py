@@ -1,4 +1,4 @@
-"""Discs laid out as targets, found in a cloud by their brightness."""
+"""Detection of disc targets in a cloud by brightness."""
 
 from __future__ import annotations
 
@@ -10,31 +10,27 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 STEP_SHARE: Final = 0.15
-"""Of a disc's diameter between places at which it is looked for."""
+"""Spacing of the search grid, in disc diameters."""
 FEWEST_RETURNS: Final = 8
 SURE: Final = 6.0
-"""Contrast over its standard error, as far as the ground's own unevenness makes it, from which on a disc is one."""
+"""Least contrast of a disc, in standard errors from the variation of the ground."""
 CONTRAST: Final = 2.0
-"""And a disc differs by so many standard deviations of the ground's brightness."""
+"""And in standard deviations of the brightness of the ground."""
 FINE_SHARE: Final = 0.6
 FINE_STEPS: Final = 61
-"""The middle is sought so far around the best place, in parts of the radius, in so many steps along each axis."""
+"""Extent of the fine search in radii, and its steps along each axis."""
 
 
 def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, search_m: float) -> FloatArray | None:
-    """Where the middle of a disc lies that is brighter or darker than the ground around it; None where none shows.
+    """Centre (2,) of a disc that is brighter or darker than the ground around it; None where none is found.
 
-    The disc is laid over the returns at places on a grid, and the place taken where inside and the ring around it
-    differ most; then its edge is fitted to the returns that are brighter or darker.
+    A grid search for the greatest contrast between the disc and the ring around it, then a fit of its edge.
 
     Args:
-        xy_m: (n, 2) returns from where the disc is expected, which is 0, 0.
+        xy_m: (n, 2) returns relative to the expected centre.
         brightness: (n,) intensity, or luminance.
         diameter_m: of the disc.
-        search_m: how far its middle may be from where it is expected.
-
-    Returns:
-        (2,) its middle.
+        search_m: greatest distance of the centre from the expected one.
     """
     radius = 0.5 * diameter_m
     steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
@@ -49,10 +45,7 @@ def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, searc
 
 
 def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -> float | None:
-    """Difference of means of a disc and the ring round it, over its standard error.
-
-    None with too few returns, or too little contrast.
-    """
+    """Difference of the means of disc and ring in standard errors; None with too few returns or too little contrast."""
     inside = brightness[distance_m < 0.9 * radius_m]
     around = brightness[(distance_m > 1.1 * radius_m) & (distance_m < 2.0 * radius_m)]
     if min(len(inside), len(around)) < FEWEST_RETURNS:
@@ -65,10 +58,9 @@ def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -
 
 
 def _centred(xy_m: FloatArray, brightness: FloatArray, middle: FloatArray, radius_m: float) -> FloatArray:
-    """The middle of the discs that part the returns best, near a place: its returns inside, the ground's outside.
+    """Centre of the disc that best separates returns brighter and darker than the mean; the mean of equally good ones.
 
-    The brightness of returns tells of which they are; where discs a little apart part them equally well, the mean of
-    their middles stands for all. The edge holds the middle better than the returns' mean would.
+    The edge determines the centre better than the mean of the returns does.
     """
     distance = np.hypot(*(xy_m - middle).T)
     inside = float(np.median(brightness[distance < 0.8 * radius_m]))

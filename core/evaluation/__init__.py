@@ -1,1 +1,1 @@
-"""How accurate a receiver's positions are, against others of the same antenna or vehicle."""
+"""Accuracy of a receiver's positions against a reference on the same antenna or vehicle."""

@@ -1,4 +1,4 @@
-"""How steadily a receiver stated positions, and of which kinds."""
+"""Continuity of a receiver log: availability, gaps, fix types, age of corrections."""
 
 from __future__ import annotations
 
@@ -15,12 +15,7 @@ MOST_GAPS_LISTED: Final = 50
 
 @dataclass(frozen=True)
 class Gap:
-    """A pause between two positions.
-
-    Attributes:
-        begin_s: UTC of the last position before it.
-        length_s: until the next.
-    """
+    """A gap between two positions, from the UTC of the last one before it."""
 
     begin_s: float
     length_s: float
@@ -28,12 +23,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Age:
-    """Age of the corrections, of the epochs that state one.
-
-    Attributes:
-        epochs: how many those are.
-        median_s, p95_s, greatest_s: of their ages.
-    """
+    """Age of the corrections over the epochs that state one."""
 
     epochs: int
     median_s: float
@@ -43,19 +33,18 @@ class Age:
 
 @dataclass(frozen=True)
 class Continuity:
-    """A receiver's log as it stands, whatever it is compared with.
+    """Continuity of one log.
 
     Attributes:
         epochs: number of positions.
         first_s, last_s: UTC of the first and last.
         interval_s: median of the steps between them.
-        availability: positions over the number that steps of that length would have made.
+        availability: positions over the number expected at that interval.
         share_by_fix: of the epochs.
-        first_by_fix_s: seconds from the first position to the first one of each kind: time to first fix. The log does
-            not say when the receiver was switched on.
-        gaps: number of steps longer than 1.5 intervals.
-        longest_gap_s, all_gaps_s: their lengths.
-        gap_list: the longest ones, in the order of time.
+        first_by_fix_s: seconds from the first position to the first of each fix type; the log does not state when the
+            receiver was switched on.
+        gaps: number of steps longer than 1.5 intervals; below, the longest and the sum of all.
+        gap_list: the longest ones, in order of time.
         age: of the corrections; None where none is stated.
     """
 

@@ -1,4 +1,4 @@
-"""A receiver's positions judged by those of a reference."""
+"""Errors of a receiver's positions against a reference."""
 
 from __future__ import annotations
 
@@ -16,30 +16,29 @@ from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FEW: Final = 30
-"""Fewer epochs than this make figures that say little."""
+"""Fewer epochs than this raise a notice."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of it.
+    """The result of an evaluation.
 
     Attributes:
         test, reference: names of the logs.
-        service, reference_service: whose corrections they used, as far as the logs say it.
-        antenna_offset_m: of the test's antenna from the reference's: forward, left, up.
-        matched: the epochs that were compared.
-        fix: (n,) int8 of the test at these epochs.
-        tables: figures of all epochs ("all") and of each kind of fix of the test, by its word.
-        outlier: (n,) which epochs are outliers.
-        sigma_m: (n, 3) standard deviations that the test stated: east, north, up.
+        service, reference_service: correction services, where the logs state them.
+        antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
+        matched: the compared epochs, n of them.
+        fix: (n,) int8 of the test.
+        tables: figures of all epochs ("all") and of each fix type of the test, by its label.
+        outlier: (n,) whether the epoch is an outlier.
+        sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
         age_s: (n,) of the corrections.
-        within_sigmas: see :func:`furrowmap.core.evaluation.statistics.within_sigmas`.
-        time_ahead_s: see :func:`furrowmap.core.evaluation.statistics.time_ahead_s`; by the fixed epochs where there are
-            any, without outliers.
-        continuity: of the test's log.
-        reference_share_by_fix: share of the compared epochs by the reference's fix.
-        left_out_by_reference_fix: epochs left out because the reference was not of the fix asked for.
-        notices: what to know about these figures.
+        within_sigmas: see :func:`~furrowmap.core.evaluation.statistics.within_sigmas`.
+        time_ahead_s: see :func:`~furrowmap.core.evaluation.statistics.time_ahead_s`; without outliers, from fixed
+            epochs where there are any.
+        continuity: of the test log.
+        reference_share_by_fix: share of the compared epochs by fix type of the reference.
+        left_out_by_reference_fix: epochs skipped because the reference was not fixed.
     """
 
     test: str
@@ -69,29 +68,27 @@ def evaluate(
     max_gap_s: float | None = None,
     fixed_reference_only: bool = False,
 ) -> Evaluation:
-    """Judge a test by a reference.
+    """Evaluate a test against a reference, whose positions are taken as the truth.
 
     Args:
-        test: the positions to be judged.
-        reference: what they are judged by; each of its positions is taken for the truth.
-        antenna_offset_m: see :func:`furrowmap.core.evaluation.matching.match`.
-        max_gap_s: as there.
-        fixed_reference_only: leave out epochs where the reference is not FIXED (or stated by hand).
+        test: the positions to evaluate.
+        reference: see :func:`~furrowmap.core.evaluation.matching.match`, as for the two below.
+        antenna_offset_m: of the test antenna.
+        max_gap_s: of the reference.
+        fixed_reference_only: skip epochs where the reference is neither FIXED nor entered by hand.
 
     Raises:
         InputError: if there is nothing to compare.
     """
     for track in (test, reference):
         if not len(track):
-            raise _nothing(f"{track.source}: there is no position in it.")
+            raise _nothing(f"{track.source}: it has no positions.")
     found = match(test, reference, antenna_offset_m=antenna_offset_m, max_gap_s=max_gap_s)
     certain = np.isin(found.reference_fix, (Fix.FIXED, Fix.MANUAL, Fix.SIMULATED))
     kept = certain if fixed_reference_only else np.ones(len(found), bool)
     left_out = int(np.sum(~kept))
     if not kept.any():
-        why = (
-            "the reference is fixed at none of them" if left_out else "no heading is known to turn the antennas' offset"
-        )
+        why = "the reference is never fixed" if left_out else "no heading is known to rotate the antenna offset"
         raise _nothing(f"{test.source}: {why}.")
     found = _part(found, kept)
     fix, error = test.fix[found.epoch], found.error_m
@@ -100,7 +97,7 @@ def evaluate(
         mine = fix == kind
         tables[Fix(kind).label] = table(error[mine], found.along_m[mine], found.across_m[mine])
     outlier = outliers(error, fix)
-    # The errors of poor fixes are no noise: they drift, and would pass for an offset of the clock.
+    # Errors of poor fixes drift and would be taken for a clock offset.
     steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
     sigma = np.column_stack([test.sigma_e_m, test.sigma_n_m, test.sigma_h_m])[found.epoch]
     return Evaluation(
@@ -118,12 +115,14 @@ def evaluate(
         within_sigmas=within_sigmas(error, sigma),
         time_ahead_s=time_ahead_s(found.along_m[steady], found.speed_mps[steady]),
         continuity=Continuity.of(test),
-        reference_share_by_fix={
-            Fix(kind).label: float(np.mean(found.reference_fix == kind)) for kind in np.unique(found.reference_fix)
-        },
+        reference_share_by_fix=_share_by_fix(found.reference_fix),
         left_out_by_reference_fix=left_out,
         notices=tuple(_notices(test, reference, found, certain[kept])),
     )
+
+
+def _share_by_fix(fix: NDArray[np.int8]) -> dict[str, float]:
+    return {Fix(kind).label: float(np.mean(fix == kind)) for kind in np.unique(fix)}
 
 
 def _part(found: Matched, kept: NDArray[np.bool_]) -> Matched:
@@ -136,57 +135,43 @@ def _part(found: Matched, kept: NDArray[np.bool_]) -> Matched:
 def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDArray[np.bool_]) -> list[Notice]:
     notices = []
     if not certain.all():
-        notices.append(
-            Notice(
-                "reference-not-fixed",
-                f"{reference.source} has no fixed position at {np.mean(~certain):.1%} of the compared epochs: there "
-                "the differences are as much its errors. --reference-fix fixed leaves those epochs out.",
-            )
+        text = (
+            f"{reference.source} has no fixed position at {np.mean(~certain):.1%} of the compared epochs: there "
+            "the differences include its errors. --reference-fix fixed skips those epochs."
         )
+        notices.append(Notice("reference-not-fixed", text))
     if found.without_heading:
-        notices.append(
-            Notice(
-                "heading-unknown",
-                f"{found.without_heading} epochs are left out: no heading is known to turn the antennas' offset by.",
-            )
-        )
+        text = f"{found.without_heading} epochs are skipped: no heading is known to rotate the antenna offset."
+        notices.append(Notice("heading-unknown", text))
     if not np.isfinite(found.error_m[:, 2]).any():
         notices.append(
-            Notice("no-heights", "One of the logs states no ellipsoidal height, so that there are no 3D and Z figures.")
+            Notice("no-heights", "One of the logs has no ellipsoidal heights, so there are no 3D and Z figures.")
         )
     error_m = found.interpolation_m[1]
     if found.interpolated.any() and error_m > 0.1 * np.sqrt(np.mean(np.sum(found.error_m[:, :2] ** 2, axis=1))):
-        notices.append(
-            Notice(
-                "interpolation-coarse",
-                f"{np.mean(found.interpolated):.0%} of the epochs lie between those of {reference.source}, and its own "
-                f"epochs deviate by up to {error_m:.3f} m (95 %) from what every other one would make of them. A "
-                "reference with a higher rate gives truer figures.",
-            )
+        text = (
+            f"{np.mean(found.interpolated):.0%} of the epochs lie between those of {reference.source}. Interpolating "
+            f"every other epoch of it gives errors up to {error_m:.3f} m (95 %). Use a reference with a higher rate."
         )
+        notices.append(Notice("interpolation-coarse", text))
     if len(found) < FEW:
-        notices.append(
-            Notice(
-                "few-epochs", f"Only {len(found)} epochs were compared: averages and percentiles of so few say little."
-            )
-        )
+        text = f"Only {len(found)} epochs were compared: too few for meaningful averages and percentiles."
+        notices.append(Notice("few-epochs", text))
     notices += offset_notices(found.error_m, test.source, reference.source)
     covered = len(found) / len(test)
     if covered < 0.5:
-        notices.append(
-            Notice(
-                "half-compared",
-                f"Only {covered:.0%} of the positions in {test.source} were compared ({found.outside} lie outside the "
-                f"reference's time, {found.in_gaps} in its gaps).",
-            )
+        text = (
+            f"Only {covered:.0%} of the positions in {test.source} were compared ({found.outside} lie outside the "
+            f"time span of the reference, {found.in_gaps} in its gaps)."
         )
+        notices.append(Notice("half-compared", text))
     return notices
 
 
 def _nothing(what: str) -> InputError:
     return InputError(
         what,
-        "So there is no epoch at which the two could be compared.",
-        "`furrowmap inspect` on both logs tells their times, gaps and fixes.",
+        "There is no epoch at which the two logs can be compared.",
+        "Run `furrowmap inspect` on both logs and compare their times, gaps and fixes.",
         code="nothing-to-compare",
     )

@@ -1,7 +1,7 @@
-"""A receiver's positions beside those of a reference at the same instants.
+"""A receiver's positions paired with those of a reference at the same times.
 
-The reference is interpolated to the times of the test: by a cubic through the epochs before and behind (Hermite's, with
-three-point slopes), where there are four in a row without a gap; else by a straight line. Nothing is taken across gaps.
+The reference is interpolated to the times of the test: by a cubic Hermite spline with three-point slopes where there
+are four epochs in a row without a gap, else linearly; never across a gap.
 """
 
 from __future__ import annotations
@@ -20,38 +20,37 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 FloatArray = NDArray[np.float64]
 
 EQUAL_S: Final = 1e-6
-"""Times that are no further apart are one."""
+"""Times closer than this are equal."""
 BEYOND_S: Final = 1e-3
-"""So far before its first and behind its last epoch a reference is continued: stamps are rounded to milliseconds."""
+"""A reference is extrapolated by this much at both ends, as stamps are rounded to milliseconds."""
 GAP_INTERVALS: Final = 1.5
 MOVING_MPS: Final = 0.5
-"""Below this speed a vehicle's direction of travel is not known from positions."""
+"""Below this speed positions give no direction of travel."""
 BASELINE_S: Final = 0.5
-"""The direction of travel is that between the places so long before and behind."""
+"""Direction of travel is that between the positions this long before and after."""
 
 
 @dataclass(frozen=True)
 class Matched:
-    """The epochs of a test that a reference covers.
+    """The n epochs of a test that a reference covers.
 
     Attributes:
         t_s: (n,) UTC.
-        error_m: (n, 3) test minus reference: east, north, up at the reference's place; up is nan where either height is
-            unknown.
-        along_m: (n,) the horizontal error in the direction of travel; nan below :data:`MOVING_MPS`.
+        error_m: (n, 3) test minus reference: east, north, up; up is nan where either height is unknown.
+        along_m: (n,) horizontal error in the direction of travel; nan below :data:`MOVING_MPS`.
         across_m: (n,) to the left of it.
         speed_mps: (n,) of the reference.
-        test_m: (n, 3) places of the test east, north, up of the reference's first matched place.
-        reference_m: (n, 3) those of the reference, moved to the test's antenna.
-        epoch: (n,) index of the epoch in the test's track.
-        reference_fix: (n,) int8, the poorer one of the reference's epochs around.
+        test_m: (n, 3) test positions, east, north, up of the first matched reference position.
+        reference_m: (n, 3) reference positions likewise, shifted to the test antenna.
+        epoch: (n,) index in the test track.
+        reference_fix: (n,) int8, the poorer of the reference epochs around.
         interpolated: (n,) whether the reference has no epoch at that time.
-        outside: epochs of the test before the reference begins or behind its end.
+        outside: epochs of the test outside the time span of the reference.
         in_gaps: epochs of the test in gaps of the reference.
-        without_heading: epochs left out because the antennas' offset could not be turned.
-        max_gap_s: longer steps of the reference are gaps.
-        interpolation_m: (2,) median and 95 % of how far the reference's epochs lie from what their neighbours, at twice
-            the interval, would make of them: interpolation errs by less. Nan without moving neighbours.
+        without_heading: epochs skipped because the antenna offset could not be rotated.
+        max_gap_s: longer intervals of the reference are gaps.
+        interpolation_m: (2,) median and 95 % of the reference's own interpolation error at twice its interval, an upper
+            bound; nan where it cannot be computed.
     """
 
     t_s: FloatArray
@@ -75,7 +74,7 @@ class Matched:
 
 
 def at_rest(lon_deg: float, lat_deg: float, height_m: float, like: GnssTrack, name: str) -> GnssTrack:
-    """A reference that stands at a known place, with the epochs of a test."""
+    """A reference at a known fixed position, with the epochs of a test."""
     n = len(like)
     return GnssTrack.build(
         like.t_s,
@@ -95,14 +94,14 @@ def match(
     antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     max_gap_s: float | None = None,
 ) -> Matched:
-    """Set a test beside a reference.
+    """Pair the epochs of a test with a reference.
 
     Args:
-        test: the positions to be judged.
-        reference: what they are judged by.
-        antenna_offset_m: the test's antenna seen from the reference's: forward, left, up. Forward is the heading that
-            the reference states, else that the test states, else the direction of travel, which is kept while standing.
-        max_gap_s: longer steps of the reference are gaps; 1.5 of its median intervals if None.
+        test: the positions to evaluate.
+        reference: taken as the truth.
+        antenna_offset_m: of the test antenna from the reference antenna: forward, left, up. Forward is the heading of
+            the reference, else of the test, else the direction of travel, which is kept while standing.
+        max_gap_s: longer intervals of the reference are gaps; None for 1.5 times its median interval.
 
     Raises:
         InputError: if no epoch of the test lies between epochs of the reference.
@@ -150,7 +149,7 @@ def match(
 
 
 def _cartesian(test: GnssTrack, reference: GnssTrack) -> tuple[FloatArray, FloatArray]:
-    """Both tracks' earth-centred coordinates, from the reference's middle; unknown heights are those of the others."""
+    """Earth-centred coordinates of both tracks about the middle of the reference; unknown heights are the median."""
     known = np.concatenate([reference.height_m, test.height_m])
     height = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 0.0
     test_xyz, reference_xyz = (
@@ -162,7 +161,7 @@ def _cartesian(test: GnssTrack, reference: GnssTrack) -> tuple[FloatArray, Float
 
 
 def _directions(reference: GnssTrack, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Longitude and latitude (n,) good enough to say where east, north and up are."""
+    """Longitude and latitude (n,) that define east, north and up."""
     lon = np.interp(t_s, reference.t_s, np.unwrap(reference.lon_deg, period=360.0))
     return lon, np.interp(t_s, reference.t_s, reference.lat_deg)
 
@@ -170,7 +169,7 @@ def _directions(reference: GnssTrack, t_s: FloatArray) -> tuple[FloatArray, Floa
 def _offset(
     offset_m: tuple[float, float, float], ahead: FloatArray, test: GnssTrack, reference: GnssTrack, t_s: FloatArray
 ) -> FloatArray:
-    """East, north, up (n, 3) of the test's antenna from the reference's; nan where the heading is not known."""
+    """East, north, up (n, 3) of the test antenna from the reference antenna; nan where the heading is unknown."""
     forward, left, up = offset_m
     if forward == 0.0 and left == 0.0:
         return np.tile([0.0, 0.0, up], (len(t_s), 1))
@@ -196,7 +195,7 @@ def _nearest(known_s: FloatArray, t_s: FloatArray) -> FloatArray:
 
 
 def _held(ahead: FloatArray) -> FloatArray:
-    """Directions (n, 2) with unknown ones filled by the last known before, the first ones by the first known."""
+    """Directions (n, 2) with unknown ones filled forward, leading ones backward."""
     known = np.isfinite(ahead[:, 0])
     if not known.any():
         return ahead
@@ -207,29 +206,23 @@ def _held(ahead: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A reference's way.
-
-    Attributes:
-        t_s: (n,) of its epochs.
-        xyz_m: (n, 3).
-        max_gap_s: longer steps are gaps.
-    """
+    """Interpolation of a reference with times (n,) and positions (n, 3); longer steps than `max_gap_s` are gaps."""
 
     t_s: FloatArray
     xyz_m: FloatArray
     max_gap_s: float
 
     def _step(self, t_s: FloatArray) -> NDArray[np.intp]:
-        """The epoch before each time (but for the last, which has none behind)."""
+        """Index of the interval that holds each time."""
         at = np.searchsorted(self.t_s, t_s + EQUAL_S, side="right") - 1
         return np.clip(at, 0, max(len(self.t_s) - 2, 0))
 
     def between(self, t_s: FloatArray) -> NDArray[np.bool_]:
-        """Whether there is no epoch at each time."""
+        """Whether each time has no epoch of its own."""
         return np.asarray(np.abs(_nearest(self.t_s, t_s) - t_s) > EQUAL_S)
 
     def covers(self, t_s: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which times have epochs around them without a gap; and which lie between the first and the last at all."""
+        """Which times lie within an interval that is no gap; and which lie within the time span at all."""
         near = np.abs(_nearest(self.t_s, t_s) - t_s) <= BEYOND_S
         inside = near | ((t_s >= self.t_s[0]) & (t_s <= self.t_s[-1]))
         if len(self.t_s) < 2:
@@ -238,7 +231,7 @@ class _Curve:
         return inside & (near | (self.t_s[k + 1] - self.t_s[k] <= self.max_gap_s)), inside
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """Places (m, 3) at times; straight between two epochs, cubic between four."""
+        """Positions (m, 3): linear between two epochs, cubic among four."""
         if len(self.t_s) < 2:
             return np.repeat(self.xyz_m, len(t_s), axis=0)
         k = self._step(t_s)
@@ -246,7 +239,7 @@ class _Curve:
         step = t[k + 1] - t[k]
         share = ((t_s - t[k]) / step)[:, None]
         whole = step <= self.max_gap_s
-        # Beside a gap only the epoch itself counts, and a stamp that is a rounding away from it.
+        # Next to a gap only a stamp within rounding of an epoch counts.
         nearest = np.where((np.abs(t_s - t[k]) <= np.abs(t[k + 1] - t_s))[:, None], p[k], p[k + 1])
         straight = np.where(whole[:, None], p[k] + share * (p[k + 1] - p[k]), nearest)
         before, behind = np.maximum(k - 1, 0), np.minimum(k + 2, len(t) - 1)
@@ -269,7 +262,7 @@ class _Curve:
         return straight
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
-        """Velocities (m, 3): the way between the nearest covered places half a second before and behind."""
+        """Velocities (m, 3) by central difference over half a second each way, where covered."""
         early, late = t_s - BASELINE_S, t_s + BASELINE_S
         early = np.where(self.covers(early)[0], early, t_s)
         late = np.where(self.covers(late)[0], late, t_s)
@@ -278,13 +271,13 @@ class _Curve:
         return velocity
 
     def known(self, t_s: FloatArray, flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether a flag (n,) holds for the epochs around each time."""
+        """Whether a flag (n,) holds for both epochs around each time."""
         k = self._step(t_s)
         both: NDArray[np.bool_] = flags[k] & flags[np.minimum(k + 1, len(flags) - 1)]
         return both
 
     def poorer(self, t_s: FloatArray, fix: NDArray[np.int8]) -> NDArray[np.int8]:
-        """The fix of the epoch at each time, or the one that is not FIXED of those around it."""
+        """Fix type of the epoch at each time; between two epochs, the one that is not FIXED."""
         k = self._step(t_s)
         behind = np.minimum(k + 1, len(fix) - 1)
         at_first = np.abs(t_s - self.t_s[k]) <= BEYOND_S
@@ -294,7 +287,7 @@ class _Curve:
         return found
 
     def interpolation_error(self) -> FloatArray:
-        """Median and 95 % of the distances of epochs from what the cubic makes of every other one."""
+        """Median and 95 % of the errors of epochs interpolated from every other one."""
         if len(self.t_s) < 6:
             return np.full(2, np.nan)
         half = _Curve(self.t_s[::2], self.xyz_m[::2], 2.0 * self.max_gap_s)
@@ -311,13 +304,13 @@ def _apart(test: GnssTrack, reference: GnssTrack, in_gaps: int) -> InputError:
     if in_gaps:
         return InputError(
             f"{reference.source}: all {in_gaps} epochs of {test.source} lie in its gaps.",
-            "Positions are compared at the same instants only, and nothing is interpolated across gaps.",
-            "Allow longer steps with --max-gap SECONDS if the reference is as sparse as that.",
+            "Positions are compared at equal times only, and gaps are not interpolated.",
+            "If the reference has such long intervals, raise the limit with --max-gap SECONDS.",
             code="reference-gaps",
         )
     return InputError(
         f"{test.source} ({spans[0]}) and {reference.source} ({spans[1]}) have no time in common.",
-        "Positions are compared at the same instants.",
-        "Give logs of the same drive; `furrowmap inspect` on both tells by how much their clocks differ.",
+        "Positions are compared at equal times.",
+        "Give logs of the same drive; run `furrowmap inspect` on both to compare their clocks.",
         code="no-time-in-common",
     )

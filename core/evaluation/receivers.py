@@ -1,4 +1,4 @@
-"""Opens two GNSS logs and judges one by the other."""
+"""Evaluation of one GNSS log against another."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.progress import Progress, silent
 
 PLACE: Final = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*")
-"""LAT,LON,HEIGHT of an antenna at rest."""
+"""LAT,LON,HEIGHT of a stationary antenna."""
 NUMBERS: Final = re.compile(r"[-+\d.,;\s]+")
-"""What is meant to be a place."""
+"""A reference of these characters only is meant as a place."""
 
 
 def evaluate_logs(
@@ -34,30 +34,23 @@ def evaluate_logs(
     fixed_reference_only: bool = False,
     progress: Progress = silent,
 ) -> Evaluation:
-    """Judge the positions in one log by those in another.
+    """Evaluate the positions of a log against a reference.
 
     Args:
-        test: a log of positions, of any kind that is read.
-        reference: another one, or a trajectory, or LAT,LON,HEIGHT of an antenna at rest.
+        test: a log of positions in any supported format.
+        reference: another log, a trajectory, or LAT,LON,HEIGHT of a stationary antenna.
         date: UTC date of the first position, for logs without dates.
-        antenna_offset_m: of the test's antenna from the reference's: forward, left, up.
-        max_gap_s: longer steps of the reference are gaps.
-        fixed_reference_only: leave out epochs at which the reference is not fixed.
-        progress: is told what goes on.
+        antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
+        max_gap_s: longer intervals of the reference are gaps.
+        fixed_reference_only: skip epochs at which the reference is not fixed.
+        progress: receives the stages.
 
     Raises:
         InputError: if a log cannot be read, has no positions, or there is nothing to compare.
     """
     progress(f"Reading {test.name}", 0.0)
     options = ReadOptions(date=date)
-    place = None if Path(reference).exists() else PLACE.fullmatch(reference)
-    if place is None and NUMBERS.fullmatch(reference) and not Path(reference).exists():
-        raise InputError(
-            f"{reference!r} is neither a file nor a place.",
-            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid, with decimal points.",
-            "Write it as 35.339325776,139.522173128,65.712.",
-            code="bad-place",
-        )
+    place = None if Path(reference).exists() else _place(reference)
     try:
         judged, notices = _track([test], options)
     except InputError as error:
@@ -69,14 +62,7 @@ def evaluate_logs(
             raise _with_date(fault) from None
         judged, notices = _track([test], ReadOptions(near_s=float(dated.t_s[0])))
     if place:
-        lat, lon, height = (float(number) for number in place.groups())
-        if abs(lat) > 90.0 or abs(lon) > 360.0:
-            raise InputError(
-                f"{reference!r}: there is no latitude {lat:g}°, longitude {lon:g}°.",
-                "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid.",
-                "Look at the order: latitude comes first.",
-                code="bad-place",
-            )
+        lat, lon, height = place
         judge = at_rest(lon, lat, height, judged, f"the place {reference.strip()}")
         more: list[Notice] = []
     else:
@@ -94,8 +80,35 @@ def evaluate_logs(
     return replace(found, notices=(*notices, *more, *found.notices))
 
 
+def _place(text: str) -> tuple[float, float, float] | None:
+    """Latitude, longitude and height; None where the text is not meant to be a place.
+
+    Raises:
+        InputError: if it is meant to be one but is not.
+    """
+    if not NUMBERS.fullmatch(text):
+        return None
+    found = PLACE.fullmatch(text)
+    if found is None:
+        raise InputError(
+            f"{text!r} is neither a file nor a place.",
+            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid, with decimal points.",
+            "Write it as 35.339325776,139.522173128,65.712.",
+            code="bad-place",
+        )
+    lat, lon, height = (float(number) for number in found.groups())
+    if abs(lat) > 90.0 or abs(lon) > 360.0:
+        raise InputError(
+            f"{text!r}: there is no latitude {lat:g}°, longitude {lon:g}°.",
+            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid.",
+            "Check the order: latitude comes first.",
+            code="bad-place",
+        )
+    return lat, lon, height
+
+
 def _with_date(error: InputError) -> InputError:
-    """An error with the remedy of this command, where it has another than a session."""
+    """The error with the remedy of this command, which has an option where a session has a key."""
     if error.code != "no-date":
         return error
     what, meaning, _ = error.lines
@@ -111,8 +124,8 @@ def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list
         return _of_poses(reader.poses()), reader.notices
     raise InputError(
         f"{paths[0]}: {reader.title} holds no positions of a receiver.",
-        "There is nothing in it to compare.",
-        "Give a GNSS log, a trajectory in geographic coordinates, or LAT,LON,HEIGHT of an antenna at rest.",
+        "There is nothing to compare.",
+        "Give a GNSS log, a trajectory in geographic coordinates, or LAT,LON,HEIGHT of a stationary antenna.",
         code="no-positions",
     )
 
@@ -120,8 +133,8 @@ def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list
 def _of_poses(poses: PoseTrack) -> GnssTrack:
     if poses.projected:
         raise InputError(
-            f"{poses.source}: its positions are of a map, and it does not say of which.",
-            "A receiver's log is in longitude and latitude.",
+            f"{poses.source}: its positions are map coordinates without a stated CRS.",
+            "They cannot be compared with longitudes and latitudes.",
             "Give the trajectory with the columns lon_deg, lat_deg, h_m.",
             code="trajectory-projected",
         )

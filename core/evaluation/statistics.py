@@ -1,9 +1,8 @@
-"""The figures by which GNSS services are judged.
+"""Error statistics of GNSS services.
 
-They are those of Nakagawa et al., *LiDAR scan matching with PPP-RTK for 3D farm mapping*, tables 1 to 3. The paper does
-not define them, but its tables obey: in every column RMSE² = average² + standard deviation² (so the deviation is that
-of the population); RMSE(2D)² = RMSE(X)² + RMSE(Y)² and RMSE(3D)² = RMSE(2D)² + RMSE(Z)²; the averages of X, Y, Z have
-signs, those of 2D and 3D do not. :data:`DEFINITIONS` says it in words.
+Those of Nakagawa et al., *LiDAR scan matching with PPP-RTK for 3D farm mapping*, tables 1 to 3, which satisfy: RMSE² =
+average² + standard deviation² (of the population); RMSE(2D)² = RMSE(X)² + RMSE(Y)²; RMSE(3D)² = RMSE(2D)² + RMSE(Z)²;
+averages of X, Y, Z are signed, those of 2D and 3D are of lengths. See :data:`DEFINITIONS`.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ QUANTILES: Final = (0.50, 0.68, 0.90, 0.95, 0.99)
 OUTLIER: Final = 3.5
 MAD_TO_SIGMA: Final = 1.4826
 LEAST_SPREAD_M: Final = 1e-3
-"""A spread below this is rounding, and makes nothing an outlier."""
+"""Least spread for outlier detection: below it differences are rounding."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One quantity's figures.
+    """Statistics of one quantity.
 
     Attributes:
-        n: how many epochs.
+        n: number of epochs.
         average_m, standard_deviation_m, rmse_m: see :data:`DEFINITIONS`; nan without epochs.
         percentiles_m: at :data:`QUANTILES`, of the absolute value.
         greatest_m: absolute value.
@@ -78,7 +77,7 @@ Table = dict[str, Row]
 
 
 def table(error_m: FloatArray, along_m: FloatArray, across_m: FloatArray) -> Table:
-    """The figures of errors (n, 3) and of their parts along and across the track (n,)."""
+    """Statistics of errors (n, 3) and of their components along and across the track (n,)."""
     return {
         "3D": Row.of(np.sqrt(np.sum(error_m**2, axis=1))),
         "2D": Row.of(np.hypot(error_m[:, 0], error_m[:, 1])),
@@ -91,7 +90,7 @@ def table(error_m: FloatArray, along_m: FloatArray, across_m: FloatArray) -> Tab
 
 
 def outliers(error_m: FloatArray, kind: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Which epochs (n,) are outliers among those of their kind of fix."""
+    """Which epochs (n,) are outliers among those of their fix type."""
     found = np.zeros(len(error_m), bool)
     for one in np.unique(kind):
         mine = np.flatnonzero(kind == one)
@@ -107,10 +106,7 @@ def outliers(error_m: FloatArray, kind: NDArray[np.int8]) -> NDArray[np.bool_]:
 
 
 def within_sigmas(error_m: FloatArray, sigma_m: FloatArray) -> dict[str, float] | None:
-    """Share of errors (n, 3) within one, two and three of their stated standard deviations (n, 3); None without any.
-
-    Of honest ones 68.3, 95.4 and 99.7 % are.
-    """
+    """Share of errors (n, 3) within one, two and three stated standard deviations (n, 3); None where none is stated."""
     known = np.isfinite(error_m) & np.isfinite(sigma_m) & (sigma_m > 0.0)
     if not known.any():
         return None
@@ -119,10 +115,10 @@ def within_sigmas(error_m: FloatArray, sigma_m: FloatArray) -> dict[str, float] 
 
 
 def time_ahead_s(along_m: FloatArray, speed_mps: FloatArray) -> tuple[float, float] | None:
-    """How much the test is ahead of the reference in time, with its standard error, if the speed varies enough to tell.
+    """Clock offset of the test against the reference, with its standard error; None if the speed varies too little.
 
-    A constant offset of a clock moves positions along the track in proportion to the speed; an offset of the antenna
-    does not depend on it. The slope of a straight line through both is the former.
+    A clock offset shifts positions along the track in proportion to speed, an antenna offset by a constant: it is the
+    slope of the line of best fit.
     """
     known = np.isfinite(along_m) & np.isfinite(speed_mps)
     if known.sum() < 20 or np.std(speed_mps[known]) < 0.5:

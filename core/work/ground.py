@@ -175,12 +175,8 @@ def worked_ground(
     doubtful = shapely.union_all([_unknown_ground(trajectory, states, implement), *unplaced])
     strips = missed(coverage, doubtful, implement.width_m, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
-    passes = tuple(
-        _pass(number, when, pass_, ground, area, implement)
-        for number, (when, pass_, ground, area) in enumerate(
-            zip(times, work, grounds, areas.of(grounds, unplaced), strict=True), start=1
-        )
-    )
+    parts = zip(times, work, grounds, areas.of(grounds, unplaced), strict=True)
+    passes = tuple(_pass(number, *part, implement) for number, part in enumerate(parts, start=1))
     pairs = [(pair, place) for pair, places in shared.items() for place in places]
     overlaps = tuple(
         Overlap(*pair, place, area)
@@ -188,14 +184,9 @@ def worked_ground(
     )
     spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
     (worked,) = areas.of([coverage], [doubtful])
-    overlap, missing = areas.of(
-        [
-            shapely.GeometryCollection([place for _, place in pairs]),
-            shapely.MultiPolygon([strip for _, strip in strips]),
-        ]
-    )
-    moving_s = sum(sweep.moving_s for _, (sweep, _) in runs)
-    length_m = sum(p.length_m for p in passes)
+    shared_all = shapely.GeometryCollection([place for _, place in pairs])
+    overlap, missing = areas.of([shared_all, shapely.MultiPolygon([strip for _, strip in strips])])
+    length_m, moving_s = sum(p.length_m for p in passes), sum(sweep.moving_s for _, (sweep, _) in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),

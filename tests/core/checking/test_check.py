@@ -318,7 +318,7 @@ def test_points__of_any_spreadsheet_are_the_same(
     ("text", "says"),
     [
         ("name;e_m;n_m;h_m\na;22,900.1;11,600.2;40.0\n", "line 2 holds '22,900.1' under e_m"),
-        ("name,lat,lon,h\na,140.02,36.87,40.0\n", "longitude and latitude are exchanged"),
+        ("name,lat,lon,h\na,140.02,36.87,40.0\n", "longitude and latitude are swapped"),
         ("P1,22900,11600,40\nP2,22901,11600,40\n", "has no column e_m, n_m, h_m"),
         ("\0\0\1\2,;", "holds no text"),
         ("one word\n", "no comma, semicolon or tab"),
@@ -335,7 +335,7 @@ def test_points__with_x_for_north_are_told_how_to_name_them(tmp_path: Path) -> N
     rows = [(f"P{k}", f"{n:.4f}", f"{e:.4f}", f"{h:.4f}") for k, (e, n, h) in enumerate(survey.tolist())]
     (tmp_path / "p.csv").write_text(table("name,x,y,h", rows))
     for product in (write_surface(tmp_path / "dsm.tif"), write_cloud(tmp_path / "a.las", returns(20_000))):
-        with pytest.raises(FurrowmapError, match=r"exchanged 3[56] points lie in it"):
+        with pytest.raises(FurrowmapError, match=r"swapped 3[56] points lie in it"):
             check_product(product, tmp_path / "p.csv")
 
 
@@ -344,7 +344,7 @@ def test_heights_of_another_kind_are_asked_for(tmp_path: Path) -> None:
     survey[:, 2] -= 42.77
     found = check_product(write_surface(tmp_path / "dsm.tif"), write_points(tmp_path / "p.csv", survey, 0.005))
     (bias,) = [notice.text for notice in found.notices if notice.code == "check-bias"]
-    assert "the ellipsoid or the sea?" in bias
+    assert "whether both heights are ellipsoidal" in bias
 
 
 def test_cloud__in_degrees_is_brought_to_metres(tmp_path: Path) -> None:
