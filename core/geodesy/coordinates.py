@@ -1,4 +1,4 @@
-"""Recorded positions brought into the map's frame, epoch and heights, and the account of how far they moved."""
+"""Transformation of recorded positions to the frame, epoch and heights of the map, with a record of each step."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from furrowmap.core.values.pose_track import PoseTrack
 FloatArray = NDArray[np.float64]
 
 JGD2024_SINCE_S: Final = 1_743_433_200.0
-"""1 April 2025 in Japan: from then on survey results, and the corrections that networks send, are those of JGD2024."""
+"""1 April 2025 in Japan: from then on survey results and network corrections are in JGD2024."""
 YEAR_S: Final = 31_556_952.0
 FAR_DEG: Final = 1.0
-"""Positions so far from the middle of all are a receiver's mistakes and no part of the drive: they stay as they are."""
+"""Positions this far from the median are receiver errors and stay unchanged."""
 OF_TODAY: Final = frozenset({"clas", "madoca", "ppp", "ppp-rtk"})
-"""Services whose positions are in the satellites' frame, at the epoch of the day."""
+"""Services whose positions are in the satellite frame at the current epoch."""
 DEGREES_OF_A_DRIVE: Final = 0.5
-"""Eastings and northings that vary by less than this and could be degrees are told to be."""
+"""Eastings and northings within the range of degrees that vary by less than this raise a notice."""
 EPOCH_APART: Final = 1.0
-"""Years between a stated epoch and the recording, beyond which it is said."""
+"""Years between a stated epoch and the recording beyond which a notice is raised."""
 
 
 @dataclass(frozen=True)
 class EpochMove:
-    """What parameters between epochs did to the positions.
+    """Shift of the positions by epoch parameters.
 
     Attributes:
-        file: their name.
-        east_m, north_m, up_m: means; east and north along the map's axes.
-        spread_m: greatest distance of a position's move from the mean.
+        file: name of the parameter file.
+        east_m, north_m, up_m: mean shift along the map axes.
+        spread_m: greatest deviation from the mean shift.
     """
 
     file: str
@@ -51,12 +51,12 @@ class EpochMove:
 
 @dataclass(frozen=True)
 class HeightMove:
-    """What a geoid did to the heights.
+    """Change of the heights by a geoid.
 
     Attributes:
         heights: its name.
-        source: the model or grid, in words.
-        geoid_m: least and greatest height of the geoid above the ellipsoid, which were taken off.
+        source: description of the model or grid.
+        geoid_m: least and greatest geoid height that was subtracted.
     """
 
     heights: str
@@ -66,20 +66,14 @@ class HeightMove:
 
 @dataclass(frozen=True)
 class TransformSummary:
-    """How recorded positions came to the map.
-
-    Attributes:
-        epoch: None where the epoch was not changed.
-        heights: None where heights are above the ellipsoid.
-        notices: what a user should know.
-    """
+    """Steps of a transformation; `epoch` and `heights` are None where nothing changed."""
 
     epoch: EpochMove | None = None
     heights: HeightMove | None = None
     notices: tuple[Notice, ...] = ()
 
     def account(self, frame: MapFrame) -> dict[str, Any]:
-        """For `report.json`: what the coordinates are, and every step that changed them."""
+        """For `report.json`: the coordinate system and every step applied."""
         base = frame.crs.geodetic_crs
         epoch, heights = self.epoch, self.heights
         moves: list[dict[str, Any]] = []
@@ -116,15 +110,14 @@ class TransformSummary:
 
 
 UNCHANGED: Final = TransformSummary()
-"""Nothing was moved."""
 
 
 def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, TransformSummary]:
-    """A receiver's positions in the map's frame, epoch and heights.
+    """A GNSS track in the frame, epoch and heights of the map.
 
     Raises:
-        InputError: if parameters or geoid do not cover a position, or parameters are of another year.
-        RefusedError: if the map's datum is none in which satellites give positions.
+        InputError: if parameters or geoid do not cover a position, or the parameters are of another year.
+        RefusedError: if the datum of the map is not one of satellite positioning.
     """
     lon, lat, height, done = _transform(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
     done = replace(done, notices=(*_of_today(frame, track), *done.notices))
@@ -132,7 +125,7 @@ def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Trans
 
 
 def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, TransformSummary]:
-    """Poses from elsewhere likewise; those in map coordinates are the map's already and stay as they are.
+    """Poses of a trajectory file likewise; those in map coordinates stay unchanged.
 
     Raises:
         InputError: as :func:`transform_track`.
@@ -142,13 +135,13 @@ def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Trans
         en = track.position[:, :2]
         if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
             degrees = (
-                f"{track.source} states eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
+                f"{track.source} has eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
                 "degrees, name the columns lon_deg and lat_deg."
             )
             return track, TransformSummary(notices=(Notice("coordinates-look-like-degrees", degrees),))
         if frame.parameters is None and frame.heights.vertical is None:
             return track, UNCHANGED
-        unmoved = f"{track.source} states eastings, northings and heights of the map itself: they were not moved."
+        unmoved = f"{track.source} has coordinates of the map itself: they were not transformed."
         return track, TransformSummary(notices=(Notice("coordinates-of-the-map", unmoved),))
     lon, lat, height, done = _transform(frame, track.t_s, *track.position.T)
     return replace(track, position=np.column_stack([lon, lat, height])), done
@@ -192,67 +185,67 @@ def _transform(
 
 
 def _unused_heights(frame: MapFrame) -> list[Notice]:
-    """What is to be said of a map's CRS that names heights which the session does not ask for."""
+    """Notice where the CRS of the map includes heights that the session does not request."""
     if frame.unused is None:
         return []
     code = name_of(frame.unused)
     beside = (
-        f"The map's CRS names heights ({frame.unused.name}), and they stay above the ellipsoid, tens of metres beside: "
-        f'write `heights = "{code}"` under [crs] for those.'
+        f"The CRS of the map includes heights ({frame.unused.name}), but heights stay ellipsoidal, tens of metres off: "
+        f'write `heights = "{code}"` under [crs] to convert them.'
     )
     return [Notice("heights-not-asked-for", beside)]
 
 
 def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
-    """What is to be said of parameters without a year, and of a stated epoch that is not the recording's."""
+    """Notices of parameters without a year, and of a stated epoch far from that of the recording."""
     if frame.parameters is not None and frame.parameters.holds_s is None:
         unchecked = (
-            f"The name of {frame.parameters.name} does not say for which fiscal year it holds, so whether that is the "
-            "recording's was not checked."
+            f"The name of {frame.parameters.name} does not include its fiscal year, so it was not checked against the "
+            "date of the recording."
         )
         return [Notice("epoch-unchecked", unchecked)]
     recorded = 1970.0 + float(np.median(t_s)) / YEAR_S
     if frame.stated is not None and abs(frame.stated.epoch - recorded) > EPOCH_APART:
         apart = (
-            f"Coordinates are said to be of the epoch {frame.stated.epoch:.10g}, and the recording was made in "
-            f"{recorded:.1f}: positions of the moment, as from PPP, would be of that epoch."
+            f"The stated epoch of the coordinates is {frame.stated.epoch:.10g}, but the recording was made in "
+            f"{recorded:.1f}: positions at the current epoch, as from PPP, would be of that epoch."
         )
         return [Notice("epoch-apart", apart)]
     return []
 
 
 def _of_today(frame: MapFrame, track: GnssTrack) -> list[Notice]:
-    """What is to be said where positions of the day are taken for the map's as they are."""
+    """Notice where positions at the current epoch are used without transformation."""
     by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
     if not by_ppp or frame.parameters is not None or frame.stated is not None:
         return []
     service = track.service.upper() or "PPP"
     said = (
-        f"{track.source} holds positions by {service}, which are coordinates of the day, and they are taken for those "
-        f"of {frame.name} as recorded. Maps are of an epoch years ago, from which the ground has moved by decimetres "
-        "in Japan: unless the receiver corrects that itself, state `coordinates` under [crs]."
+        f"{track.source} has positions by {service}, which are at the current epoch, but they are used in {frame.name} "
+        "as recorded. Maps refer to an epoch years ago, since when the ground in Japan has moved by decimetres: unless "
+        "the receiver corrects for that, set `coordinates` under [crs]."
     )
     return [Notice("epoch-of-the-day", said)]
 
 
 def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
-    """Raises InputError where the recording was not made on the days of the parameters."""
+    """Raises InputError where the parameters are not valid for the date of the recording."""
     parameters = frame.parameters
     assert parameters is not None
     holds = parameters.holds_s
     if holds is None or (holds[0] <= t_s[0] and t_s[-1] < holds[1]):
         return
     raise InputError(
-        f"{parameters.name} is for {iso_utc(holds[0])} to {iso_utc(holds[1])}; the positions are from "
+        f"{parameters.name} is valid from {iso_utc(holds[0])} to {iso_utc(holds[1])}; the positions are from "
         f"{iso_utc(t_s[0])} to {iso_utc(t_s[-1])}.",
-        "The ground moves by centimetres a year, so the parameters of another time would leave that in the map.",
-        "Name the file of the days on which the recording was made; the fiscal year of SemiDyna begins on 1 April.",
+        "The ground moves by centimetres a year; parameters of another time would leave that in the map.",
+        "Use the file for the date of the recording; the fiscal year of SemiDyna begins on 1 April.",
         code="epoch-out-of-range",
     )
 
 
 def _expect_geoid(frame: MapFrame, lon_deg: FloatArray, lat_deg: FloatArray, geoid_m: FloatArray) -> None:
-    """Raises InputError where the model has no geoid."""
+    """Raises InputError where the model does not cover a position."""
     missing = ~np.isfinite(geoid_m)
     if not missing.any():
         return
@@ -260,14 +253,14 @@ def _expect_geoid(frame: MapFrame, lon_deg: FloatArray, lat_deg: FloatArray, geo
     raise InputError(
         f"{frame.heights.name} has no geoid at {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude), nor at "
         f"{int(missing.sum()) - 1} more of {len(geoid_m)} positions.",
-        "Heights above it cannot be told there.",
-        'Choose a model of the place, or write `heights = "ellipsoidal"`.',
+        "Heights above it cannot be computed there.",
+        'Choose a model that covers the site, or write `heights = "ellipsoidal"`.',
         code="geoid-outside",
     )
 
 
 def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> list[Notice]:
-    """What is to be said of one of Japan's geoids with heights of other survey results than its own."""
+    """Notice where a geoid of Japan is combined with ellipsoidal heights of another realisation."""
     belongs = JAPAN.get(frame.heights.name)
     if belongs is None:
         return []
@@ -278,15 +271,15 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
         why = f"{frame.parameters.name} leads to {results}"
     else:
         results = "JGD2024" if float(np.median(t_s)) >= JGD2024_SINCE_S else "JGD2011"
-        why = f"networks in Japan sent corrections of {results} when the recording was made"
+        why = f"network corrections in Japan were in {results} at the time of the recording"
     if results == belongs:
         return []
     base = frame.crs.geodetic_crs or frame.crs
     here = np.array([lon_deg]), np.array([lat_deg])
     both = [float(height_system(name, base).geoid_m(*here)[0]) for name in JAPAN]
     mixed = (
-        f"{frame.heights.name} belongs to heights above the ellipsoid of {belongs}, and {why}. "
-        f"{' and '.join(JAPAN)} differ by {100.0 * abs(both[0] - both[1]):.1f} cm here, which heights may be off by"
-        + (", besides what the ground has risen or sunk since that epoch." if results is None else ".")
+        f"{frame.heights.name} applies to ellipsoidal heights in {belongs}, but {why}. "
+        f"{' and '.join(JAPAN)} differ by {100.0 * abs(both[0] - both[1]):.1f} cm here, the possible error of heights"
+        + (", besides vertical ground motion since that epoch." if results is None else ".")
     )
     return [Notice("epoch-and-geoid", mixed)]

@@ -1,4 +1,4 @@
-"""From one CRS to another, never by a step that PROJ only guesses."""
+"""Transformation between CRS, never by a ballpark step of PROJ."""
 
 from __future__ import annotations
 
@@ -19,18 +19,16 @@ from furrowmap.core.values.errors import InputError, Notice, RefusedError
 FloatArray = NDArray[np.float64]
 
 LOOSE_M: Final = 0.05
-"""A change whose authority states a worse accuracy than this is told to the user."""
+"""A worse stated accuracy raises a notice."""
 
 
 @dataclass(frozen=True)
 class CrsChange:
-    """A change of horizontal coordinates that PROJ can vouch for.
+    """An exact transformation of horizontal coordinates, easting or longitude first.
 
     Attributes:
-        source: easting or longitude first, as everywhere here.
-        target: likewise.
-        accuracy_m: as its authority states it; 0 for a projection alone, None where nobody states one.
-        words: the steps, as PROJ's database calls them.
+        accuracy_m: as stated by its authority; 0 for a projection alone, None where unstated.
+        words: the steps, as named in the PROJ database.
     """
 
     source: CRS
@@ -43,15 +41,15 @@ class CrsChange:
         """Coordinates (n,) each in the target.
 
         Raises:
-            RefusedError: if one of them has no place there.
+            RefusedError: if one of them lies outside the domain of the target.
         """
         try:
             moved_x, moved_y = self.transformer.transform(x, y, errcheck=True)
         except ProjError as error:
             raise RefusedError(
-                f"Some of the coordinates have no place in {name_of(self.target)} ({error}).",
-                "They would come out as infinite, so nothing was written.",
-                "Choose a CRS that is made for the place.",
+                f"Some coordinates lie outside the domain of {name_of(self.target)} ({error}).",
+                "They would be infinite, so nothing was written.",
+                "Choose a CRS for the site.",
                 code="crs-change-outside",
             ) from None
         return np.asarray(moved_x, np.float64), np.asarray(moved_y, np.float64)
@@ -62,40 +60,32 @@ class CrsChange:
 
     @property
     def notices(self) -> tuple[Notice, ...]:
-        """What a user should know of this change."""
+        """Of a transformation with a poor or unstated accuracy."""
         if self.accuracy_m is not None and self.accuracy_m <= LOOSE_M:
             return ()
-        known = (
-            "whose accuracy nobody states"
-            if self.accuracy_m is None
-            else f"stated to be accurate to {self.accuracy_m:g} m"
-        )
-        return (
-            Notice(
-                "crs-change-loose",
-                f"From {name_of(self.source)} to {name_of(self.target)} the datum changes by a step {known} ("
-                f"{self.words}).",
-            ),
-        )
+        known = "without a stated accuracy" if self.accuracy_m is None else f"accurate to {self.accuracy_m:g} m"
+        between = f"{name_of(self.source)} to {name_of(self.target)}"
+        text = f"The datum transformation from {between} is {known} ({self.words})."
+        return (Notice("crs-change-loose", text),)
 
 
 def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, float]) -> CrsChange:
-    """The change from `source` to `target` for a place.
+    """The transformation from `source` to `target` at a site.
 
-    PROJ answers with an identity where the way needs a grid that it does not have (JGD2000 to JGD2011 on the coast that
-    the earthquake of 2011 moved by metres), so what it offers is compared with what it would offer had it all grids.
+    PROJ returns an identity where a grid is missing (JGD2000 to JGD2011 on the coast that the earthquake of 2011 moved
+    by metres), so its offer is compared with what it would offer with all grids.
 
     Args:
         source: horizontal.
         target: horizontal.
-        bounds: of the place in `source`: least x and y, greatest x and y; a point's if it is one.
+        bounds: of the site in `source`: least x and y, greatest x and y.
 
     Raises:
-        RefusedError: if there is no way, or the right one needs a grid that is not installed.
+        RefusedError: if there is none, or it needs a grid that is not installed.
     """
     source, target = source.to_2d(), target.to_2d()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of missing grids, of which more is said below
+        warnings.simplefilter("ignore", UserWarning)  # missing grids are reported below
         group = TransformerGroup(
             source, target, always_xy=True, area_of_interest=_area(source, bounds), allow_ballpark=False
         )
@@ -103,16 +93,16 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     if missing:
         needed = "; ".join(dict.fromkeys(grid.short_name for grid in missing[0].grids if not grid.available))
         raise RefusedError(
-            f"The way from {name_of(source)} to {name_of(target)} here is '{missing[0].name}', whose grid ({needed}) "
-            "PROJ does not have.",
-            "Without it PROJ would leave the coordinates as they are and call that the answer.",
-            "Put the grid into PROJ's data folder (`projsync` fetches free ones), or stay in the session's CRS.",
+            f"The transformation from {name_of(source)} to {name_of(target)} here is '{missing[0].name}', whose grid "
+            f"({needed}) is not installed.",
+            "Without it PROJ would silently return the coordinates unchanged.",
+            "Put the grid into the PROJ data folder (`projsync` downloads free ones), or keep the CRS of the session.",
             code="crs-change-grid",
         )
     if not group.transformers:
         raise RefusedError(
-            f"PROJ knows no way from {name_of(source)} to {name_of(target)} at this place.",
-            "A guess could be off by hundreds of metres.",
+            f"PROJ has no transformation from {name_of(source)} to {name_of(target)} at this site.",
+            "A ballpark transformation could be off by hundreds of metres.",
             "Choose another CRS.",
             code="crs-change-unknown",
         )
@@ -125,7 +115,7 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
 
 
 def crs_of(text: str) -> CRS:
-    """The horizontal CRS that a user names, in any form that PROJ reads.
+    """The horizontal CRS of a text in any form that PROJ reads.
 
     Raises:
         InputError: if it is none.
@@ -134,21 +124,21 @@ def crs_of(text: str) -> CRS:
         return CRS.from_user_input(text).to_2d()
     except CRSError as error:
         raise InputError(
-            f"{text!r} is no CRS that PROJ knows ({error}).",
-            "Coordinates cannot be changed into it.",
+            f"PROJ does not know the CRS {text!r} ({error}).",
+            "Coordinates cannot be transformed to it.",
             'Write an EPSG code such as "EPSG:4326", or a WKT text.',
             code="crs-unknown",
         ) from None
 
 
 def _better(accuracy_m: float, group: TransformerGroup) -> bool:
-    """Whether an operation that cannot be had is stated to be better than the best that can."""
+    """Whether the stated accuracy of an unavailable operation is better than that of the best available one."""
     offered = [t.accuracy for t in group.transformers if t.accuracy is not None and t.accuracy >= 0]
     return accuracy_m >= 0 and (not offered or accuracy_m < min(offered))
 
 
 def _area(source: CRS, bounds: tuple[float, float, float, float]) -> Any:
-    """The place in degrees (pyproj's types have two of that name); None where the CRS cannot say."""
+    """Bounds in degrees as pyproj's area of interest; None where they cannot be computed."""
     base = source.geodetic_crs
     if base is None:
         return None

@@ -1,4 +1,4 @@
-"""Which projected CRS suits a place, for a user who has not said."""
+"""Choice of a projected CRS for a site."""
 
 from __future__ import annotations
 
@@ -31,15 +31,12 @@ _JAPAN: Final = {
     6686: "Okinotorishima",
     6687: "Minamitorishima",
 }
-"""EPSG codes of JGD2011's plane rectangular zones I to XIX, and the prefectures of each.
-
-After public notice no. 9 of 2002 of Japan's ministry of land; PROJ's database names but one prefecture for zone IX.
-"""
+"""EPSG codes of JGD2011 plane rectangular zones I to XIX with their prefectures (MLIT public notice no. 9 of 2002)."""
 _NEAR_JAPAN_DEG: Final = 0.1
 _NEAR_UTM_DEG: Final = 0.5
-"""So near to a zone's border (10 and about 50 km) the neighbour is named as an alternative."""
+"""Distance from a zone border (10 and about 50 km) within which the neighbouring zone is an alternative."""
 _LOCAL_DATUMS: Final = ("ETRS89", "NAD83(2011)", "GDA2020", "NZGD2000", "SIRGAS 2000")
-"""Datums in use today whose UTM zones a country may prefer to those of WGS 84."""
+"""Current national datums with UTM zones of their own."""
 
 _Box: TypeAlias = tuple[float, float, float, float]
 """West, south, east, north in degrees."""
@@ -51,9 +48,9 @@ class CrsChoice:
 
     Attributes:
         code: such as "EPSG:6677".
-        name: as the authority has it.
-        reason: why this one, without a full stop.
-        alternatives: other codes, each with a few words on where or when it would be right.
+        name: of the CRS.
+        reason: for the choice, without a full stop.
+        alternatives: other codes, each with its conditions.
     """
 
     code: str
@@ -63,19 +60,15 @@ class CrsChoice:
 
 
 def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """The CRS for a place: Japan's plane rectangular zone by its area of use, elsewhere the UTM zone on WGS 84.
-
-    Returns:
-        None towards the poles, where UTM has no zones.
-    """
+    """The CRS for a site: the plane rectangular zone in Japan, else the UTM zone on WGS 84; None near the poles."""
     return _plane_rectangular(lon_deg, lat_deg) or _utm(lon_deg, lat_deg)
 
 
 def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """Japan's zone, or None outside all of them.
+    """The zone of Japan, or None outside all of them.
 
-    The zones follow prefectures, of which PROJ's database knows only the box around each zone; where boxes overlap,
-    the one in which the place lies deepest is taken, and the others are named.
+    Zones follow prefectures, but PROJ has only their bounding boxes: where these overlap, the most central one is
+    chosen and the others are alternatives.
     """
     zones = sorted(
         (_eccentricity(area.bounds, lon_deg, lat_deg), code)
@@ -95,7 +88,7 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
 
 def _utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """The UTM zone on WGS 84, the neighbouring one where it is near, and the same zone on the datum of the country."""
+    """The UTM zone on WGS 84, with the neighbouring one if near and the zone on the national datum as alternatives."""
     zones = _utm_zones(lon_deg, lat_deg)
     own = _on_wgs84(zones)
     if own is None:
@@ -120,7 +113,7 @@ def _utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
 
 def _utm_zones(lon_deg: float, lat_deg: float) -> list[CRSInfo]:
-    """The zones on all datums in whose area of use the place lies."""
+    """The zones on all datums whose area of use contains the site."""
     lon_deg = (lon_deg + 180.0) % 360.0 - 180.0
     return [
         zone
@@ -145,7 +138,7 @@ def _eccentricity(box: _Box, lon_deg: float, lat_deg: float) -> float:
 
 
 def _outside_deg(box: _Box, lon_deg: float, lat_deg: float) -> float:
-    """How far outside the box the place lies; 0 inside."""
+    """Distance of the site from the box; 0 inside."""
     west, south, east, north = box
     return math.hypot(max(west - lon_deg, 0.0, lon_deg - east), max(south - lat_deg, 0.0, lat_deg - north))
 

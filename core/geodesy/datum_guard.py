@@ -1,4 +1,4 @@
-"""Whether a map's datum is one in which satellites give positions; older ones lie up to hundreds of metres beside."""
+"""Check that the datum of a map agrees with that of satellite positions; older ones differ by up to 500 m."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from furrowmap.core.values.datum import APART_M, apart_m
 from furrowmap.core.values.errors import Notice, RefusedError
 
 JGD2000_UNTIL_S: Final = 1_319_122_800.0
-"""21 October 2011 in Japan: since then survey results, and the corrections that networks send, are of JGD2011."""
+"""21 October 2011 in Japan: since then survey results and network corrections are in JGD2011."""
 
 
 def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:
-    """What is to be said of a map's datum, for positions by satellites at a place and time.
+    """Notices about the datum of a map for satellite positions at a site and time.
 
     Raises:
-        RefusedError: if it lies far beside the datums in which satellites give positions.
+        RefusedError: if it differs widely from the datums of satellite positioning.
     """
     base = crs.geodetic_crs
     if base is None:
@@ -25,18 +25,18 @@ def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: flo
     apart = apart_m(base, round(lon_deg, 1), round(lat_deg, 1))
     if apart is not None and apart > APART_M:
         raise RefusedError(
-            f"{name} stands on {base.name}, whose coordinates lie {apart:.0f} m beside those of satellites at "
+            f"{name} is based on {base.name}, whose coordinates differ by {apart:.0f} m from satellite positions at "
             f"{lat_deg:.4f}, {lon_deg:.4f} (latitude, longitude).",
-            "Recorded positions taken for its own would put everything that far from where it is.",
-            "Set `[crs] map` to a CRS on a datum of today (`furrowmap init` proposes one) and let `furrowmap export "
-            "--dst-crs` change the products; or state it, if your network corrects to that datum: "
+            "Using recorded positions in it would shift everything by that distance.",
+            "Set `[crs] map` to a CRS on a current datum (`furrowmap init` proposes one) and transform the products "
+            "with `furrowmap export --dst-crs`; or state the datum, if your network corrects to it: "
             f'`coordinates = "{base.name}@2026.4"`.',
             code="crs-datum",
         )
     if base.name == "JGD2000" and time_s > JGD2000_UNTIL_S:
         text = (
-            f"{name} stands on JGD2000, and positions recorded since October 2011 are of JGD2011: they are taken for "
-            "the same, and where the earthquake of that year moved the ground they lie up to 5 m apart."
+            f"{name} is based on JGD2000, but positions recorded since October 2011 are in JGD2011. They are used as "
+            "they are; where the earthquake of that year moved the ground, the two differ by up to 5 m."
         )
         return [Notice("datum-superseded", text)]
     return []

@@ -1,4 +1,4 @@
-"""What heights are counted from: the ellipsoid, or a geoid model by name."""
+"""Height systems: ellipsoidal, or above a geoid model."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from furrowmap.core.values.session import ELLIPSOIDAL
 FloatArray = NDArray[np.float64]
 
 JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
-"""Japan's geoid models, and the survey results with whose heights above the ellipsoid each belongs."""
+"""Geoid models of Japan, and the realisation whose ellipsoidal heights each applies to."""
 VERTICAL: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
-"""Geoid models of the world, and the vertical CRS of each."""
+"""Global geoid models and their vertical CRS."""
 _JGD2011: Final = 6695
-"""EPSG code of JGD2011's heights, to which GSIGEO2011 leads."""
+"""EPSG code of JGD2011 (vertical), the heights of GSIGEO2011."""
 _JGD2024_NAME: Final = "JGD2024 (vertical) height"
 _JGD2024: Final = (
     f'VERTCRS["{_JGD2024_NAME}",VDATUM["Japanese Geodetic Datum 2024 (vertical)"],CS[vertical,1],'
     'AXIS["gravity-related height (H)",up],LENGTHUNIT["metre",1]]'
 )
-"""For PROJ's databases up to that of EPSG 12.055 (April 2026), which has it under a code."""
+"""For PROJ databases before EPSG 12.055 (April 2026)."""
 
 GeoidHeight = Callable[[FloatArray, FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
 class HeightSystem:
-    """What a map's heights are counted from.
+    """The height system of a map.
 
     Attributes:
-        name: "ellipsoidal", or what the session calls the geoid.
-        vertical: CRS of the heights; None for those above the ellipsoid.
-        source: the model and where it comes from, in words.
-        geoid_m: height of the geoid above the ellipsoid (n,) at longitudes and latitudes (n,); nan where it has none.
+        name: "ellipsoidal", or the geoid as the session names it.
+        vertical: CRS of the heights; None for ellipsoidal ones.
+        source: description of the model and its origin.
+        geoid_m: geoid heights (n,) at longitudes and latitudes (n,); nan outside the model.
     """
 
     name: str
@@ -55,7 +55,7 @@ class HeightSystem:
     geoid_m: GeoidHeight
 
     def with_heights(self, flat: CRS) -> CRS:
-        """A horizontal CRS and these heights as one; as it is for heights above the ellipsoid."""
+        """The compound of a horizontal CRS and these heights; unchanged for ellipsoidal heights."""
         if self.vertical is None:
             return flat
         whole = CompoundCRS(f"{flat.name} + {self.vertical.name}", [flat, self.vertical])
@@ -67,16 +67,16 @@ ABOVE_ELLIPSOID: Final = HeightSystem(ELLIPSOIDAL, None, "the ellipsoid", lambda
 
 
 def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSystem:
-    """The heights that a session asks for.
+    """The height system that a session requests.
 
     Args:
-        name: "ellipsoidal", one of Japan's models, one of `VERTICAL`, or any vertical CRS that PROJ reads.
+        name: "ellipsoidal", a key of `JAPAN` or `VERTICAL`, or any vertical CRS that PROJ reads.
         base: the geographic CRS of the positions.
-        grid: a geoid's grid that PROJ reads (GeoTIFF, GTX), for models that are neither Japan's nor in PROJ's folder.
+        grid: geoid grid that PROJ reads (GeoTIFF, GTX), for other models than those of Japan and of PROJ.
 
     Raises:
         InputError: if there is no such model, or the grid is none.
-        RefusedError: if PROJ lacks the grid, or knows no way to such heights.
+        RefusedError: if PROJ lacks the grid, or has no transformation.
     """
     if name == ELLIPSOIDAL:
         return ABOVE_ELLIPSOID
@@ -90,10 +90,9 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
 
 
 def _japan(name: str) -> HeightSystem:
-    """GSI's models, which lie in japan-geoid.
+    """GSI models from japan-geoid.
 
-    JPGEO2024 counts from the mean sea level of Tokyo Bay everywhere; JGD2024's heights on some islands do not, and
-    Hrefconv2024 is the difference, which is zero elsewhere.
+    JPGEO2024 refers to Tokyo Bay everywhere; Hrefconv2024 is the difference on islands with another reference.
     """
     import japan_geoid
 
@@ -107,7 +106,7 @@ def _japan(name: str) -> HeightSystem:
 
 
 def _jgd2024() -> CRS:
-    """The vertical CRS of JGD2024: the authority's where PROJ's database knows it."""
+    """The vertical CRS of JGD2024, from EPSG where the PROJ database has it."""
     known = query_crs_info(auth_name="EPSG", pj_types=PJType.VERTICAL_CRS)
     code = next((info.code for info in known if info.name == _JGD2024_NAME and not info.deprecated), None)
     return CRS.from_wkt(_JGD2024) if code is None else CRS.from_authority("EPSG", code)
@@ -120,8 +119,8 @@ def _vertical(name: str) -> CRS:
         crs = None
     if crs is None or not crs.is_vertical or crs.is_compound:
         raise InputError(
-            f"The session's key `crs.heights` is {name!r}, which is no geoid model known here and no vertical CRS.",
-            "What heights would be counted from is not known.",
+            f"`crs.heights` is {name!r}, which is neither a known geoid model nor a vertical CRS.",
+            "The reference of the heights is unknown.",
             f'Write "{ELLIPSOIDAL}", {", ".join(JAPAN)}, {", ".join(VERTICAL)}, or a vertical CRS such as "EPSG:5703".',
             code="heights-unknown",
         )
@@ -129,12 +128,12 @@ def _vertical(name: str) -> CRS:
 
 
 def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
-    """A grid of geoid heights, which PROJ reads and interpolates bilinearly."""
+    """A grid of geoid heights, interpolated bilinearly by PROJ."""
     place = grid.resolve().as_posix()
     if any(sign in place for sign in ',"'):
         raise InputError(
-            f"{grid}: PROJ takes no grid whose path holds a comma or a quotation mark.",
-            "The heights cannot be computed.",
+            f"{grid}: PROJ cannot read a grid whose path contains a comma or a quotation mark.",
+            "Heights cannot be computed.",
             "Rename the file or the folder.",
             code="geoid-unreadable",
         )
@@ -145,16 +144,16 @@ def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
         )
     except ProjError as error:
         raise InputError(
-            f"{grid} is no geoid grid that PROJ can read ({error}).",
-            "The heights cannot be computed.",
-            "Give a vertical grid as PROJ's data packages have them (GeoTIFF, or GTX).",
+            f"PROJ cannot read the geoid grid {grid} ({error}).",
+            "Heights cannot be computed.",
+            "Give a vertical grid in a format of the PROJ data packages (GeoTIFF, or GTX).",
             code="geoid-unreadable",
         ) from None
     return _taken(shift, 1.0), f"the grid {grid.name}"
 
 
 def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
-    """What PROJ knows of the way from heights above the ellipsoid; never a step that it only guesses."""
+    """PROJ's transformation from ellipsoidal heights, never a ballpark one."""
     whole = CompoundCRS(f"{base.name} + {vertical.name}", [base.to_2d(), vertical])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of missing grids, of which more is said below
@@ -165,22 +164,22 @@ def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
     needed = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids]
     if needed:
         raise RefusedError(
-            f"Heights of {name} need the grid {needed[0]}, which PROJ does not have.",
-            "Without it PROJ would leave heights above the ellipsoid as they are, tens of metres off.",
-            f'Put {needed[0]} beside the session and write `geoid_grid = "{needed[0]}"` under [crs], or put it into '
-            "PROJ's data folder (`projsync` fetches free ones).",
+            f"Heights of {name} need the grid {needed[0]}, which is not installed.",
+            "Without it PROJ would return ellipsoidal heights unchanged, tens of metres off.",
+            f'Put {needed[0]} next to the session and write `geoid_grid = "{needed[0]}"` under [crs], or put it into '
+            "the PROJ data folder (`projsync` downloads free ones).",
             code="geoid-grid-missing",
         )
     raise RefusedError(
-        f"PROJ knows no way from heights above the ellipsoid of {base.name} to {vertical.name}.",
-        "A guess could be off by tens of metres.",
-        "Name the geoid's grid under [crs] as `geoid_grid`, or choose other heights.",
+        f"PROJ has no transformation from ellipsoidal heights of {base.name} to {vertical.name}.",
+        "A ballpark transformation could be off by tens of metres.",
+        "State the geoid grid under [crs] as `geoid_grid`, or choose other heights.",
         code="geoid-unknown",
     )
 
 
 def _taken(change: Transformer, sign: float) -> GeoidHeight:
-    """Heights of the geoid as what a change makes of points on the ellipsoid."""
+    """Geoid heights as the transformation of points on the ellipsoid."""
 
     def geoid_m(lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
         moved: Any = change.transform(lon_deg, lat_deg, np.zeros(len(lon_deg)))

@@ -1,9 +1,8 @@
-"""Official correction parameters of Japan (GSI's .par files): from one epoch or datum to another, on a mesh.
+"""Official correction parameters of Japan (GSI .par files) between epochs or datums, on a mesh.
 
 Geospatial Information Authority of Japan, semi-dynamic correction: the file of a fiscal year holds, on a mesh of 2.5'
-by 3.75', how far the ground has moved since the reference epoch of the survey results. Added to coordinates of the
-map's epoch that gives the current ones; between the mesh's nodes it is taken bilinearly. The same for a quarter of a
-year: :mod:`furrowmap.core.geodesy.pos2jgd`.
+by 3.75', the ground motion since the reference epoch. Added to coordinates at the epoch of the map, interpolated
+bilinearly, it gives those at the current epoch. For a quarter of a year: :mod:`furrowmap.core.geodesy.pos2jgd`.
 """
 
 from __future__ import annotations
@@ -27,14 +26,14 @@ FloatArray = NDArray[np.float64]
 YEAR: Final = "SemiDynaEXE"
 QUARTER: Final = "POS2JGD"
 BETWEEN_EPOCHS: Final = (YEAR, QUARTER)
-"""The formats of files that lead between the map's epoch and the current one of a fiscal year, or of a quarter."""
+"""Formats between the epoch of the map and the current one of a fiscal year, or of a quarter."""
 _SOUTH_NORTH_DEG: Final = (0.0, 66.6)
 _WEST_EAST_DEG: Final = (100.0, 180.0)
 """Where mesh codes are defined (JIS X 0410)."""
 LARGEST_BYTES: Final = 50_000_000
-"""The largest official file, TKY2JGD's of 390,000 nodes, has 11 MB."""
+"""The largest official file (TKY2JGD, 390,000 nodes) has 11 MB."""
 _ROUNDS: Final = 6
-"""Of the way back; parameters change by less than 1e-3 of the way, so that each round gives three digits."""
+"""Iterations of the inverse: parameters vary by less than 1e-3, so each adds three digits."""
 _JAPAN: Final = dt.timezone(dt.timedelta(hours=9))
 
 
@@ -44,11 +43,11 @@ class ParameterFile:
 
     Attributes:
         name: of the file.
-        format: what changes, as jgdtrans names the kinds of files; "POS2JGD" for both that it tells apart.
-        days: first and last day (Japan) for which a file between epochs holds; None where it does not say.
+        format: as named by jgdtrans, or "POS2JGD".
+        days: first and last day (Japan) of validity of a file between epochs; None where unstated.
         codes: (m,) mesh codes of the nodes, increasing.
-        corrections: (m, 3) longitude and latitude in degrees, height in metres, that lead forward.
-        from_map: whether forward is from the map's epoch to the current one.
+        corrections: (m, 3) forward, longitude and latitude in degrees, height in metres.
+        from_map: whether forward is from the epoch of the map to the current one.
     """
 
     name: str
@@ -59,26 +58,24 @@ class ParameterFile:
     from_map: bool = True
 
     def to_map(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), at the map's epoch, of those at the current one.
+        """(longitude, latitude, height), each (n,), from the current epoch to that of the map.
 
         Raises:
-            InputError: if the file has no parameters for one of the places.
+            InputError: if the file does not cover a position.
         """
         return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
 
     def forward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), after the change: the corrections added.
+        """(longitude, latitude, height), each (n,), with the corrections added.
 
         Raises:
-            InputError: if the file has no parameters for one of the places.
+            InputError: if the file does not cover a position.
         """
         moved = self._at(lon_deg, lat_deg)
         return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
 
     def backward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), before the change: the corrections that lead here taken off.
-
-        Found by fixed-point iteration; what :meth:`forward` makes of it is the argument to 1e-13°.
+        """The inverse of :meth:`forward` to 1e-13°, by fixed-point iteration.
 
         Raises:
             InputError: as :meth:`forward`.
@@ -90,7 +87,7 @@ class ParameterFile:
 
     @cached_property
     def holds_s(self) -> tuple[float, float] | None:
-        """From when to when (UTC) a file between epochs is to be used; None where it is not known."""
+        """Period of validity (UTC) of a file between epochs; None where unknown."""
         if self.days is None:
             return None
         begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN) for day in self.days)
@@ -121,7 +118,7 @@ class ParameterFile:
         return out
 
     def _find(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Where the nodes (n,) are, which are counted in 30" and 45"; and whether they are there."""
+        """Index (n,) of nodes by row and column in units of 30" and 45"; and whether the file has them."""
         code = (row // 80) * 1_000_000 + (column // 80) * 10_000
         code += (row % 80 // 10) * 1_000 + (column % 80 // 10) * 100 + (row % 10) * 10 + column % 10
         index = np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)
@@ -130,16 +127,16 @@ class ParameterFile:
     def _outside(self, lon_deg: FloatArray, lat_deg: FloatArray, where: NDArray[np.bool_]) -> InputError:
         k = int(np.flatnonzero(where)[0])
         return InputError(
-            f"{self.name} has no parameters for {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude), where "
+            f"{self.name} has no parameters for {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude): "
             f"{int(where.sum())} of {len(lon_deg)} positions lie outside its mesh.",
-            "How far the ground there has moved cannot be known from it, so nothing was moved.",
-            "Use the whole file for the place, as its authority gives it out; on the sea and abroad there is none.",
+            "The ground motion there is unknown, so nothing was transformed.",
+            "Use the complete official file for the site; there is none at sea and abroad.",
             code="parameters-outside",
         )
 
 
 def read_parameters(path: Path) -> ParameterFile:
-    """The parameters in a .par file; its kind is told by its layout.
+    """The parameters in a .par file, whose format is detected from its layout.
 
     Raises:
         InputError: if it is no such file, or is damaged.
@@ -156,7 +153,7 @@ def read_parameters(path: Path) -> ParameterFile:
     head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
     kind = _kind(lines, head) if head is not None else None
     if kind is None:
-        raise _unreadable(path, "it has no mesh codes after a head of 2 or 16 lines")
+        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
     try:
         found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
     except jgdtrans.ParseParFileError as error:
@@ -164,7 +161,7 @@ def read_parameters(path: Path) -> ParameterFile:
     codes = np.array(sorted(found), np.int64)
     rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
     if not np.isfinite(rows).all():
-        raise _unreadable(path, "some of its parameters are no numbers")
+        raise _unreadable(path, "some of its parameters are not numbers")
     year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
     days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
     return ParameterFile(path.name, kind, days, codes, rows)
@@ -179,12 +176,12 @@ def _quarter(path: Path, lines: list[str]) -> ParameterFile:
     order = np.argsort(found.codes)
     rows = found.corrections[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
     if not np.isfinite(rows).all():
-        raise _unreadable(path, "some of its parameters are no numbers")
+        raise _unreadable(path, "some of its parameters are not numbers")
     return ParameterFile(path.name, QUARTER, found.days, found.codes[order], rows, found.from_map)
 
 
 def _kind(lines: list[str], head: int | None) -> str | None:
-    """The format, from the number of lines of its head and the columns and mesh that follow; None for others."""
+    """The format, from the length of the header, the columns and the mesh; None if unknown."""
     codes = [line[:8] for line in lines[head:] if line.strip()]
     if head == 2:
         return "TKY2JGD"
@@ -201,7 +198,7 @@ def _kind(lines: list[str], head: int | None) -> str | None:
 def _unreadable(path: Path, why: str) -> InputError:
     return InputError(
         f"{path}: {why}.",
-        "It is no parameter file from which the coordinates could be moved.",
-        "Give a .par file as the Geospatial Information Authority of Japan gives it out, such as SemiDyna2023.par.",
+        "It is not a parameter file for transforming coordinates.",
+        "Give an official .par file of the Geospatial Information Authority of Japan, such as SemiDyna2023.par.",
         code="parameters-unreadable",
     )

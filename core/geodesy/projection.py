@@ -1,4 +1,4 @@
-"""From longitude and latitude to the session's map frame."""
+"""The map frame of a session and its projection."""
 
 from __future__ import annotations
 
@@ -22,26 +22,25 @@ from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDA
 FloatArray = NDArray[np.float64]
 
 SCALE_OFF = 1e-3
-"""More than this a map must not stretch the ground: a metre in a kilometre, two and a half times what UTM does."""
+"""Largest scale error of a map: a metre in a kilometre, two and a half times that of UTM."""
 AREA_MARGIN_DEG = 0.5
-"""How far outside a CRS's stated area of use a site may lie: fields at a zone's border stay in one zone."""
+"""Margin around the area of use of a CRS, so that fields at a zone border stay in one zone."""
 
 
 @dataclass(frozen=True)
 class MapFrame:
-    """The session's projected CRS, with easting before northing whatever the authority's axis order is.
+    """The projected CRS of a session, easting first, with the transformations that lead to it.
 
-    Longitudes and latitudes here are those of the CRS's own geographic base, so that the way to the map is the map
-    projection alone. What has to be done to recorded positions before is told by the other attributes and done by
-    :func:`furrowmap.core.geodesy.coordinates.brought`.
+    Longitudes and latitudes are in the geographic base of the CRS, so :meth:`project` is the map projection alone;
+    :mod:`furrowmap.core.geodesy.coordinates` applies the steps before.
 
     Attributes:
         crs: the horizontal projected CRS.
-        parameters: lead recorded positions back to the map's epoch; None where they are taken as they are.
-        stated: the frame and epoch in which coordinates are said to be, on which `crs` then stands.
-        heights: what the map's heights are counted from.
+        parameters: from the current epoch to that of the map; None where positions are used as recorded.
+        stated: stated frame and epoch of the coordinates, then the base of `crs`.
+        heights: height system of the map.
         named: the CRS that the session names where `crs` is its projection on a stated frame.
-        unused: heights that the session's CRS names, and that it does not ask for under `heights`.
+        unused: vertical part of the CRS of the session that `heights` does not request.
     """
 
     crs: CRS
@@ -59,17 +58,15 @@ class MapFrame:
 
     @cached_property
     def whole_crs(self) -> CRS:
-        """With the heights, where they are above a geoid."""
+        """The compound with the heights above a geoid, if any."""
         return self.heights.with_heights(self.crs)
 
     @property
     def words(self) -> str:
-        """What the metadata of products say beside the CRS; empty where positions are taken as they are."""
+        """Description for the metadata of products, besides the CRS; empty where positions are used as recorded."""
         said = []
         if self.parameters is not None:
-            said.append(
-                f"Recorded longitudes and latitudes are brought to the map's epoch with {self.parameters.name}."
-            )
+            said.append(f"Recorded positions are transformed to the epoch of the map with {self.parameters.name}.")
         if self.heights.vertical is not None:
             said.append(f"Heights are above {self.heights.name} ({self.heights.source}).")
         if self.stated is not None:
@@ -78,20 +75,20 @@ class MapFrame:
 
     @property
     def wkt(self) -> str:
-        """WKT 2 of the whole, with the coordinates' epoch where the session states one (ISO 19162, 15.3)."""
+        """WKT 2 of the whole CRS, with the coordinate epoch where stated (ISO 19162, 15.3)."""
         text = self.whole_crs.to_wkt()
         return f"COORDINATEMETADATA[{text},EPOCH[{self.stated.epoch:.10g}]]" if self.stated is not None else text
 
     @property
     def name(self) -> str:
-        """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
+        """Code such as ``EPSG:6677``, or the name of a CRS without a code."""
         return name_of(self.crs)
 
     def project(self, lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(easting, northing) in metres, each (n,), of longitudes and latitudes (n,) in degrees.
 
         Raises:
-            RefusedError: if the place lies outside the area for which the CRS is meant, or is stretched by it.
+            RefusedError: if the site lies outside the area of use of the CRS, or its scale error there is too large.
         """
         self._refuse_outside(lon_deg, lat_deg)
         self._refuse_stretched(lon_deg, lat_deg)
@@ -118,15 +115,15 @@ class MapFrame:
         inside_lon = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
         if not (inside_lon and area.south - AREA_MARGIN_DEG <= lat <= area.north + AREA_MARGIN_DEG):
             raise RefusedError(
-                f"The recording lies at {lat:.4f}, {lon:.4f} (latitude, longitude); {self.name} is made for "
+                f"The recording is at {lat:.4f}, {lon:.4f} (latitude, longitude); the area of use of {self.name} is "
                 f"{area.south:g} to {area.north:g}, {area.west:g} to {area.east:g}.",
-                "Outside its area a projection distorts lengths and areas beyond what the figures would say.",
-                "Set `[crs] map` to a projected CRS of the place; `furrowmap init` proposes one.",
+                "Outside its area of use a projection distorts lengths and areas.",
+                "Set `[crs] map` to a projected CRS of the site; `furrowmap init` proposes one.",
                 code="crs-outside-area",
             )
 
     def scale(self, lon_deg: float, lat_deg: float) -> float:
-        """Map distance over distance on the ellipsoid at a place: the mean of those along meridian and parallel."""
+        """Scale at a site: map distance over ellipsoidal distance, mean of meridian and parallel."""
         factors: Any = Proj(self.crs).get_factors(lon_deg, lat_deg)
         return 0.5 * float(factors.meridional_scale + factors.parallel_scale)
 
@@ -136,15 +133,15 @@ class MapFrame:
         scale = self.scale(*middle_deg(lon_deg, lat_deg))
         if abs(scale - 1.0) > SCALE_OFF:
             raise RefusedError(
-                f"{self.name} stretches the ground at the recording's place by a factor of {scale:.4f}.",
-                "Scans are placed in true metres, so the cloud would not fit its own track, and areas would be wrong.",
-                "Set `[crs] map` to a projected CRS of the place (UTM or a national one): see `furrowmap init`.",
+                f"{self.name} has a scale of {scale:.4f} at the site of the recording.",
+                "Scans are in true metres, so the cloud would not fit its trajectory, and areas would be wrong.",
+                "Set `[crs] map` to a projected CRS of the site (UTM or a national one): see `furrowmap init`.",
                 code="crs-scale",
             )
 
 
 def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
-    """(longitude, latitude) in the middle of places (n,), which may lie on both sides of the 180th meridian."""
+    """(longitude, latitude) in the middle of positions (n,), also across the 180th meridian."""
     known = lon_deg[np.isfinite(lon_deg)]
     first = float(known[0]) if len(known) else 0.0
     east = float(np.median((known - first + 180.0) % 360.0)) - 180.0 if len(known) else float("nan")
@@ -152,7 +149,7 @@ def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:
 
 
 def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | None = None) -> MapFrame:
-    """The map frame that a session asks for.
+    """The map frame of a session.
 
     Args:
         crs: the session's table.
@@ -161,8 +158,8 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
 
     Raises:
         InputError: if the CRS, the heights or the coordinates are unknown, the CRS is not projected or not in metres,
-            or a file that belongs to them is missing or of another kind.
-        RefusedError: if they cannot be had without a guess.
+            or a file is missing or of another kind.
+        RefusedError: if there is no exact transformation.
     """
     flat, vertical = _projected(crs)
     unused = vertical if crs.heights == ELLIPSOIDAL else None
@@ -170,8 +167,8 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
     stated = stated_frame(crs.coordinates)
     if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
         raise InputError(
-            f"The session's key `crs.coordinates` is {crs.coordinates!r}.",
-            "What the recorded coordinates are is not known, so nothing was done.",
+            f"`crs.coordinates` is {crs.coordinates!r}, which is not a known setting.",
+            "The frame of the recorded coordinates is unknown.",
             f'Write "{AS_RECORDED}", "{CURRENT_EPOCH}" with a parameter file, or a frame and epoch: "itrf2020@2026.4".',
             code="crs-coordinates",
         )
@@ -183,13 +180,13 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
 
 
 def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
-    """The horizontal CRS of the map, and the vertical one that is named with it."""
+    """The horizontal CRS of the map, and the vertical part of a compound one."""
     try:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
         raise InputError(
-            f"The session's key `crs.map`: {crs.map!r} is no CRS that PROJ knows ({error}).",
-            "Without the map's CRS nothing can be placed.",
+            f"`crs.map`: PROJ does not know the CRS {crs.map!r} ({error}).",
+            "Without the CRS of the map no point can be placed.",
             'Write an EPSG code such as "EPSG:6677", or a WKT text.',
             code="crs-unknown",
         ) from None
@@ -197,42 +194,40 @@ def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
     units = {axis.unit_name for axis in flat.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
-            f"The session's key `crs.map`: {crs.map} ({whole.name}) is in {' and '.join(sorted(units))}, not projected "
-            "in metres.",
-            "Heights, distances and areas need a map frame in metres.",
-            "Choose a projected CRS of the place; `furrowmap init` proposes one.",
+            f"`crs.map`: {crs.map} ({whole.name}) is in {' and '.join(sorted(units))}, not projected in metres.",
+            "Heights, distances and areas need a map in metres.",
+            "Choose a projected CRS of the site; `furrowmap init` proposes one.",
             code="crs-not-projected",
         )
     return flat, vertical[0] if vertical else None
 
 
 def _parameters(crs: Crs, flat: CRS, file: Path | None) -> ParameterFile | None:
-    """The file that leads from the current epoch to the map's; None where coordinates are taken as they are."""
+    """The parameters from the current epoch to that of the map; None where coordinates are used as recorded."""
     if crs.coordinates != CURRENT_EPOCH:
         return None
     base = flat.geodetic_crs
     if base is None or not base.name.startswith(("JGD2011", "JGD2024")):
         raise RefusedError(
-            f"{crs.map} ({flat.name}) is a map whose epoch no parameter file known here leads to.",
-            "Parameters between epochs are read for Japan, to the epoch of JGD2011 and JGD2024.",
-            'Choose a CRS on JGD2011, or go on in the frame of the receiver: `coordinates = "itrf2020@2026.4"`.',
+            f"No supported parameter file leads to the epoch of {crs.map} ({flat.name}).",
+            "Parameters between epochs are supported for Japan, to the epoch of JGD2011 and JGD2024.",
+            'Choose a CRS on JGD2011, or keep the frame of the receiver: `coordinates = "itrf2020@2026.4"`.',
             code="epoch-map",
         )
     if file is None:
         raise RefusedError(
-            f'The session\'s key `crs.coordinates` is "{CURRENT_EPOCH}", and no key `crs.parameters` names a file.',
-            "Since the map's epoch the ground has moved by decimetres, and how far only the file tells.",
-            "Download the file of the recording's fiscal year from the Geospatial Information Authority of Japan, and "
-            'write `parameters = "SemiDyna2026.par"` under [crs]; or state frame and epoch: "itrf2020@2026.4".',
+            f'`crs.coordinates` is "{CURRENT_EPOCH}", but `crs.parameters` names no file.',
+            "Only the file holds the ground motion since the epoch of the map, which is decimetres.",
+            "Download the file for the fiscal year of the recording from the Geospatial Information Authority of Japan "
+            'and write `parameters = "SemiDyna2026.par"` under [crs]; or state frame and epoch: "itrf2020@2026.4".',
             code="parameters-missing",
         )
     found = read_parameters(file)
     if found.format not in BETWEEN_EPOCHS:
         raise InputError(
-            f"{found.name} holds parameters of the kind {found.format}, which lead from one datum to another.",
-            "They are not those of the ground's steady movement since the map's epoch.",
-            "Name the SemiDyna file of the fiscal year in which the recording was made, or the POS2JGD file of its "
-            "quarter.",
+            f"{found.name} holds {found.format} parameters, which lead from one datum to another.",
+            "They do not include the steady ground motion since the epoch of the map.",
+            "Use the SemiDyna file for the fiscal year of the recording, or the POS2JGD file for its quarter.",
             code="parameters-kind",
         )
     return found

@@ -1,4 +1,4 @@
-"""Coordinates that go on in the frame and epoch in which they were recorded: "itrf2020@2026.4"."""
+"""Coordinates kept in a stated frame and epoch: "itrf2020@2026.4"."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from furrowmap.core.values.errors import InputError
 
 FIRST_EPOCH: Final = 1984.0
 LAST_EPOCH: Final = 2100.0
-"""Outside these years there were, and will be, no positions by satellite in any frame known here."""
+"""Years outside which no satellite positions exist."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class StatedFrame:
         return f"{self.frame.name} @ {self.epoch:.10g}"
 
     def map_crs(self, flat: CRS) -> CRS:
-        """The projection of a map's CRS, on this frame; its name says frame and epoch in every format."""
+        """The projection of a map CRS on this frame, with frame and epoch in its name."""
         conversion = flat.coordinate_operation
         assert conversion is not None
         # As a plain CRS: a ProjectedCRS of pyproj has no way to two dimensions.
@@ -45,7 +45,7 @@ class StatedFrame:
 
 
 def stated_frame(text: str) -> StatedFrame | None:
-    """The frame and epoch in a session's `crs.coordinates`; None where it is not of the form `frame@epoch`.
+    """The frame and epoch in a session's `crs.coordinates`; None where it has another form than `frame@epoch`.
 
     Raises:
         InputError: if PROJ knows no such frame, or the epoch is out of range.
@@ -56,16 +56,16 @@ def stated_frame(text: str) -> StatedFrame | None:
     info = _frames().get(found[1].casefold())
     if info is None:
         raise InputError(
-            f"The session's key `crs.coordinates` names the frame {found[1]!r}, which PROJ does not know.",
-            "The products could not say what their coordinates are.",
-            'Write a frame as EPSG names it, and the epoch: "ITRF2020@2026.4", "ITRF2014@2024.0", "JGD2011@2011.4".',
+            f"`crs.coordinates` names the frame {found[1]!r}, which PROJ does not know.",
+            "The coordinates of the products could not be described.",
+            'Write a frame by its EPSG name, and the epoch: "ITRF2020@2026.4", "ITRF2014@2024.0", "JGD2011@2011.4".',
             code="frame-unknown",
         )
     epoch = float(found[2])
     if not FIRST_EPOCH <= epoch <= LAST_EPOCH:
         raise InputError(
-            f"The session's key `crs.coordinates` names the epoch {found[2]}.",
-            f"An epoch is a year with its fraction between {FIRST_EPOCH:g} and {LAST_EPOCH:g}.",
+            f"`crs.coordinates` has the epoch {found[2]}.",
+            f"An epoch is a decimal year between {FIRST_EPOCH:g} and {LAST_EPOCH:g}.",
             "Write the epoch of the coordinates, such as 2026.4 for the end of May 2026.",
             code="epoch-out-of-range",
         )

@@ -156,7 +156,7 @@ def test_precision__is_judged_by_the_limits_of_the_class(tmp_path: Path, capsys:
     assert "check-precision" in {notice["code"] for notice in answer["warnings"]}
     assert cli("check", cloud, points, "--require-vertical", "0.038") == 0
     told = capsys.readouterr()
-    assert "(within the 0.0304 m of the class)" in told.out
+    assert "(within the class limit of 0.0304 m)" in told.out
     assert "precision" not in told.err
     write_points(tmp_path / "p.csv", places(), 0.02)
     assert cli("check", cloud, points, "--require-vertical", "0.038") == 0
@@ -433,7 +433,7 @@ def test_verb__a_class_that_is_not_met_sets_the_exit_status(tmp_path: Path, caps
     assert answer["accuracy"]["rmse_vertical_m"] == pytest.approx(np.hypot(0.02, 0.005), abs=1e-4)
     assert len((tmp_path / "t.csv").read_text().splitlines()) == 37
     assert cli("check", surface, points, "--require-vertical", "0.02") == 4
-    assert "0.021 m; 0.02 m was asked for" in capsys.readouterr().err
+    assert "0.021 m; required is at most 0.02 m" in capsys.readouterr().err
     assert cli("check", surface, points, "--require-horizontal", "0.5") == 4
     capsys.readouterr()
     assert cli("check", tmp_path / "none.tif", points, "--table", tmp_path / "t.csv") == 4  # before any work

@@ -86,7 +86,7 @@ def test_a_place_outside_the_area_is_refused_with_both() -> None:
 
 def test_a_map_that_stretches_the_ground_is_refused() -> None:
     lon, lat = np.array([140.02]), np.array([36.87])
-    with pytest.raises(RefusedError, match=r"factor of 1\.2"):
+    with pytest.raises(RefusedError, match=r"scale of 1\.2"):
         map_frame(Crs(map="EPSG:3857")).project(lon, lat)
     assert abs(map_frame(Crs(map="EPSG:32654")).scale(140.02, 36.87) - 0.9996) < 2e-4
     e, _ = map_frame(Crs(map="EPSG:32654")).project(lon, lat)
