@@ -26,8 +26,8 @@ from furrowmap.core.values.record_spool import RecordArray
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.reports.report import file_records
 from furrowmap.workflows.run import las_wkt
 
 FINEST_M: Final = 1e-4

@@ -25,6 +25,7 @@ from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     DSM,
@@ -38,7 +39,6 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.rasters.cog import FILLED, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
-from furrowmap.exporters.reports.report import FileRecord
 
 SURFACE: Final = "surface"
 """Title of the raster whose statistic the user chooses."""

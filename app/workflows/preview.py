@@ -23,12 +23,12 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.run_result import RunResult
+from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, style_of
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
-from furrowmap.exporters.reports.report import files_in
-from furrowmap.exporters.reports.run_report import run_origin, way
+from furrowmap.exporters.reports.run_report import distance_and_standing, run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
 
 CELL_M: Final = 0.25
@@ -98,7 +98,7 @@ def _track(found: RunResult) -> ScanPoses:
 
 def _figures(found: RunResult) -> dict[str, Any]:
     begin_s, end_s = found.located.trajectory.span_s
-    distance_m, standing_s = way(found.located.trajectory, begin_s, end_s)
+    distance_m, standing_s = distance_and_standing(found.located.trajectory, begin_s, end_s)
     return {
         "start": iso_utc(begin_s),
         "end": iso_utc(end_s),

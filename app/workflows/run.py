@@ -37,6 +37,7 @@ from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
+from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
     FIELD,
@@ -50,9 +51,8 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, staged_folder
 from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
-from furrowmap.exporters.reports.report import FileRecord, file_records, write_report
 from furrowmap.exporters.reports.report_page import write_page
-from furrowmap.exporters.reports.run_report import report_of, run_origin
+from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 
@@ -102,7 +102,7 @@ def write_products(
         (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
         seconds = {**made.seconds, "layers": laid_out, "whole": perf_counter() - start}
         timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-        content = report_of(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
+        content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
         report = write_report(staging / REPORT, content)
         write_item(staging / ITEM, report)
         return report

@@ -19,9 +19,9 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.result_folder import REPORT, SURFACE_PRODUCTS, SURFACES_REPORT
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.exporters.reports.report import file_records
 from furrowmap.workflows.cloud_rasters import CloudRasters
 
 CACHE_BYTES: Final = 64 << 20

@@ -25,10 +25,10 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import common, window, windows
-from furrowmap.exporters.reports.report import file_records
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")

@@ -1,4 +1,4 @@
-"""The surveyed points of a check, one a row, as a CSV."""
+"""The surveyed points of a check as a CSV, a row a point."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ COLUMNS: Final = (
 
 
 def point_rows(check: Check) -> list[dict[str, Any]]:
-    """A row for each point; None where something is unknown."""
+    """A row for each point; None for unknown values."""
     return [_row(point) for point in check.points]
 
 
 def write_check_table(path: Path, check: Check) -> None:
-    """Write the rows as a CSV, in the place of an older file.
+    """Write the rows as a CSV; an older file is replaced.
 
     Raises:
         OSError: if it cannot be written.

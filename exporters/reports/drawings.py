@@ -1,4 +1,4 @@
-"""Drawings of a run as SVG: the map, and what went on over time."""
+"""Drawings of a run as SVG: maps and graphs over time."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def pass_colour(number: int, passes: int) -> str:
 
 
 def fix_colour(fix: int) -> str:
-    """Of a quality of positions."""
+    """Colour of a kind of fix."""
     return FIX_COLOURS.get(Fix(fix), OTHER_COLOUR) if fix in list(Fix) else OTHER_COLOUR
 
 
 def map_box(poses: ScanPoses, work: FieldWork) -> Box:
-    """What a map has to show: the vehicle's way, the ground worked and the boundary."""
+    """Bounds of the vehicle's path, the worked ground and the boundary."""
     shapes: list[BaseGeometry] = [shapely.MultiPoint(poses.xyz_m[:, :2])]
     if work.ground is not None:
         shapes.append(work.ground.coverage)
@@ -55,7 +55,7 @@ def map_box(poses: ScanPoses, work: FieldWork) -> Box:
 
 
 def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | None) -> str:
-    """The ground worked over the relief; the vehicle's way where no tool's path is known."""
+    """The worked ground over the relief; the vehicle's path where the tool's is unknown."""
     sheet = Sheet.of(box_m)
     parts = [sheet.image(relief)] if relief is not None else []
     if work.boundary is not None:
@@ -81,14 +81,14 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | Non
 
 
 def quality_map(poses: ScanPoses) -> str:
-    """The vehicle's way, coloured by the quality of the positions."""
+    """The vehicle's path, coloured by the quality of the positions."""
     sheet = Sheet.of(map_box(poses, FieldWork()))
     parts = [sheet.line(part, "fix", f'stroke="{fix_colour(fix)}"') for fix, part in _runs(poses, poses.fix)]
-    return sheet.svg(parts, "The vehicle's way, coloured by the quality of the positions")
+    return sheet.svg(parts, "The vehicle's path, coloured by the quality of the positions")
 
 
 def tool_graph(work: FieldWork) -> str:
-    """The tool's height over time, with its states and passes."""
+    """The tool's height over time with its states and passes."""
     history = work.history
     assert history is not None
     time = TimeAxis(float(history.t_s[0]), float(history.t_s[-1]))
@@ -134,7 +134,7 @@ def quality_graph(poses: ScanPoses) -> str:
 
 
 def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatArray]]:
-    """(value, places (k, 2)) of each stretch of poses of one value without a pause; it ends where the next begins."""
+    """(value, positions (k, 2)) of each run of poses with one value and no pause; it includes the next run's first."""
     if len(poses) < 2:
         return []
     step_s = np.diff(poses.t_s)

@@ -1,4 +1,4 @@
-"""What an evaluation of a GNSS log came to, as plain figures and as a table of its epochs."""
+"""The result of a GNSS evaluation as figures and as a table of epochs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HEADER: Final = (
 
 
 def figures(found: Evaluation) -> dict[str, Any]:
-    """All of it but the epochs, in the order in which it is read; metres with four decimals."""
+    """All figures but those of the epochs; metres with four decimals."""
     matched, log = found.matched, found.continuity
     return {
         "furrowmap": version("furrowmap"),
@@ -84,10 +84,10 @@ def figures(found: Evaluation) -> dict[str, Any]:
 
 
 def write_epochs(path: Path, found: Evaluation) -> None:
-    """Write a row for each epoch that was compared; what is unknown stays empty.
+    """Write a row for each compared epoch; unknown values are empty.
 
     Raises:
-        OSError: if the file cannot be written there.
+        OSError: if the file cannot be written.
     """
     matched = found.matched
     error = matched.error_m

@@ -1,4 +1,4 @@
-"""An evaluation of a GNSS log as a folder: `evaluation.json`, `epochs.csv` and a page that needs nothing else."""
+"""A GNSS evaluation as a folder: `evaluation.json`, `epochs.csv` and an HTML page."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> Non
     """Write :data:`PRODUCTS`, all of them or none.
 
     Args:
-        folder: to write to; is made.
-        found: what to write.
+        folder: to write to; created where missing.
+        found: the evaluation.
         overwrite: replace those of another evaluation.
 
     Raises:
-        RefusedError: if they are there and may not be replaced.
+        RefusedError: if they exist and may not be replaced.
         InputError: if the folder cannot be written to.
     """
     refuse_products(folder, PRODUCTS, overwrite=overwrite)
@@ -61,7 +61,7 @@ def page(found: Evaluation) -> str:
         section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
         section("Continuity", _continuity(found)),
         section("Definitions", _definitions()),
-        *([section("To know", _list([notice.text for notice in found.notices]))] if found.notices else []),
+        *([section("Warnings", _list([notice.text for notice in found.notices]))] if found.notices else []),
     ]
     return filled(
         title="Accuracy of a GNSS log",
@@ -91,7 +91,7 @@ def _kind(kind: str) -> str:
 def _figures(found: Evaluation) -> list[str]:
     best = found.tables.get(Fix.FIXED.label, found.tables["all"])
     word = "fixed" if Fix.FIXED.label in found.tables else "all epochs"
-    told = [
+    rows = [
         (f"RMSE 2D, {word}", _metres(best["2D"].rmse_m)),
         (f"RMSE Z, {word}", _metres(best["Z"].rmse_m)),
         (f"median 2D, {word}", _metres(best["2D"].percentiles_m[0])),
@@ -99,11 +99,11 @@ def _figures(found: Evaluation) -> list[str]:
         ("fixed", f"{found.continuity.share_by_fix.get(Fix.FIXED.label, 0.0):.1%}"),
         ("outliers", f"{found.outlier.mean():.1%}"),
     ]
-    return [key_figure(value, name) for name, value in told]
+    return [key_figure(value, name) for name, value in rows]
 
 
 def _table(rows: Table) -> str:
-    """The paper's table, with percentiles and the parts along and across the track below it."""
+    """The table of the paper, with percentiles and the components along and across the track."""
     names = [name for name, row in rows.items() if name in _PAPER or row.n]
     head = "".join(f"<th>{name} [m]</th>" for name in names)
     lines = [
@@ -133,9 +133,7 @@ def _graphs(found: Evaluation) -> str:
         for title, values, low in graphs
         if np.isfinite(values).any()
     ]
-    note = (
-        "The bar above each shows the kind of fix. What lies beyond the axis (1 % of the epochs) is drawn at its edge."
-    )
+    note = "The bars show the kind of fix. Values beyond the axis (1 % of the epochs) are drawn at its edge."
     return f"{''.join(shown)}<p class='soft'>{note}</p>{_key(found)}"
 
 
@@ -159,13 +157,13 @@ def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str)
 
 
 def _edges(found: Evaluation) -> list[int]:
-    """Where the kind of fix changes or the time makes a gap, with both ends."""
+    """Indices at which the kind of fix changes or a gap begins, with both ends."""
     cuts = np.flatnonzero(np.diff(found.fix) != 0) + 1
     return sorted({0, *cuts.tolist(), *(a for a, _ in _unbroken(found)), len(found.fix)})
 
 
 def _unbroken(found: Evaluation) -> list[tuple[int, int]]:
-    """Stretches of epochs without a gap."""
+    """Index ranges of epochs without a gap."""
     step = np.diff(found.matched.t_s)
     wide = np.flatnonzero(step > max(1.0, 3.0 * float(np.median(step)))) + 1 if len(step) else np.empty(0, np.intp)
     return list(pairwise([0, *wide.tolist(), len(found.matched)]))
@@ -180,14 +178,14 @@ def _map(found: Evaluation) -> str:
     sheet = Sheet.of((west - margin, south - margin, east + margin, north + margin))
     parts = [sheet.line(reference[a:b], "way") for a, b in _unbroken(found) if b - a > 1]
     for a, b in pairwise(_edges(found)):
-        stretch = np.clip(test[a : b + 1 if b in _within(found) else b], *_corners(sheet))
-        if len(stretch) > 1:
-            parts.append(sheet.line(stretch, "curve", f'style="stroke:{fix_colour(int(found.fix[a]))}"'))
+        part = np.clip(test[a : b + 1 if b in _within(found) else b], *_corners(sheet))
+        if len(part) > 1:
+            parts.append(sheet.line(part, "curve", f'style="stroke:{fix_colour(int(found.fix[a]))}"'))
     return sheet.svg(parts, "Trajectories: the reference in brown, the test by its kind of fix")
 
 
 def _within(found: Evaluation) -> set[int]:
-    """Epochs at which the kind of fix changes without a gap: there a line goes on to the next stretch."""
+    """Indices at which the kind of fix changes without a gap: a line continues to the next part."""
     return set(_edges(found)[1:-1]) - {a for a, _ in _unbroken(found)}
 
 
@@ -214,19 +212,19 @@ def _continuity(found: Evaluation) -> str:
     rows = [
         (
             "positions",
-            f"{log.epochs:,}, one each {log.interval_s:.3g} s; {log.availability:.1%} of those that could be",
+            f"{log.epochs:,}, every {log.interval_s:.3g} s; availability {log.availability:.1%}",
         ),
         ("kinds of fix", shares),
         ("first fix, from the log's first position", firsts),
-        ("gaps", f"{log.gaps}; the longest {log.longest_gap_s:.1f} s, together {log.all_gaps_s:.1f} s"),
+        ("gaps", f"{log.gaps}; longest {log.longest_gap_s:.1f} s, sum {log.all_gaps_s:.1f} s"),
         ("age of corrections", age),
         (
-            "errors within 1, 2, 3 stated sigmas (68.3, 95.4, 99.7 % would be honest)",
+            "errors within 1, 2, 3 stated sigmas (expected: 68.3, 95.4, 99.7 %)",
             ", ".join(f"{share:.1%}" for share in sigmas.values()) if sigmas else "no sigmas stated",
         ),
         (
             "test ahead in time (slope of the error along the track over speed)",
-            f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}" if found.time_ahead_s else "cannot be told",
+            f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}" if found.time_ahead_s else "unknown",
         ),
         ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
     ]

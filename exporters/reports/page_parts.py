@@ -1,4 +1,4 @@
-"""What the pages to read are put together from: one file of HTML each, which needs nothing but itself."""
+"""Parts of the HTML reports: single files without external resources."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from string import Template
 def filled(
     *, title: str, when: str, summary: str, figures: Iterable[str], sections: Iterable[str], provenance: str
 ) -> str:
-    """A whole page.
+    """The HTML of a report.
 
     Args:
-        title: of the page; HTML, as all others are.
-        when: of what time it tells.
-        summary: all of it in a sentence or two.
-        figures: of :func:`key_figure`, the most telling ones.
+        title: of the page; HTML, like all others.
+        when: the time covered.
+        summary: a sentence or two.
+        figures: of :func:`key_figure`.
         sections: of :func:`section`.
-        provenance: what it was made of.
+        provenance: software and inputs.
     """
     template = Template(files("furrowmap.exporters.reports").joinpath("report.html").read_text("utf-8"))
     return template.substitute(
@@ -33,24 +33,24 @@ def filled(
 
 
 def key_figure(value: str, name: str, *, loud: bool = False) -> str:
-    """A figure that stands large at the head of a page; a loud one asks to be looked at."""
+    """A large figure at the top of a page; a loud one is highlighted."""
     kind = ' class="loud"' if loud else ""
     return f"<div{kind}><b>{escape(value)}</b><span>{escape(name)}</span></div>"
 
 
 def key(rows: Iterable[tuple[str, str]]) -> str:
-    """What the colours of a drawing mean: rows of CSS colour and words."""
+    """The legend of a drawing: rows of CSS colour and text."""
     items = "".join(f'<li><i style="background:{colour}"></i>{escape(text)}</li>' for colour, text in rows)
     return f'<ul class="key">{items}</ul>'
 
 
 def section(title: str, content: str) -> str:
-    """A part of a page under a title in words; the content is HTML."""
+    """A section of a page; the title is text, the content HTML."""
     return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of words under heads in words."""
+    """A table of texts."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"

@@ -1,7 +1,4 @@
-"""`report.html`: what a run found out, on a page that a farmer reads in a minute.
-
-It needs nothing but itself: drawings and pictures stand in it, nothing is fetched.
-"""
+"""`report.html`: the result of a run on one page without external resources."""
 
 from __future__ import annotations
 
@@ -45,10 +42,10 @@ from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
 HECTARE_M2: Final = 10_000.0
 SMALL_M2: Final = 1_000.0
-"""Smaller areas are told in square metres."""
+"""Smaller areas are shown in square metres."""
 FINE_M2: Final = 10.0
 MOST_PASSES: Final = 60
-"""So many passes are told one by one."""
+"""Maximum length of the table of passes."""
 _FIX_WORDS: Final = {
     Fix.FIXED: "RTK fixed",
     Fix.FLOAT: "RTK float",
@@ -70,10 +67,10 @@ def write_page(
 
     Args:
         path: of the page.
-        found: by the run.
-        cloud: the COPC file that the run wrote: the map's background.
-        summary: what its writer wrote; None where there is no cloud.
-        swaths: how well they agree; None where no ground was seen twice.
+        found: result of the run.
+        cloud: its COPC file, for the relief of the map.
+        summary: of the cloud; None for no cloud.
+        swaths: differences between swaths; None where no ground was seen twice.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -86,7 +83,7 @@ def write_page(
         *_tool(work),
         *_passes(work),
         section("GNSS", _quality(poses, found.frame)),
-        section("How good it is, and what to know", _accuracy(found)),
+        section("Accuracy and warnings", _accuracy(found)),
         *_swaths(swaths),
         *_views(work),
         *_classes(summary),
@@ -113,7 +110,7 @@ def _summary(found: RunResult) -> str:
     ground = found.work.ground
     if ground is None:
         return (
-            "The ground is mapped. Whether an implement worked it is not known; the notes below say why."
+            "The ground is mapped. Whether an implement worked it is unknown; the warnings below give the reason."
             if found.work.notices
             else "The ground is mapped."
         )
@@ -149,13 +146,13 @@ def _figures(found: RunResult) -> Iterable[str]:
 
 def _map_key(work: FieldWork, relief: Relief | None) -> str:
     if work.ground is None:
-        return key([("#8c460a", "way of the vehicle")])
+        return key([("#8c460a", "path of the vehicle")])
     count = len(work.ground.passes)
     rows = [(pass_colour(1, count), "first pass"), (pass_colour(count, count), "last pass")] if count > 1 else []
     rows += [("#e31a1c", "worked twice"), ("#ffed00", "missed"), ("#8c460a", "tool down"), ("#4292c6", "tool up")]
     note = "Areas in the map's plane."
     if relief is not None:
-        note += " The ground is drawn as the scanner saw it, lit from the north-west."
+        note += " The relief is lit from the north-west."
     return key(rows) + f'<p class="soft">{note}</p>'
 
 
@@ -165,9 +162,9 @@ def _tool(work: FieldWork) -> Iterable[str]:
     if history is None or not len(history.t_s):
         return
     note = (
-        f"Height of the tool above its working position, seen by the scanner. Below the red line "
-        f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted it stands {100 * history.lifted_m:.0f} cm "
-        "high. Brown: in the ground. Blue: lifted. Grey: unknown. Numbers are those of the passes."
+        f"Height of the tool above its working position, measured by the scanner. Below the red line "
+        f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted, it is {100 * history.lifted_m:.0f} cm up. "
+        "Brown: in the ground. Blue: lifted. Grey: unknown. Numbers: passes."
     )
     yield section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
 
@@ -193,22 +190,24 @@ def _passes(work: FieldWork) -> Iterable[str]:
         for one, depth in zip(ground.passes[:MOST_PASSES], work.depths, strict=False)
     ]
     more = len(ground.passes) - len(rows)
-    note = "Depth is a proxy: the tool's height against the soil beside it, around the working depth of the session."
+    note = (
+        "Depth is a proxy: the tool's height relative to the soil beside it; its mean is the session's working depth."
+    )
     if more:
-        note = f"The layer passes of field.gpkg holds {more} more. {note}"
+        note = f"{more} more passes are in the layer passes of field.gpkg. {note}"
     yield section("Passes", f'<div class="scroll">{table(head, rows)}</div><p class="soft">{escape(note)}</p>')
 
 
 def _classes(cloud: CopcSummary | None) -> Iterable[str]:
-    """What the points of the cloud are."""
+    """Classes of the cloud's points."""
     if cloud is None or not cloud.points:
         return
     rows = [
         (f"{name} ({PointClass[name.upper()].value})", f"{count:,}", f"{count / cloud.points:.1%}")
         for name, count in points_by_class(cloud).items()
     ]
-    note = "In brackets the class's number in the cloud. Noise: returns alone in the air, or below the ground."
-    yield section("What the points are", f'{table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
+    note = "In brackets: number of the class in the cloud. Noise: isolated returns in the air, or below the ground."
+    yield section("Point classes", f'{table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
 
 
 def _quality(poses: ScanPoses, frame: MapFrame) -> str:
@@ -218,8 +217,8 @@ def _quality(poses: ScanPoses, frame: MapFrame) -> str:
         for fix, count in sorted(shares.items(), key=lambda item: -item[1])
     ]
     note = (
-        f"Quality of the positions (top bar) and their stated standard deviation over time; below, along the way. "
-        f"Map: {frame.name}."
+        f"Quality of the positions (top bar) and their stated standard deviation over time; below, on the map. "
+        f"CRS: {frame.name}."
     )
     graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
     return f'{graph}<div class="maps small">{quality_map(poses)}</div>{key(rows)}'
@@ -244,12 +243,12 @@ def _accuracy(found: RunResult) -> str:
         rows += _ellipsoid(work.ground)
     sigmas = table(("median standard deviation", ""), rows)
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
-    listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>Nothing stood out.</p>"
-    return f'{sigmas}<p class="soft">On the page, ± is twice the standard deviation: true 19 times in 20.</p>{listed}'
+    listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>No warnings.</p>"
+    return f'{sigmas}<p class="soft">On this page, ± is twice the standard deviation (95 % confidence).</p>{listed}'
 
 
 def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
-    """How well swaths agree: a check that needs no survey."""
+    """Height differences between swaths: a check without a survey."""
     if swaths is None:
         return
     rows = [
@@ -260,14 +259,13 @@ def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
         ("root mean square", _number(1000.0 * swaths.rms_m, 1, " mm")),
     ]
     note = (
-        "Ground that the scanner saw several times, and that the tool did not pass in between: how much higher it was "
-        "seen each time than the time before. Nothing was surveyed for it, so an error that all times share does not "
-        "show."
+        "Height differences of ground that the scanner saw several times without the tool passing in between, later "
+        "minus earlier. Errors common to all swaths do not show."
     )
-    caption = "How much ground differs by how much. Where that is: swaths.tif."
+    caption = "Share of the ground by difference. Map: swaths.tif."
     graph = f"<figure>{swath_histogram(swaths)}<figcaption>{caption}</figcaption></figure>"
-    told = table(("later less earlier", ""), rows)
-    yield section("The same ground seen again", f'{told}{graph}<p class="soft">{note}</p>')
+    figures = table(("later minus earlier", ""), rows)
+    yield section("The same ground seen again", f'{figures}{graph}<p class="soft">{note}</p>')
 
 
 def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
@@ -279,14 +277,14 @@ def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
 
 
 def _views(work: FieldWork) -> Iterable[str]:
-    """What the scanner sees of the implement, and of the vehicle itself."""
+    """Range images of the implement and of the vehicle itself."""
     seen = work.seen
     if seen is None:
         return
     pictures = [
         ("The implement lifted", _depth_picture(seen.images.up_m, seen)),
         ("The implement in the ground", _depth_picture(seen.images.down_m, seen)),
-        ("What stands still: the vehicle's own body, all around", _depth_picture(seen.region.still_m, None)),
+        ("Static returns: the vehicle itself, all around", _depth_picture(seen.region.still_m, None)),
     ]
     shown = "".join(
         f'<figure><img class="depth" src="{data_uri(picture)}" alt="{escape(text)}"><figcaption>{escape(text)}'
@@ -294,14 +292,14 @@ def _views(work: FieldWork) -> Iterable[str]:
         for text, picture in pictures
     )
     note = (
-        "Depth as the scanner saw it: a line for each laser, the highest on top, azimuth from left to right. "
-        "Yellow is near, violet far; what is not the implement is pale."
+        "Range images: a row for each laser, the highest on top, azimuth from left to right. Yellow is near, violet "
+        "far; everything but the implement is pale."
     )
     yield section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
 
 
 def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
-    """Colours by range, the highest laser on top; pale where it is not the implement."""
+    """Colours by range, the highest laser on top; all but the implement is pale."""
     known = np.isfinite(range_m)
     if not known.any():
         return np.full((*range_m.shape, 3), 238, np.uint8)
@@ -322,7 +320,7 @@ def _provenance(found: RunResult) -> str:
     return (
         f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
         f"{escape(f'{found.frame.words} ' if found.frame.words else '')}"
-        f"All figures and the inputs' check sums: report.json. Layers: field.gpkg.{cloud}"
+        f"All figures and the inputs' checksums: report.json. Layers: field.gpkg.{cloud}"
     )
 
 

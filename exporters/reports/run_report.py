@@ -1,11 +1,13 @@
-"""What a run found out, as `report.json` tells it."""
+"""`report.json`: inputs, figures and accuracy of a run."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
@@ -21,12 +24,15 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
-from furrowmap.exporters.reports.report import FileRecord, Report
+
+SCHEMA: Final = 1
 
 
-def report_of(
+def run_report(
     found: RunResult,
     session_file: str,
     cloud: CopcSummary | None,
@@ -34,35 +40,47 @@ def report_of(
     inputs: Sequence[FileRecord],
     timings_s: dict[str, float],
     products: Sequence[str],
-) -> Report:
-    """The report of a run.
+) -> dict[str, Any]:
+    """The content of `report.json`.
 
     Args:
-        found: by the run.
-        session_file: the way to the session from the products.
-        cloud: what its writer wrote; None where there is none.
-        rasters: what is told of its surfaces; None where there are none.
-        inputs: the records of the files that it read.
+        found: result of the run.
+        session_file: path to the session from the products.
+        cloud: summary of its writer; None for no cloud.
+        rasters: figures of the surfaces; None for no surfaces.
+        inputs: the files read.
         timings_s: seconds of each stage.
         products: names of the files written.
     """
-    return Report(
-        session_file=session_file,
-        session=msgspec.to_builtins(found.session),
-        inputs=inputs,
-        figures=_figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
-        coordinates=found.located.transformed.account(found.frame),
-        accuracy=_accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
-        observability=_observability(found),
-        clocks=_clocks(found),
-        warnings=found.notices,
-        timings=timings_s,
-        products=products,
-    )
+    return {
+        "session_file": session_file,
+        "session": msgspec.to_builtins(found.session),
+        "inputs": inputs,
+        "figures": _figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
+        "coordinates": found.located.transformed.account(found.frame),
+        "accuracy": _accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
+        "observability": _observability(found),
+        "clocks": _clocks(found),
+        "warnings": found.notices,
+        "timings": timings_s,
+        "products": products,
+    }
+
+
+def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a report with the versions of program and schema; returns the content of the file.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    content = {"furrowmap": version("furrowmap"), "schema": SCHEMA, **plain(report)}
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(json_text(content), encoding="utf-8")
+    return content
 
 
 def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
-    """Where the products of a run come from, as it is told inside them."""
+    """Provenance of the products of a run."""
     frame, session = found.frame, found.session
     parameters = {"coordinates": session.crs.coordinates, "heights": frame.heights.name}
     if frame.heights.vertical is not None:
@@ -83,7 +101,7 @@ def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
 def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
     """Counts, times and lengths."""
     tally = found.tally
-    distance_m, standing_s = way(found.located.trajectory, tally.first_s, tally.last_s)
+    distance_m, standing_s = distance_and_standing(found.located.trajectory, tally.first_s, tally.last_s)
     return {
         "points": tally.points,
         "points_by_class": points_by_class(cloud) if cloud is not None else {},
@@ -107,12 +125,12 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
 
 
 def points_by_class(cloud: CopcSummary) -> dict[str, int]:
-    """How many points of a cloud are of each class: "ground", "other", "noise", "vehicle", "implement"."""
+    """Number of points by the name of their class: "ground", "other", "noise", "vehicle", "implement"."""
     return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
 
 
 def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
-    """The lowest and the highest coordinates: of the cloud, or of the vehicle's way where there is none."""
+    """Least and greatest coordinates of the cloud; of the poses where there is none."""
     if cloud is not None:
         return cloud.low_m, cloud.high_m
     xyz_m = found.tally.poses.xyz_m
@@ -120,7 +138,7 @@ def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float
 
 
 def _implement(work: FieldWork) -> dict[str, Any] | None:
-    """What is known of the tool; null where nothing is."""
+    """Figures of the implement; None where its states are unknown."""
     history, states, agreed = work.history, work.states, work.state_comparison
     if states is None:
         return None
@@ -144,7 +162,7 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
 
 
 def _worked(ground: WorkedGround) -> dict[str, Any]:
-    """What an agronomist asks for."""
+    """Figures of the worked ground."""
     worked, hours = ground.figures, ground.figures.hours
     zones = {
         kind: sum(zone.area.grid_m2 for zone in ground.zones if zone.kind == kind) for kind in ("headland", "body")
@@ -172,13 +190,13 @@ def _area(name: str, area: Area) -> dict[str, float]:
     }
 
 
-def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
-    """Metres driven and seconds at a stand from one time to another, gaps left out.
+def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
+    """Distance driven (m) and time at a standstill (s) within a span, without gaps.
 
     Args:
-        trajectory: its own knots are taken: scans may pause where it goes on.
+        trajectory: evaluated at its own knots, as scans may pause.
         begin_s: UTC, as `end_s`.
-        end_s: where the last scan ends.
+        end_s: end of the last scan.
     """
     inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
     t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
@@ -194,7 +212,7 @@ def way(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, fl
 
 
 def _accuracy(found: RunResult) -> dict[str, Any]:
-    """The sigmas of the scans' poses: median and 95th percentile of each, null where unknown; and which are assumed."""
+    """Median and 95th percentile of the poses' sigmas, None where unknown; which of them are assumed."""
     out: dict[str, Any] = {}
     for name, sigma in zip(SIGMAS, found.tally.poses.sigma.T, strict=True):
         known = sigma[np.isfinite(sigma)]
@@ -207,7 +225,7 @@ def _accuracy(found: RunResult) -> dict[str, Any]:
 
 
 def _observability(found: RunResult) -> dict[str, Any]:
-    """What held each unknown of the poses, as shares of the scans."""
+    """Source of each component of the poses, as shares of the scans."""
     poses = found.tally.poses
 
     def shares(words: NDArray[np.str_]) -> dict[str, float]:
@@ -226,7 +244,7 @@ def _observability(found: RunResult) -> dict[str, Any]:
 
 
 def _clocks(found: RunResult) -> dict[str, Any]:
-    """What each clock said."""
+    """First and last time by each clock."""
     track = found.located.trajectory.t_s
     return {
         "lidar": [

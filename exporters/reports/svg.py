@@ -18,24 +18,24 @@ from furrowmap.exporters.rasters.relief import Box, Relief
 FloatArray = NDArray[np.float64]
 
 WIDTH: Final = 640.0
-"""Of every drawing; a unit is a pixel on a desktop's screen."""
+"""Width of every drawing; a unit is a CSS pixel."""
 TALLEST: Final = 640.0
 FINE: Final = 0.3
-"""Units below which a line's bends are left out."""
+"""Tolerance of simplified lines in units."""
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 _TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400)
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A map's paper: from metres to units."""
+    """The area of a map and its scale in units per metre."""
 
     box_m: Box
     scale: float
 
     @classmethod
     def of(cls, box_m: Box) -> Sheet:
-        """The largest that shows a box."""
+        """The largest sheet for a box."""
         west, south, east, north = box_m
         return cls(box_m, min(WIDTH / (east - west), TALLEST / (north - south)))
 
@@ -46,7 +46,7 @@ class Sheet:
         return (east - west) * self.scale, (north - south) * self.scale
 
     def image(self, relief: Relief) -> str:
-        """A picture at its place."""
+        """An image."""
         (x, y), (right, bottom) = self._at(np.array([relief.box_m[::3], relief.box_m[2:0:-1]])).tolist()
         place = f'x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{bottom - y:.1f}"'
         return f'<image {place} preserveAspectRatio="none" href="{data_uri(relief.picture)}"/>'
@@ -55,8 +55,8 @@ class Sheet:
         """A polygon."""
         simple = shapely.simplify(shape, FINE / self.scale)
         rings = shapely.get_rings(shapely.get_parts(simple if not simple.is_empty else shape))
-        way = "".join(self._path(shapely.get_coordinates(ring)) + "Z" for ring in rings)
-        return f'<path class="{kind}" {more} fill-rule="evenodd" d="{way}"/>'
+        path = "".join(self._path(shapely.get_coordinates(ring)) + "Z" for ring in rings)
+        return f'<path class="{kind}" {more} fill-rule="evenodd" d="{path}"/>'
 
     def line(self, en_m: FloatArray, kind: str, more: str = "") -> str:
         """A line through places (n, 2)."""
@@ -65,12 +65,12 @@ class Sheet:
         return f'<path class="{kind}" {more} d="{self._path(en_m)}"/>'
 
     def text(self, place: shapely.Point, text: str) -> str:
-        """A word at a place."""
+        """A text at a point."""
         x, y = self._at(shapely.get_coordinates(place))[0]
         return f'<text class="number" x="{x:.1f}" y="{y + 4:.1f}">{escape(text)}</text>'
 
     def svg(self, parts: Sequence[str], title: str) -> str:
-        """The whole map, with a scale bar and an arrow to north."""
+        """The map with a scale bar and a north arrow."""
         width, height = self.size
         return drawing(width, height, [*parts, *self._scale_bar(), *self._north()], title)
 
@@ -97,7 +97,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Axis:
-    """Values from `low` to `high` between two heights of a drawing."""
+    """A vertical axis from `low` to `high` between two heights of a drawing."""
 
     low: float
     high: float
@@ -105,38 +105,38 @@ class Axis:
     top: float
 
     def at(self, value: FloatArray | float) -> FloatArray:
-        """Where values are drawn."""
+        """Vertical positions of values."""
         share = (np.asarray(value, np.float64) - self.low) / (self.high - self.low)
         place: FloatArray = self.bottom + share * (self.top - self.bottom)
         return place
 
-    def grid(self, left: float, told: Callable[[float], str]) -> list[str]:
-        """Lines at round values, from `left` on, with their words before them."""
+    def grid(self, left: float, label: Callable[[float], str]) -> list[str]:
+        """Grid lines at round values, starting at `left`, with labels before them."""
         step = _nice((self.high - self.low) / 3.0)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
         return [
             f'<line class="grid" x1="{left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="label right" x="{left - 5}" y="{y + 4:.1f}">{told(value)}</text>'
+            f'<text class="label right" x="{left - 5}" y="{y + 4:.1f}">{label(value)}</text>'
             for value, y in zip((values + 0.0).tolist(), self.at(values).tolist(), strict=True)
         ]
 
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """Times from left to right."""
+    """A horizontal axis of times."""
 
     begin_s: float
     end_s: float
     left: float = 74.0
 
     def at(self, t_s: FloatArray | float) -> FloatArray:
-        """Where times are drawn."""
+        """Horizontal positions of times."""
         share = (np.asarray(t_s, np.float64) - self.begin_s) / max(self.end_s - self.begin_s, 1e-9)
         place: FloatArray = self.left + np.clip(share, 0.0, 1.0) * (WIDTH - self.left)
         return place
 
     def labels(self, y: float) -> list[str]:
-        """Round times below a graph that ends at `y`."""
+        """Labels at round times below a graph that ends at `y`."""
         length_s = self.end_s - self.begin_s
         step = next((step for step in _TIME_STEPS_S if step >= length_s / 5.0), 86_400)
         return [
@@ -147,7 +147,7 @@ class TimeAxis:
 
 
 def curve(x: FloatArray, y: FloatArray) -> list[str]:
-    """A curve with a break wherever it is not known; of many points in one unit, the least and the greatest."""
+    """A curve, interrupted at nan; of several points in one unit, the least and the greatest."""
     known = np.flatnonzero(np.isfinite(y))
     parts = []
     for part in np.split(known, 1 + np.flatnonzero(np.diff(known) > 1)):
@@ -163,7 +163,7 @@ def curve(x: FloatArray, y: FloatArray) -> list[str]:
 
 
 def _nice(length: float) -> float:
-    """The greatest of 1, 2, 5 times a power of ten that is not above `length`."""
+    """The greatest of 1, 2, 5 times a power of ten not above `length`."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in _STEPS if step * power <= length * (1 + 1e-9)))
 
@@ -173,6 +173,6 @@ def _duration(t_s: int) -> str:
 
 
 def drawing(width: float, height: float, parts: Sequence[str], title: str) -> str:
-    """The whole drawing, with what it shows in words."""
+    """A complete SVG with a title for screen readers."""
     head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
     return head + "".join(parts) + "</svg>"

@@ -1,4 +1,4 @@
-"""How well swaths agree, as SVG."""
+"""Histogram of height differences between swaths as SVG."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.exporters.reports.svg import WIDTH, Axis, drawing
 
 _REACHES_M: Final = (0.01, 0.02, 0.05, BINS * BIN_M)
-"""To either side of zero that a drawing may show."""
+"""Possible half widths of the histogram."""
 _SHARE: Final = 0.98
-"""Of the ground, which it is to show apart; the rest is in the outermost bars."""
+"""Share of the ground within the half width; the rest is in the outermost bars."""
 _TOP: Final = 18.0
 _BOTTOM: Final = 150.0
 _LEFT: Final = 74.0
 
 
 def swath_histogram(swaths: SwathDifferences) -> str:
-    """The share of the ground by difference in height; the outermost bars hold what lies beyond as well."""
+    """Share of the ground by height difference; the outermost bars include all larger differences."""
     reach_m = next((reach for reach in _REACHES_M if swaths.within_m(_SHARE) <= reach), _REACHES_M[-1])
     bins = round(reach_m / BIN_M)
     low, high = BINS - bins, BINS + bins
@@ -36,7 +36,7 @@ def swath_histogram(swaths: SwathDifferences) -> str:
             parts.append(f'<rect class="bars" {place} height="{_BOTTOM - top:.1f}"/>')
     middle = 0.5 * (_LEFT + WIDTH)
     parts.append(f'<line class="threshold" x1="{middle:.1f}" x2="{middle:.1f}" y1="{_TOP}" y2="{_BOTTOM}"/>')
-    last = 2 * BINS - 1  # as the first, holds what differs by more
+    last = 2 * BINS - 1  # like the first, of all larger differences
     beyond = bool(swaths.histogram[: max(low, 1)].any() or swaths.histogram[min(high, last) :].any())
     edge = f"{1000 * reach_m:g} mm" + (" and more" if beyond else "")
     for at, kind, text in (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -60,6 +61,11 @@ def folder(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
     names = {path.name for path in (folder / "result").iterdir()}
     assert names == {"field.gpkg", "states.csv", "report.json", "report.html", "session.toml", "item.json"}
+    report = json.loads((folder / "result" / "report.json").read_text(encoding="utf-8"))
+    assert list(report) == [
+        "furrowmap", "schema", "session_file", "session", "inputs", "figures", "coordinates", "accuracy",
+        "observability", "clocks", "warnings", "timings", "products",
+    ]  # fmt: skip
     layers = dict(pyogrio.list_layers(folder / "result" / "field.gpkg"))
     assert {"trajectory", "passes", "coverage", "overlaps", "misses", "tool_path", "events"} <= layers.keys()
     page = (folder / "result" / "report.html").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import pytest
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
-from furrowmap.exporters.reports.run_report import way
+from furrowmap.exporters.reports.run_report import distance_and_standing
 
 SCANS_S = {
     "tractor_loop": (1781141020.92, 1781141080.70),
@@ -35,7 +35,7 @@ def true_way(truth: Path, begin_s: float, end_s: float) -> float:
 def test_way__of_gnss_is_the_true_one_without_the_gaps(shared_data: Path, name: str, gaps: int) -> None:
     truth = shared_data / name / "truth" / "trajectory.csv"
     trajectory = trajectory_of(shared_data / name / "session.toml")
-    distance_m, standing_s = way(trajectory, *SCANS_S[name])
+    distance_m, standing_s = distance_and_standing(trajectory, *SCANS_S[name])
     assert len(trajectory.gaps_s) == gaps
     missed_m = sum(true_way(truth, *gap) for gap in trajectory.gaps_s)
     assert distance_m == pytest.approx(true_way(truth, *SCANS_S[name]) - missed_m, rel=0.005)
@@ -49,7 +49,7 @@ def test_way__goes_on_where_the_scans_pause(shared_data: Path, tmp_path: Path) -
         '[trajectory]\nfiles = ["poses.csv"]\n'
     )
     (tmp_path / "poses.csv").write_bytes((shared_data / "rover_real" / "reference_poses.csv").read_bytes())
-    distance_m, standing_s = way(trajectory_of(tmp_path / "session.toml"), *SCANS_S["rover_real"])
+    distance_m, standing_s = distance_and_standing(trajectory_of(tmp_path / "session.toml"), *SCANS_S["rover_real"])
     assert 42.5 < distance_m < 45.2
     assert standing_s < 0.09 * 161.5  # moving 91 % of the time
 
@@ -66,6 +66,9 @@ def test_way__of_noise_at_a_stand_and_outside_the_scans_is_nothing() -> None:
         max_gap_s=1.0,
         motion=(t_s < 50.0).astype(np.int8),
     )
-    assert way(trajectory, 10.0, 99.0) == (pytest.approx(40.0, abs=0.15), pytest.approx(49.0, abs=0.15))
-    assert way(trajectory, 10.02, 10.38)[0] == pytest.approx(0.36, abs=0.05)  # between knots
-    assert way(trajectory, 200.0, 300.0) == (0.0, 0.0)
+    assert distance_and_standing(trajectory, 10.0, 99.0) == (
+        pytest.approx(40.0, abs=0.15),
+        pytest.approx(49.0, abs=0.15),
+    )
+    assert distance_and_standing(trajectory, 10.02, 10.38)[0] == pytest.approx(0.36, abs=0.05)  # between knots
+    assert distance_and_standing(trajectory, 200.0, 300.0) == (0.0, 0.0)

@@ -1,0 +1,58 @@
+"""Names, sizes and SHA-256 of files by which a run can be repeated."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.values.progress import Progress, silent
+
+_BLOCK_BYTES: Final = 4 << 20
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """An input file.
+
+    Attributes:
+        name: as the session has it.
+        bytes: size on the disk.
+        sha256: of these bytes, in hexadecimal.
+    """
+
+    name: str
+    bytes: int
+    sha256: str
+
+
+def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent) -> list[FileRecord]:
+    """Hash files in blocks.
+
+    Args:
+        paths: of the files, below `root`; a folder (of a ROS 2 bag) stands for the files in it.
+        root: to which their names are relative.
+        progress: receives the stage "hashing inputs".
+
+    Raises:
+        OSError: if a file cannot be read.
+    """
+    records = []
+    files = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
+    total, done = sum(file.stat().st_size for file in files), 0
+    for path in files:
+        digest, begun = hashlib.sha256(), done
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK_BYTES):
+                digest.update(block)
+                done += len(block)
+                progress("hashing inputs", min(1.0, done / max(total, 1)))
+        records.append(FileRecord(path.relative_to(root).as_posix(), done - begun, digest.hexdigest()))
+    return records
+
+
+def files_in(folder: Path) -> list[Path]:
+    """The files in a folder, by name."""
+    return sorted(path for path in folder.iterdir() if path.is_file())
