@@ -6,7 +6,7 @@ from typing import Final
 
 from pyproj import CRS
 
-from furrowmap.core.values.datum import APART_M, apart_m
+from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 from furrowmap.core.values.errors import Notice, RefusedError
 
 JGD2000_UNTIL_S: Final = 1_319_122_800.0
@@ -22,8 +22,8 @@ def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: flo
     base = crs.geodetic_crs
     if base is None:
         return []
-    apart = apart_m(base, round(lon_deg, 1), round(lat_deg, 1))
-    if apart is not None and apart > APART_M:
+    apart = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
+    if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
         raise RefusedError(
             f"{name} is based on {base.name}, whose coordinates differ by {apart:.0f} m from satellite positions at "
             f"{lat_deg:.4f}, {lon_deg:.4f} (latitude, longitude).",

@@ -10,7 +10,7 @@ import shapely
 from pyproj import Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.values.datum import APART_M, apart_m
+from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 from furrowmap.core.values.errors import InputError
 
 LARGEST_BYTES: Final = 100_000_000
@@ -50,8 +50,8 @@ def read_boundary(path: Path) -> BaseGeometry:
     if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
         raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
     middle = outline.centroid
-    apart = apart_m(base, round(middle.x, 1), round(middle.y, 1))
-    if apart is not None and apart > APART_M:
+    apart = datum_shift_m(base, round(middle.x, 1), round(middle.y, 1))
+    if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
         raise InputError(
             f"{path}: its CRS is based on {base.name}, whose coordinates differ by {apart:.0f} m from those of GNSS.",
             "The boundary would be shifted by that distance.",

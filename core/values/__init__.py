@@ -1,1 +1,1 @@
-"""The values that every part of furrowmap shares: frozen, checked at birth, with units in their names."""
+"""Values shared by all packages: frozen, validated when created, with units in their names."""

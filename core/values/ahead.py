@@ -1,4 +1,4 @@
-"""Work done beside the caller's in a thread: an iterator's ahead of it, a sink's behind it."""
+"""Work in a background thread: items computed ahead of the caller, or written behind it."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _POLL_S: Final = 0.1
 
 @dataclass(frozen=True)
 class _End:
-    """Behind the last item: why there are no more."""
+    """The end of the items, and why."""
 
     error: BaseException | None = None
 
 
 def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
-    """`items` in their order, up to `depth` of them made ahead in a thread of their own.
+    """`items` in their order, up to `depth` of them computed ahead in a background thread.
 
-    It pays where making them releases the interpreter's lock, as decompression and kernels do. An exception of
-    `items` is raised here; when the caller stops early, the thread ends with the item it is at.
+    It is useful if computing them releases the interpreter's lock, as decompression and kernels do. An exception of
+    `items` is raised here; when the caller stops early, the thread ends after its current item.
     """
     ready: queue.Queue[Item | _End] = queue.Queue(depth)
     stopped = threading.Event()
@@ -64,10 +64,10 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
 
 @contextmanager
 def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item], None]]:
-    """A sink that takes up to `depth` items at once and hands them to `sink` in their order, in a thread of its own.
+    """A function that queues up to `depth` items and passes them to `sink` in their order, in a background thread.
 
-    At the end of the context all have been handed on. An exception of `sink` is raised at the next item, or at the end;
-    when the context is left by another, what waits is dropped.
+    At the end of the context all items have been passed on. An exception of `sink` is raised at the next item, or at
+    the end. If the context ends with another exception, queued items are dropped.
     """
     waiting: queue.Queue[Item | _End] = queue.Queue(depth)
     failed: list[BaseException] = []
@@ -101,9 +101,9 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
 
 
 def _wait_for(thread: threading.Thread) -> None:
-    """Wait for its end, but not while the interpreter ends: threads stand still for good then.
+    """Wait for its end, but not while the interpreter shuts down: threads do not run any more then.
 
-    That is when what an interrupted caller has left behind is closed.
+    This happens when iterators that an interrupted caller left behind are closed.
     """
     if not sys.is_finalizing():
         thread.join()

@@ -1,4 +1,4 @@
-"""Directions in words."""
+"""Names of compass directions."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ _WORDS: Final = ("north", "north-east", "east", "south-east", "south", "south-we
 
 
 def compass_word(east: float, north: float) -> str:
-    """The direction of a vector, to an eighth of a turn."""
+    """The compass direction of a vector, to an eighth of a turn."""
     return _WORDS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]

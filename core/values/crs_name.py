@@ -1,4 +1,4 @@
-"""How a CRS is called in words for users."""
+"""Names of a CRS for users."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pyproj import CRS
 
 
 def name_of(crs: CRS) -> str:
-    """Such as ``EPSG:6677``, or the CRS's own name where it has no code."""
+    """The code, such as ``EPSG:6677``, or the CRS's name if it has none."""
     authority = crs.to_authority()
     return ":".join(authority) if authority else crs.name
 
 
 def full_name_of(crs: CRS) -> str:
-    """Code and name, such as ``EPSG:6677 (JGD2011 / Japan Plane Rectangular CS IX)``; the name alone without a code."""
+    """Code and name, such as ``EPSG:6677 (JGD2011 / Japan Plane Rectangular CS IX)``; without a code only the name."""
     code = name_of(crs)
     return crs.name if code == crs.name else f"{code} ({crs.name})"

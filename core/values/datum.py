@@ -1,4 +1,4 @@
-"""How far a datum lies from those in which satellites give positions."""
+"""Distance of a datum from that of GNSS positions."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.transformer import TransformerGroup
 
 SATELLITES: Final = "EPSG:4326"
-"""WGS 84: datums of today lie within a metre or two of it, and PROJ takes most of them for the same."""
-APART_M: Final = 5.0
-"""Datums that lie farther from it are none of today's."""
+"""WGS 84: modern datums agree with it within a metre or two, and PROJ treats most of them as equal."""
+LARGEST_DATUM_SHIFT_M: Final = 5.0
+"""Largest distance of a modern datum from WGS 84."""
 
 
 @lru_cache(maxsize=16)
-def apart_m(base: CRS, lon_deg: float, lat_deg: float) -> float | None:
-    """How far coordinates in a geographic CRS lie from a place's in WGS 84; None where PROJ cannot say."""
+def datum_shift_m(base: CRS, lon_deg: float, lat_deg: float) -> float | None:
+    """Distance in metres between equal coordinates in a geographic CRS and in WGS 84; None if PROJ cannot transform."""
     area: Any = AreaOfInterest(lon_deg, lat_deg, lon_deg, lat_deg)  # pyproj's types have two of that name
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of grids that are missing: a few metres more or less
+        warnings.simplefilter("ignore", UserWarning)  # about missing grids, which change the result by a few metres
         group = TransformerGroup(SATELLITES, base.to_2d(), always_xy=True, area_of_interest=area, allow_ballpark=False)
-    for way in group.transformers:
-        moved: Any = way.transform(lon_deg, lat_deg)
+    for transformer in group.transformers:
+        moved: Any = transformer.transform(lon_deg, lat_deg)
         if np.isfinite(moved).all():
             return float(Geod(ellps="WGS84").inv(lon_deg, lat_deg, *moved)[2])
     return None

@@ -1,4 +1,4 @@
-"""Places on the WGS 84 ellipsoid as Cartesian coordinates, and directions there."""
+"""Geodetic and Cartesian coordinates on the WGS 84 ellipsoid, and local directions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def earth_centred_m(lon_deg: ArrayLike, lat_deg: ArrayLike, height_m: ArrayLike)
 
 
 def east_north_up(lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
-    """Matrices (n, 3, 3) that take earth-centred vectors to east, north and up (along the ellipsoid's normal)."""
+    """Matrices (n, 3, 3) that rotate earth-centred vectors to east, north and up (along the ellipsoid's normal)."""
     lon, lat = np.atleast_1d(np.radians(lon_deg)), np.atleast_1d(np.radians(lat_deg))
     zero = np.zeros_like(lon)
     east = np.column_stack([-np.sin(lon), np.cos(lon), zero])
@@ -38,7 +38,7 @@ def east_north_up(lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
 
 
 def variances_enu(covariance_xyz: FloatArray, lon_deg: ArrayLike, lat_deg: ArrayLike) -> FloatArray:
-    """Variances (n, 3) east, north and up of earth-centred covariances (n, 3, 3), in their unit."""
+    """Variances (n, 3) east, north and up from earth-centred covariances (n, 3, 3), in the same unit."""
     turn = east_north_up(lon_deg, lat_deg)
     variances: FloatArray = np.einsum("nij,njk,nik->ni", turn, covariance_xyz, turn)
     return variances

@@ -1,4 +1,4 @@
-"""The one family of errors: three sentences and an exit status."""
+"""Errors with three parts and an exit status, and notices."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import ClassVar, Self
 
 
 class FurrowmapError(Exception):
-    """Something a user can act on, told in three sentences.
+    """An error that a user can act on, in three parts.
 
     Args:
         what: what is wrong and where (file, byte, line, time or key).
-        meaning: what that means for the work asked for.
+        meaning: what that means for the requested work.
         remedy: what to do about it.
         code: a stable kebab-case name, the same in terminal, JSON and QGIS.
     """
@@ -27,7 +27,7 @@ class FurrowmapError(Exception):
 
     @property
     def lines(self) -> tuple[str, str, str]:
-        """The three lines as they are printed: no line breaks, no control characters."""
+        """The three parts as they are printed, without line breaks and control characters."""
         return printable(self.what), printable(self.meaning), printable(self.remedy)
 
     def __str__(self) -> str:
@@ -35,19 +35,19 @@ class FurrowmapError(Exception):
 
 
 class UsageError(FurrowmapError):
-    """The command was called wrongly."""
+    """The command line is invalid."""
 
     exit_status = 2
 
 
 class InputError(FurrowmapError):
-    """A file, or what stands in it, is at fault."""
+    """A file or its content is invalid."""
 
     exit_status = 3
 
 
 class RefusedError(FurrowmapError):
-    """The work could be done, but its result would not be what it claims to be."""
+    """The work is possible, but its result would be wrong or misleading."""
 
     exit_status = 4
 
@@ -60,15 +60,15 @@ class Cancelled(FurrowmapError):
     def __init__(self) -> None:
         super().__init__(
             "Stopped before the end.",
-            "Nothing half-written is left; products of an earlier run are as they were.",
-            "Run the same command again when you want the result.",
+            "No incomplete files remain; the products of an earlier run are unchanged.",
+            "Run the same command again to get the result.",
             code="cancelled",
         )
 
 
 @dataclass(frozen=True)
 class Notice:
-    """Something worth knowing about an input or a result that did not stop the work.
+    """A warning about an input or a result that does not stop the work.
 
     Attributes:
         code: a stable kebab-case name.
@@ -80,11 +80,11 @@ class Notice:
 
     @classmethod
     def of(cls, error: FurrowmapError) -> Self:
-        """An error that does not stop the work at hand, told whole."""
+        """A notice with the complete text of an error that does not stop the work."""
         return cls(error.code, " ".join(error.lines))
 
 
 def printable(text: str) -> str:
-    """`text` on one line, with control characters (terminal escapes too) shown instead of obeyed."""
+    """`text` on one line, with control characters (terminal escapes too) shown as escapes."""
     flat = " ".join(text.split())
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in flat)

@@ -1,4 +1,4 @@
-"""A GNSS receiver's positions as it stated them."""
+"""Positions of a GNSS receiver."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 
 class Fix(IntEnum):
-    """Quality of a position, whichever format stated it; up to 8 the codes are those of NMEA 0183's GGA.
+    """Quality of a position in all formats; codes up to 8 are those of NMEA 0183's GGA.
 
-    The scale tells how a position came about, not from whom its corrections are (:attr:`GnssTrack.service`): FIXED and
-    FLOAT are carrier phase with ambiguities fixed or not, by RTK as by PPP-RTK (CLAS); PPP is precise point positioning
-    whose ambiguities are not fixed (MADOCA-PPP); DGPS is code corrected (SLAS, SBAS).
+    It is the method of positioning, not the source of its corrections (:attr:`GnssTrack.service`): FIXED and FLOAT are
+    carrier-phase solutions with fixed or float ambiguities, by RTK or PPP-RTK (CLAS); PPP is precise point positioning
+    with float ambiguities (MADOCA-PPP); DGPS uses code corrections (SLAS, SBAS).
     """
 
     NONE = 0
@@ -31,31 +31,31 @@ class Fix(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files and reports use."""
+        """Name in files and reports."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class GnssTrack:
-    """Positions of one antenna in the order of time; what a receiver did not state is nan.
+    """Positions of one antenna in the order of time; values that the receiver does not state are nan.
 
     All arrays have the length n of the number of epochs.
 
     Attributes:
         t_s: (n,) UTC, strictly increasing.
-        lon_deg, lat_deg: (n,) in the receiver's own datum.
+        lon_deg, lat_deg: (n,) in the datum of the receiver's corrections.
         height_m: (n,) above the ellipsoid.
         fix: (n,) int8, values of :class:`Fix`.
-        sigma_e_m, sigma_n_m, sigma_h_m: (n,) standard deviations the receiver stated.
+        sigma_e_m, sigma_n_m, sigma_h_m: (n,) standard deviations stated by the receiver.
         speed_mps: (n,) over ground.
         course_deg: (n,) over ground, clockwise from true north.
         heading_deg: (n,) of the vehicle from two antennas, clockwise from true north.
-        satellites: (n,) int16 used, −1 unknown.
-        hdop: (n,).
-        age_s: (n,) of the corrections.
+        satellites: (n,) int16, number of satellites used; −1 if unknown.
+        hdop: (n,) horizontal dilution of precision.
+        age_s: (n,) age of the corrections.
         source: the name of the file or topic, for messages.
-        service: whose corrections these are, as far as the file says it: "rtk", "clas", "madoca", "ppp", "ppp-rtk",
-            "sbas"; "" unknown.
+        service: correction service, if the file shows it: "rtk", "clas", "madoca", "ppp", "ppp-rtk", "sbas"; "" if
+            unknown.
     """
 
     t_s: NDArray[np.float64]
@@ -96,7 +96,7 @@ class GnssTrack:
     def build(
         cls, t_s: NDArray[np.float64], *, source: str = "", service: str = "", **columns: NDArray[np.generic]
     ) -> Self:
-        """A track from the columns at hand; the others are filled with 'unknown' (nan, −1, fix NONE)."""
+        """A track from some of the columns; the others are unknown (nan, −1, fix NONE)."""
         n = len(t_s)
         unknown: dict[str, NDArray[np.generic]] = {
             "fix": np.zeros(n, np.int8),

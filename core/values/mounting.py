@@ -1,4 +1,4 @@
-"""How a sensor sits on the vehicle."""
+"""Mounting of a sensor on the vehicle."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from furrowmap.core.values.rotation import mounting_rotation
 
 @dataclass(frozen=True)
 class Mounting:
-    """The extrinsic of a sensor: lidar frame → vehicle frame.
+    """The extrinsic parameters of a sensor: lidar frame → vehicle frame.
 
     Attributes:
         xyz_m: the sensor's origin in the vehicle frame.
-        rpy_deg: roll, pitch, yaw with ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` taking lidar to vehicle coordinates.
+        rpy_deg: roll, pitch, yaw; ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` rotates lidar to vehicle coordinates.
     """
 
     xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Poses of the vehicle as a file from elsewhere states them, before they are brought into the map frame."""
+"""Poses of the vehicle from a file, before they are transformed to the map frame."""
 
 from __future__ import annotations
 

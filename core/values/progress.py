@@ -1,4 +1,4 @@
-"""How long work tells where it stands, without knowing who listens."""
+"""Progress of long work."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """A listener to long work. Raising :class:`~furrowmap.core.values.errors.Cancelled` from it ends the work."""
+    """A callback for progress. It may raise :class:`~furrowmap.core.values.errors.Cancelled` to stop the work."""
 
     def __call__(self, stage: str, share: float) -> None:
-        """Take note that `stage` has done `share` (0 to 1) of its work."""
+        """Called when `share` (0 to 1) of `stage` is done."""
         ...
 
 
 def silent(stage: str, share: float) -> None:
-    """A listener who does not listen."""
+    """Ignores progress."""

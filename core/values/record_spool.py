@@ -1,4 +1,4 @@
-"""RecordArray of one layout kept in a temporary file and read back by integer key."""
+"""Records of one layout in a temporary file, read back by integer key."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def square_of(key: int) -> Square:
 
 @dataclass
 class _Block:
-    """RecordArray sorted by key, contiguous in the file.
+    """Records sorted by key, contiguous in the file.
 
     Attributes:
         keys: (k,) increasing.
@@ -48,13 +48,13 @@ class _Block:
 
 
 class RecordSpool:
-    """A nameless temporary file of blocks, removed when it is closed or its process ends: a context manager.
+    """A temporary file of blocks, removed when it is closed or the process ends; a context manager.
 
-    One thread may append, any number may read once nothing is appended any more.
+    One thread may append; any number of threads may read after the last append.
 
     Args:
         layout: dtype of a record.
-        folder: for the file; None for the system's own.
+        folder: for the file; None for the default folder of temporary files.
     """
 
     def __init__(self, layout: np.dtype[Any], folder: Path | None) -> None:
@@ -111,7 +111,7 @@ class RecordSpool:
         return dict(zip(there.tolist(), totals.tolist(), strict=True))
 
     def read(self, keys: ArrayLike) -> RecordArray:
-        """The records of keys (k,), key after key; within a key in the order in which they came."""
+        """The records of keys (k,), key after key; within a key in the order in which they were added."""
         segments = self._segments_of(keys)
         out = np.empty(sum(count for _, count in segments), self.layout)
         done = 0
@@ -129,7 +129,7 @@ class RecordSpool:
             done += count
 
     def parts(self, first: int, end: int, room: Callable[[], RecordArray]) -> Iterator[RecordArray]:
-        """The records with keys from `first` up to but without `end`, block after block, in few large reads.
+        """The records with keys from `first` to `end` − 1, block after block, in few large reads.
 
         Each part is read into an array from `room`, which must be as long as the longest block.
         """

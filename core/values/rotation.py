@@ -1,7 +1,7 @@
-"""Rotations and angles: conventions in one place.
+"""Conventions of rotations and angles.
 
-A rotation is held as a unit quaternion (w, x, y, z) that takes vehicle (or lidar) coordinates to map (or vehicle)
-coordinates. Euler angles appear only at the borders: in files and in mountings.
+A rotation is a unit quaternion (w, x, y, z) that rotates vehicle (or lidar) coordinates to map (or vehicle)
+coordinates. Euler angles are used only in files and mountings.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FloatArray: TypeAlias = NDArray[np.float64]
 
 
 def wrap_deg(angle_deg: ArrayLike) -> FloatArray:
-    """Angles brought into [-180°, 180°)."""
+    """Angles wrapped to [-180°, 180°)."""
     return (np.asarray(angle_deg, np.float64) + 180.0) % 360.0 - 180.0
 
 
@@ -26,7 +26,7 @@ def unwrap_deg(angle_deg: ArrayLike) -> FloatArray:
 
 
 def heading_deg(angle_deg: ArrayLike) -> FloatArray:
-    """Angles as headings, in [0°, 360°)."""
+    """Angles wrapped to [0°, 360°)."""
     out = np.asarray(angle_deg, np.float64) % 360.0
     return np.where(out >= 360.0, 0.0, out)
 
@@ -38,11 +38,11 @@ def mounting_rotation(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Floa
 
 
 def attitude_to_quaternion(roll_deg: ArrayLike, pitch_deg: ArrayLike, heading_deg: ArrayLike) -> FloatArray:
-    """Quaternions (n, 4) (w, x, y, z), vehicle to map, of attitudes as files state them.
+    """Quaternions (n, 4) (w, x, y, z), vehicle to map, of attitudes in the conventions of files.
 
     Args:
         roll_deg: (n,) positive right side down.
-        pitch_deg: (n,) positive nose up, which is a negative turn about the vehicle's y axis.
+        pitch_deg: (n,) positive nose up, which is a negative rotation about the vehicle's y axis.
         heading_deg: (n,) clockwise from grid north; yaw about the map's up axis is 90° − heading.
     """
     roll, pitch, heading = np.broadcast_arrays(

@@ -1,4 +1,4 @@
-"""Where the vehicle stood at each scan: the rows of a run's trajectory layer."""
+"""Pose of the vehicle at each scan: the rows of a run's trajectory layer."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ScanPoses:
-    """The vehicle frame's pose at the middle of each scan that has one, in the order of time.
+    """Pose of the vehicle frame at the middle of each scan that has one, in the order of time.
 
-    A scan without a pose has no row here: positions and attitudes are finite throughout.
+    Scans without a pose are not included: all positions and attitudes are finite.
 
     Attributes:
-        scan: (n,) int64 number of the scan in its recording, strictly increasing.
+        scan: (n,) int64 index of the scan in its recording, strictly increasing.
         t_s: (n,) UTC of the pose.
         xyz_m: (n, 3) easting, northing, height in the map frame.
         quaternion: (n, 4) (w, x, y, z), vehicle to map.
         speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
         motion: (n,) int8, values of :class:`~furrowmap.core.values.trajectory.Motion`.
-        fix: (n,) int8, values of :class:`~furrowmap.core.values.gnss.Fix`; −1 where the pose came from elsewhere.
+        fix: (n,) int8, values of :class:`~furrowmap.core.values.gnss.Fix`; −1 for poses from a file.
         sigma: (n, 6) in the order of :data:`~furrowmap.core.values.trajectory.SIGMAS`; nan where unknown.
-        heading_from: (n,) short words, as in :class:`~furrowmap.core.values.trajectory.Trajectory`.
-        position_from: (n,) as heading_from, of easting and northing.
-        height_from: (n,) the same of the height.
-        level_from: (n,) the same of roll and pitch.
-        points: (n,) int64 points of the scan in the cloud; 0 where it was left out.
+        heading_from: (n,) source of the heading, as in :class:`~furrowmap.core.values.trajectory.Trajectory`.
+        position_from: (n,) source of easting and northing.
+        height_from: (n,) source of the height.
+        level_from: (n,) source of roll and pitch.
+        points: (n,) int64 number of points of the scan in the cloud; 0 if it was not placed.
     """
 
     scan: NDArray[np.int64]
@@ -58,15 +58,13 @@ class ScanPoses:
                 raise ValueError(f"ScanPoses.{name} has shape {shape}, not {widths.get(name, (n,))}")
         for name in ("t_s", "xyz_m", "quaternion"):
             if not bool(np.all(np.isfinite(getattr(self, name)))):
-                raise ValueError(
-                    f"ScanPoses.{name} holds a number that is not finite: a scan without a pose has no row"
-                )
+                raise ValueError(f"ScanPoses.{name} is not finite: scans without a pose must not be included")
         if n > 1 and not bool(np.all(np.diff(self.scan) > 0)):
             raise ValueError("ScanPoses.scan does not increase")
 
     @classmethod
     def at_knots(cls, trajectory: Trajectory) -> ScanPoses:
-        """The poses of a trajectory's knots, each as a scan without points: for a recording without scans."""
+        """The poses of a trajectory's knots as scans without points, for a recording without scans."""
         return cls(
             scan=np.arange(len(trajectory)),
             t_s=trajectory.t_s,

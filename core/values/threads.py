@@ -1,4 +1,4 @@
-"""How many threads the work takes: one setting for all stages, and the work in threads itself."""
+"""The number of threads, one setting for all stages, and work in threads."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ Found = TypeVar("Found")
 
 VARIABLE: Final = "FURROWMAP_THREADS"
 MOST_BY_DEFAULT: Final = 8
-"""Above this a run gains little and takes more memory, for each thread has surfaces of its own."""
+"""Default maximum: more threads gain little and take more memory, because each has its own surfaces."""
 
 _asked: list[int] = []
 """Counts in force, the innermost last."""
 
 
 def threads() -> int:
-    """How many threads a stage may use at once.
+    """Number of threads that a stage may use at once.
 
     The count of the innermost :func:`using_threads`; else that of the environment variable FURROWMAP_THREADS; else
     the processors that this process may use, 8 at most.
 
     Raises:
-        UsageError: if the environment variable is no whole number of at least 1.
+        UsageError: if the environment variable is not an integer of at least 1.
     """
     if _asked:
         return _asked[-1]
@@ -39,7 +39,7 @@ def threads() -> int:
     if not stated.isdecimal() or int(stated) < 1:
         raise UsageError(
             f"The environment variable {VARIABLE} is {stated!r}.",
-            "It is no whole number of at least 1.",
+            "It must be an integer of at least 1.",
             f"Set it to a number of threads, such as {VARIABLE}=4, or unset it.",
             code="usage",
         )

@@ -1,4 +1,4 @@
-"""When the tool was in the ground: a history of states in intervals of time."""
+"""States of the implement over time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 
 
 class ToolState(IntEnum):
-    """Whether the tool works the ground."""
+    """Whether the implement is in the ground."""
 
     UNKNOWN = -1
     UP = 0
@@ -20,27 +20,26 @@ class ToolState(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files and reports use."""
+        """Name in files and reports."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class ToolStates:
-    """States of the tool in intervals [begin, end) of time; between intervals the state is unknown.
+    """States of the implement in intervals [begin, end) of time; between intervals the state is unknown.
 
-    A border that two intervals share is a transition, and carries the same sigma in both. The first begin and the
-    last end of a recording are no transitions: nothing is known of the tool outside, but the interval ends there
-    exactly, and their sigma is 0.
+    A boundary that two intervals share is a transition, with the same sigma in both. The first begin and the last end
+    of a recording are not transitions: the intervals are limited there exactly, and their sigma is 0.
 
     Attributes:
         begin_s: (n,) float64 UTC.
         end_s: (n,) float64 UTC, after `begin_s` and not after the next interval's `begin_s`.
         state: (n,) int8, values of :class:`ToolState`.
-        confidence: (n,) float64, 0 to 1, that `state` is true.
+        confidence: (n,) float64, probability of `state`, 0 to 1.
         begin_sigma_s: (n,) float64 standard deviation of `begin_s`; nan where unknown.
         end_sigma_s: (n,) float64 standard deviation of `end_s`; nan where unknown.
-        common_share: share of the transitions' variance that has one cause, such as a working position that is wrong
-            throughout: it makes every time of `down` longer, or every one shorter.
+        common_share: share of the transitions' variance with a common cause, such as a wrong working position: it makes
+            all intervals of `down` longer, or all shorter.
     """
 
     begin_s: FloatArray
@@ -65,7 +64,7 @@ class ToolStates:
         return len(self.begin_s)
 
     def at(self, t_s: ArrayLike) -> tuple[NDArray[np.int8], FloatArray]:
-        """State (n,) int8 and confidence (n,) at times (n,): unknown, with confidence 0, where no interval reaches."""
+        """State (n,) int8 and confidence (n,) at times (n,): unknown, with confidence 0, outside all intervals."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
         state = np.full(t.shape, ToolState.UNKNOWN, np.int8)
         confidence = np.zeros(t.shape)

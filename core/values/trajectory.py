@@ -1,4 +1,4 @@
-"""Where the vehicle was and how it stood, as a function of time."""
+"""Position and attitude of the vehicle as a function of time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Motion(IntEnum):
-    """What the vehicle does; the sign is the sign of its speed."""
+    """Direction of driving; the sign is that of the speed."""
 
     REVERSE = -1
     STANDING = 0
@@ -24,16 +24,16 @@ class Motion(IntEnum):
 
     @property
     def label(self) -> str:
-        """The word that files and reports use."""
+        """Name in files and reports."""
         return self.name.lower()
 
 
 SIGMAS = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
-"""What the columns of :attr:`Trajectory.sigma` belong to."""
+"""The columns of :attr:`Trajectory.sigma`."""
 
 
 HELD_BY = ("heading_from", "position_from", "height_from", "level_from")
-"""Names of the words that say what held an unknown."""
+"""Names of the attributes with the source of each unknown."""
 
 
 @dataclass(frozen=True)
@@ -64,16 +64,16 @@ class Trajectory:
     Attributes:
         t_s: (n,) UTC, strictly increasing.
         xyz_m: (n, 3) easting, northing, height of the vehicle frame's origin.
-        quaternion: (n, 4) (w, x, y, z) unit quaternions, vehicle to map; neighbours lie on the same hemisphere.
+        quaternion: (n, 4) (w, x, y, z) unit quaternions, vehicle to map; neighbours are on the same hemisphere.
         speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
         motion: (n,) int8, values of :class:`Motion`.
-        fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 where it came from elsewhere.
+        fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 for poses from a file.
         sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
-        heading_from: (n,) words: what held the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'file').
-        position_from: (n,) what held easting and northing ('gnss', 'relief', 'walls', 'carried', 'file').
-        height_from: (n,) what held the height ('gnss', 'ground', 'carried', 'file').
-        level_from: (n,) what held roll and pitch ('ground', 'assumed', 'file').
-        max_gap_s: between knots further apart than this there is no pose.
+        heading_from: (n,) source of the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'file').
+        position_from: (n,) source of easting and northing ('gnss', 'relief', 'walls', 'carried', 'file').
+        height_from: (n,) source of the height ('gnss', 'ground', 'carried', 'file').
+        level_from: (n,) source of roll and pitch ('ground', 'assumed', 'file').
+        max_gap_s: longest time between knots that is interpolated.
     """
 
     t_s: FloatArray
@@ -99,19 +99,19 @@ class Trajectory:
         if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
             raise ValueError("Trajectory.t_s does not increase")
         if n and not bool(np.allclose(np.linalg.norm(self.quaternion, axis=1), 1.0, atol=1e-6)):
-            raise ValueError("Trajectory.quaternion holds something else than unit quaternions")
+            raise ValueError("Trajectory.quaternion must hold unit quaternions")
 
     def __len__(self) -> int:
         return len(self.t_s)
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """UTC of the first and of the last knot; nan where there is none."""
+        """UTC of the first and of the last knot; nan without knots."""
         return (float(self.t_s[0]), float(self.t_s[-1])) if len(self) else (float("nan"), float("nan"))
 
     @property
     def gaps_s(self) -> FloatArray:
-        """(m, 2) UTC of the knots before and behind each gap."""
+        """(m, 2) UTC of the knots before and after each gap."""
         before = np.flatnonzero(np.diff(self.t_s) > self.max_gap_s)
         return np.column_stack([self.t_s[before], self.t_s[before + 1]])
 
@@ -123,7 +123,7 @@ class Trajectory:
         return turn
 
     def interval(self, t_s: ArrayLike) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:
-        """For each time the knot before it, the share (0 to 1) of the way to the next, and whether there is a pose."""
+        """For each time the knot before, the share (0 to 1) of the interval to the next, whether there is a pose."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
         if len(self) < 2:
             return np.zeros(t.shape, np.intp), np.zeros(t.shape), np.zeros(t.shape, bool)
@@ -134,9 +134,9 @@ class Trajectory:
         return k, share, inside
 
     def at(self, t_s: ArrayLike) -> Poses:
-        """Poses at times (n,): straight between knots, along the geodesic of the rotation group for attitude.
+        """Poses at times (n,), interpolated linearly for positions and spherically (slerp) for attitudes.
 
-        Outside the knots' span and inside gaps the pose is nan.
+        Outside the time span of the knots and inside gaps the pose is nan.
         """
         k, share, known = self.interval(t_s)
         xyz = np.full((len(k), 3), np.nan)
@@ -171,7 +171,7 @@ def trajectory_from_attitude(
     position_from: str = "file",
     level_from: str = "file",
 ) -> Trajectory:
-    """A trajectory from attitude in the conventions of files; what is not given is unknown.
+    """A trajectory from attitude in the conventions of files; arguments that are not given are unknown.
 
     Args:
         t_s: (n,) UTC.
