@@ -122,12 +122,14 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         """What is wrong with the values; "" if nothing."""
         ways = {}
         for parameter in self.by_name.values():
-            values = self._values(parameter, parameters, context)
             label = translated(parameter.label)
-            if parameter.kind in ("file", "files"):
-                for path in values:
-                    if path != parameter.if_absent and not Path(path).exists():
-                        return tr("{parameter}: {path} does not exist.").format(parameter=label, path=path)
+            if parameter.kind.startswith("new "):  # evaluating these may add a layer to the context
+                values = [value for value in [parameters.get(parameter.name)] if value]
+            else:
+                values = self._values(parameter, parameters, context)
+            for path in values if parameter.kind in ("file", "files") else []:
+                if path != parameter.if_absent and not Path(path).exists():
+                    return tr("{parameter}: {path} does not exist.").format(parameter=label, path=path)
             if parameter.kind == "numbers" and values and not _are_numbers(values[0], parameter.count):
                 return tr("{parameter}: '{text}' has the wrong format. {help}").format(
                     parameter=label, text=values[0], help=translated(parameter.help)
@@ -138,19 +140,18 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                 return tr("Give either '{one}' or '{other}'.").format(one=either[0][0], other=either[1][0])
         return ""
 
-    def _arguments(self, parameters, context):
-        """The arguments of the command line, the command's name first."""
+    def _arguments(self, values, parameters, context):
+        """The arguments of the command line, its name first; `values` has each parameter's :meth:`_values`."""
         options, arguments = [], []
-        for parameter in self.by_name.values():
-            values = self._values(parameter, parameters, context)
+        for name, parameter in self.by_name.items():
             if not parameter.option.startswith("--"):
-                arguments += values
+                arguments += values[name]
             elif parameter.kind == "flag":
-                options += [parameter.option] if values else []
+                options += [parameter.option] if values[name] else []
             else:
-                options += [f"{parameter.option}={value}" for value in values]
-            if parameter.crs and values:
-                crs = self.parameterAsExtentCrs(parameters, parameter.name, context)
+                options += [f"{parameter.option}={value}" for value in values[name]]
+            if parameter.crs and values[name]:
+                crs = self.parameterAsExtentCrs(parameters, name, context)
                 options += [f"{parameter.crs}={crs_text(crs)}"] if crs.isValid() else []
         return [*self.description.command.split(), *options, "--", *arguments]
 
@@ -202,7 +203,8 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         interpreter = find_interpreter()
         if not is_usable(interpreter):
             raise QgsProcessingException(self.canExecute()[1])
-        arguments = self._arguments(parameters, context)
+        values = {name: self._values(each, parameters, context) for name, each in self.by_name.items()}
+        arguments = self._arguments(values, parameters, context)
         feedback.pushCommandInfo(" ".join(["furrowmap", *arguments]))
         try:
             answer = run_command(interpreter.program, arguments, _Listener(feedback), feedback.isCanceled)
@@ -218,15 +220,15 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):
             for path in self.description.layers(answer):
                 load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
-        return self._outputs(answer, parameters, context)
+        return self._outputs(answer, values)
 
-    def _outputs(self, answer, parameters, context):
+    def _outputs(self, answer, values):
         """The files and folders that parameters name, and what the description takes from the answer."""
-        named = [parameter for parameter in self.by_name.values() if parameter.kind.startswith("new ")]
-        files = {p.name: next(iter(self._values(p, parameters, context)), None) for p in named}
-        values = {output.name: output.value(answer) for output in self.description.outputs}
+        named = [name for name, parameter in self.by_name.items() if parameter.kind.startswith("new ")]
+        files = {name: values[name][0] if values[name] else None for name in named}
+        taken = {output.name: output.value(answer) for output in self.description.outputs}
         absent = {output.name: "" for output in self.description.outputs if output.kind == "text"}
-        return {**files, **absent, **{name: value for name, value in values.items() if value is not None}}
+        return {**files, **absent, **{name: value for name, value in taken.items() if value is not None}}
 
 
 class RunAlgorithm(CommandAlgorithm):
@@ -234,12 +236,13 @@ class RunAlgorithm(CommandAlgorithm):
 
     folder = None
 
-    def _outputs(self, answer, parameters, context):
+    def processAlgorithm(self, parameters, context, feedback):  # noqa: N802
         """Remember what :meth:`postProcessAlgorithm` opens."""
+        outputs = super().processAlgorithm(parameters, context, feedback)
         if self.parameterAsBool(parameters, OPEN, context):
-            self.folder = answer["folder"]
+            self.folder = outputs.get("FOLDER")
             self.open = open_preview if self.parameterAsBool(parameters, "PREVIEW", context) else open_results
-        return super()._outputs(answer, parameters, context)
+        return outputs
 
     def postProcessAlgorithm(self, context, feedback):  # noqa: N802
         """Open the products, in the main thread."""

@@ -125,6 +125,7 @@ def run(job: dict[str, Any]) -> Any:
     layers = [layer.name() for layer in project.mapLayers().values()]
     return {
         "outputs": outputs,
+        "written": sorted(name for name, value in outputs.items() if str(value)[:1] == "/" and Path(value).exists()),
         "messages": feedback.messages,
         "error": error,
         "loaded": loaded,

@@ -158,6 +158,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
         "farm_list": run("farm_list", FARM_MAP=base),
         "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT=folder / "farm.vrt"),
+        "temporary mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
         "crs": run("crs", SESSION=folder / "session.toml"),
@@ -407,6 +408,11 @@ def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], fold
     assert answers["farm_add"]["loaded"]
     assert [s["name"] for s in json.loads(answers["farm_list"]["outputs"]["SESSIONS"])] == ["straight"]
     assert (answers["farm_remove"]["outputs"]["REMOVED"], answers["farm_remove"]["outputs"]["SESSIONS"]) == (1, 0)
+
+
+def test_output__that_is_temporary_is_where_the_answer_says(answers: dict[str, Any]) -> None:
+    assert answers["temporary mosaic"]["error"] is None
+    assert answers["temporary mosaic"]["written"] == ["OUTPUT"]
 
 
 def test_errors__are_the_three_lines_of_the_command_line(
