@@ -53,13 +53,13 @@ class RefusedError(FurrowmapError):
 
 
 class Cancelled(FurrowmapError):
-    """The user stopped the work."""
+    """The user cancelled the command."""
 
     exit_status = 130
 
     def __init__(self) -> None:
         super().__init__(
-            "Stopped before the end.",
+            "Cancelled.",
             "No incomplete files remain; the products of an earlier run are unchanged.",
             "Run the same command again to get the result.",
             code="cancelled",

@@ -89,7 +89,7 @@ def test_names__cannot_command_the_terminal(tmp_path: Path, capsys: pytest.Captu
         (AssertionError(), 1, "fault", "bug in furrowmap"),
         (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "cloud.laz"), 1, "system", "cloud.laz: No space left"),
         (MemoryError(), 1, "out-of-memory", "memory"),
-        (KeyboardInterrupt(), 130, "cancelled", "Stopped"),
+        (KeyboardInterrupt(), 130, "cancelled", "Cancelled"),
     ],
     ids=lambda value: type(value).__name__,
 )

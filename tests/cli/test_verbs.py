@@ -198,5 +198,5 @@ def test_run__interrupted_leaves_nothing(request_to_end: signal.Signals, shared_
     process.send_signal(request_to_end)
     out, err = process.communicate(timeout=30)
     assert (process.returncode, out) == (130, "")
-    assert next(line for line in err.splitlines() if not line.startswith("Compiling")) == "Stopped before the end."
+    assert next(line for line in err.splitlines() if not line.startswith("Compiling")) == "Cancelled."
     assert not result.exists()
