@@ -90,7 +90,7 @@ def test_init__writes_a_session_that_loads_beside_the_recordings(
     status, out, _ = call(capsys, "init", *files, "--overwrite")
     assert status == 0
     assert out.startswith(f"Wrote {session}")
-    assert "mounted" in out
+    assert "Mounting of the scanner" in out
     assert load_session(session).recording.lidar == ("recording.pcap",)
 
 
