@@ -27,7 +27,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
-from furrowmap.exporters.cloud.file import las_header
+from furrowmap.exporters.cloud.file import CopcFormat, las_header
 from furrowmap.exporters.cloud.octree import Key, Limits, Octree
 from furrowmap.exporters.cloud.points import PointBatch, pack
 from furrowmap.exporters.cloud.records import Chosen, Records, gathered
@@ -35,7 +35,7 @@ from furrowmap.exporters.cloud.writer import MEMORY_POINTS, NODE_POINTS, CopcWri
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
 SCAN = (("scan", "uint32", "number of the scan"),)
-LAYOUT = las_header("", 0.001, (0.0, 0.0, 0.0), SCAN, colour=False, week_time=False).point_format.dtype()
+LAYOUT = las_header(CopcFormat("", (0.0, 0.0, 0.0), extra=SCAN)).point_format.dtype()
 LENGTHS = (1, 4)
 
 
@@ -72,9 +72,8 @@ class Collected:
 
 
 def write_ours(path: Path, cloud: Collected, memory_points: int = MEMORY_POINTS, times: int = 1) -> None:
-    with CopcWriter(
-        path, crs_wkt=cloud.wkt, origin_m=cloud.origin_m, extra=SCAN, memory_points=memory_points
-    ) as writer:
+    kind = CopcFormat(cloud.wkt, cloud.origin_m, extra=SCAN)
+    with CopcWriter(path, kind, memory_points=memory_points) as writer:
         for i in range(times):
             for batch in cloud.batches:
                 writer.append(replace(batch, xyz_m=batch.xyz_m + np.array([0.0, 20.0 * i, 0.0])) if i else batch)

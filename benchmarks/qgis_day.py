@@ -19,12 +19,13 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import style_of
 from furrowmap.exporters.rasters.cog import HEIGHT, Band, cog_output
-from furrowmap.workflows.run import las_wkt, write_products
+from furrowmap.workflows.run import write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DAY = Path.home() / ".cache" / "furrowmap" / "benchmarks" / "qgis_day"
@@ -125,7 +126,7 @@ def write_cloud(path: Path, t_s: np.ndarray, en_m: np.ndarray) -> None:
     """Points up to 10 m beside the way, of ground and of what stands on it."""
     rng = np.random.default_rng(16)
     wkt = las_wkt(CRS("EPSG:6677"))
-    with CopcWriter(path, crs_wkt=wkt, origin_m=CORNER_M, scale_m=0.001) as writer:
+    with CopcWriter(path, CopcFormat(wkt, CORNER_M)) as writer:
         for k in np.array_split(np.sort(rng.integers(len(t_s), size=POINTS)), 50):
             xyz_m = np.column_stack([en_m[k] - CORNER_M[:2] + rng.normal(0.0, 4.0, (len(k), 2)), np.zeros(len(k))])
             other = rng.random(len(k)) < 0.1

@@ -23,12 +23,12 @@ from furrowmap.core.values.errors import InputError, Notice, RefusedError, Usage
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import RecordArray
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.workflows.run import las_wkt
 
 FINEST_M: Final = 1e-4
 """Steps of coordinates; in a 32-bit number they reach 214 km."""
@@ -97,14 +97,10 @@ def write_clean_cloud(
             raise no_points_error(clouds, box)
         east, north, up = (np.floor(first["xyz_m"][0] / 1000.0) * 1000.0).tolist()
         coloured = any("red" in file.dimensions for file in clouds.files)
-        with CopcWriter(
-            target,
-            crs_wkt=las_wkt(clouds.crs),
-            origin_m=(east, north, up),
-            scale_m=_scale_m(clouds),
-            colour=coloured,
-            week_time=clouds.week_times,
-        ) as writer:
+        kind = CopcFormat(
+            las_wkt(clouds.crs), (east, north, up), _scale_m(clouds), colour=coloured, week_time=clouds.week_times
+        )
+        with CopcWriter(target, kind) as writer:
             for records in _rest(first, points):
                 told.see(records)
                 no_time = 0.0 if clouds.week_times else NO_TIME

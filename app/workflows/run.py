@@ -14,8 +14,6 @@ from typing import Any, Final, Self
 import msgspec
 import numpy as np
 import tomli_w
-from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
@@ -34,6 +32,7 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
@@ -170,13 +169,9 @@ class _Cloud:
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
         """Open the file, now that its CRS and local origin are known."""
-        self._writer = CopcWriter(
-            self._path,
-            crs_wkt=las_wkt(frame.whole_crs),
-            origin_m=origin_m,
-            scale_m=SCALE_M,
-            extra=(("scan", "uint32", "scan (revolution) number"),),
-        ).__enter__()
+        extra = (("scan", "uint32", "scan (revolution) number"),)
+        kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra)
+        self._writer = CopcWriter(self._path, kind).__enter__()
 
     def add(self, placed: PlacedScan) -> None:
         """Take the points of one scan."""
@@ -219,14 +214,6 @@ class _Cloud:
 
 def _las(t_s: float) -> float:
     return float(utc_to_las_time(t_s))
-
-
-def las_wkt(crs: CRS) -> str:
-    """The WKT of a cloud's CRS: WKT 1, as LAS 1.4 asks for; WKT 2 where WKT 1 has no words for the projection."""
-    try:
-        return crs.to_wkt("WKT1_GDAL")
-    except CRSError:
-        return crs.to_wkt("WKT2_2019")
 
 
 def session_text(session: Session, session_file: str) -> str:

@@ -1,14 +1,14 @@
-"""Adaptive arithmetic coding as LAZ has it, in kernels that others inline.
+"""Adaptive arithmetic coding of LAZ, in inlined kernels.
 
 Said, "Introduction to arithmetic coding: theory and practice" (HP Labs report HPL-2004-76, 2004): 32-bit intervals,
-models of symbols whose probabilities follow their counts from time to time. Isenburg, "LASzip: lossless compression of
+adaptive models of symbols. Isenburg, "LASzip: lossless compression of
 LiDAR data" (PE&RS 79(2), 2013) fixes constants and the coding of integers; his published source decides what the
-papers leave open, since a decoder has to follow each step.
+papers leave open.
 
-A **coder** is a tuple (base, length, at): the interval, and where in the output its next byte goes; base and length are
-below 2^32. A **table** is an int32 array of models side by side, all noughts at first. A **model** of n symbols takes
-``2 n + 3`` of its numbers: symbols until the next update (0 in a model not used yet), symbols between updates, symbols
-counted; n cumulative probabilities in units of 2^-15; n counts.
+A **coder** is a tuple (base, length, at): the interval, and the offset of its next byte in the output; base and length
+are below 2^32. A **table** is an int32 array of models, initially zeros. A **model** of n symbols takes ``2 n + 3``
+numbers: symbols until the next update (0 in an unused model), symbols between updates, symbols counted; n cumulative
+probabilities in units of 2^-15; n counts.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import numba
 import numpy as np
 
 kernel: Final = partial(numba.njit, cache=True, nogil=True, _nrt=False)
-"""Compiles what neither makes arrays nor keeps them: references to them are not counted, which would take three
-quarters of the time. So all memory comes from the caller."""
+"""Compiles without reference counting, which would take three quarters of the time: kernels may not create arrays."""
 inlined: Final = partial(kernel, forceinline=True)
 
 LENGTH_BITS: Final = 15
@@ -30,11 +29,11 @@ LENGTH_BITS: Final = 15
 BIT_LENGTH_BITS: Final = 13
 """Precision of a single bit's probability."""
 LEAST_LENGTH: Final = 1 << 24
-"""Below it, an interval gives its first byte away."""
+"""Shorter intervals output their first byte."""
 HEAD: Final = 3
 """Numbers of a model before its probabilities."""
 BIT_MODEL: Final = 5
-"""Numbers of a model of a single bit: bits until its update, bits between updates, bits, noughts, their probability."""
+"""Numbers of a model of a bit: bits until its update, bits between updates, bits, zeros, their probability."""
 MOST_BITS_BETWEEN: Final = 64
 MOST_RAW_BITS: Final = 19
 
@@ -45,7 +44,7 @@ def model_size(symbols: int) -> int:
 
 
 def ends_of(*sizes: int) -> list[int]:
-    """Where each of some models begins that stand side by side in a table, and last where they end."""
+    """Offsets of consecutive models in a table; last, the end."""
     return [0, *accumulate(sizes)]
 
 
@@ -61,11 +60,11 @@ def carry(out, at):  # type: ignore[no-untyped-def]
 
 @inlined()
 def settled(out, base, length, at):  # type: ignore[no-untyped-def]
-    """The coder after what is certain of its interval has gone to the output."""
+    """The coder after its certain bytes have gone to the output."""
     if base >> 32:
         carry(out, at)
         base &= 0xFFFFFFFF
-    # All bytes that there may be are put there, and as many kept as are certain: nothing to guess for the processor.
+    # All three bytes are written and `at` moves on by the certain ones: no branches.
     out[np.uint64(at)] = base >> 24
     out[np.uint64(at + 1)] = base >> 16
     out[np.uint64(at + 2)] = base >> 8
@@ -83,7 +82,7 @@ def coder_at(at):  # type: ignore[no-untyped-def]
 def encode(out, coder, table, model, symbols, symbol):  # type: ignore[no-untyped-def]
     """The coder after a symbol below `symbols`; the model, which starts at `model`, has counted it."""
     base, length, at = coder
-    head = np.uint64(model)  # Of a signed index, numba looks whether it counts from the end: a tenth of the time.
+    head = np.uint64(model)  # Signed indices cost a tenth of the time (wraparound check).
     left = table[head]
     if left == 0:
         refresh(table, model, symbols)
@@ -93,14 +92,14 @@ def encode(out, coder, table, model, symbols, symbol):  # type: ignore[no-untype
     table[np.uint64(k + symbols)] += 1
     share = length >> LENGTH_BITS
     low = table[np.uint64(k)] * share
-    # What rounding leaves over is the last symbol's.
+    # The last symbol takes the rounding remainder.
     top = length if symbol == symbols - 1 else table[np.uint64(k + 1)] * share
     return settled(out, base + low, top - low, at)
 
 
 @kernel()
 def refresh(table, model, symbols):  # type: ignore[no-untyped-def]
-    """Make a model's probabilities follow its counts; in one not used yet, all symbols are as probable."""
+    """Make a model's probabilities follow its counts; in an unused one, all symbols are equally probable."""
     counts = model + HEAD + symbols
     new = table[model + 1] == 0
     if new:
@@ -135,22 +134,22 @@ def encode_bit(out, coder, table, model, bit):  # type: ignore[no-untyped-def]
 
 @kernel()
 def refresh_bit(table, model):  # type: ignore[no-untyped-def]
-    """Make a bit model's probability follow its counts; in one not used yet, both are as probable."""
+    """Make a bit model's probability follow its counts; in an unused one, both are equally probable."""
     if table[model + 1] == 0:
-        cycle, bits, noughts = 4, 2, 1
+        cycle, bits, zeros = 4, 2, 1
     else:
         cycle = min((5 * table[model + 1]) >> 2, MOST_BITS_BETWEEN)
-        bits, noughts = table[model + 2] + table[model + 1], table[model + 3]
+        bits, zeros = table[model + 2] + table[model + 1], table[model + 3]
         if bits > 1 << BIT_LENGTH_BITS:
-            bits, noughts = (bits + 1) >> 1, (noughts + 1) >> 1
-            bits += noughts == bits
-    table[model], table[model + 1], table[model + 2], table[model + 3] = cycle, cycle, bits, noughts
-    table[model + 4] = (noughts * ((1 << 31) // bits)) >> (31 - BIT_LENGTH_BITS)
+            bits, zeros = (bits + 1) >> 1, (zeros + 1) >> 1
+            bits += zeros == bits
+    table[model], table[model + 1], table[model + 2], table[model + 3] = cycle, cycle, bits, zeros
+    table[model + 4] = (zeros * ((1 << 31) // bits)) >> (31 - BIT_LENGTH_BITS)
 
 
 @inlined()
 def write_bits(out, coder, bits, value):  # type: ignore[no-untyped-def]
-    """The coder after a number of up to 32 bits as it is."""
+    """The coder after a number of up to 32 uncompressed bits."""
     if bits > MOST_RAW_BITS:
         base, length, at = coder
         length >>= 16
@@ -164,14 +163,14 @@ def write_bits(out, coder, bits, value):  # type: ignore[no-untyped-def]
 
 @inlined()
 def finish(out, coder):  # type: ignore[no-untyped-def]
-    """Where the output ends once all of it has been written."""
+    """The end of the output after the final bytes."""
     base, length, at = coder
     if length > 2 * LEAST_LENGTH:
-        base, length, noughts = base + LEAST_LENGTH, LEAST_LENGTH >> 1, 3
+        base, length, zeros = base + LEAST_LENGTH, LEAST_LENGTH >> 1, 3
     else:
-        base, length, noughts = base + (LEAST_LENGTH >> 1), LEAST_LENGTH >> 9, 2
+        base, length, zeros = base + (LEAST_LENGTH >> 1), LEAST_LENGTH >> 9, 2
     _, _, at = settled(out, base, length, at)
-    for _ in range(noughts):
+    for _ in range(zeros):
         out[at] = 0
         at += 1
     return at

@@ -1,4 +1,4 @@
-"""A chunk of LAZ 1.4: some points compressed layer by layer."""
+"""A chunk of LAZ 1.4: points compressed layer by layer."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from furrowmap.exporters.cloud.layers import (
 from furrowmap.exporters.cloud.time_layer import TIMES_END, encode_times
 
 MOST_POINT_BYTES: Final = 80
-"""More than all layers of a point but its extra bytes take at worst."""
+"""Upper bound of all layers of a point without its extra bytes."""
 MOST_EXTRA_BYTES: Final = 2
 MOST_END_BYTES: Final = 64
-"""More than the ends of all layers take, and the noughts behind them."""
+"""Upper bound of the ends of all layers."""
 TABLE_SIZE: Final = max(LAYERS_END, COLOURS_END, TIMES_END)
 FIRST: Final = struct.Struct("<3iHBxBx2xHd")
-"""A record of point format 6: without flags, user data and scan angle, which stay nought."""
+"""A record of point format 6; flags, user data and scan angle are 0."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Points of one chunk, column by column; all arrays have n > 0 elements and may be filled in place.
+    """The points of a chunk as columns; all arrays have n > 0 elements and may be changed in place.
 
     Attributes:
         x: int32 steps of the coordinates' scale.
@@ -66,9 +66,9 @@ class Columns:
 
 
 def compressed(points: Columns) -> bytes:
-    """The chunk of some points: the first as it is, their number, the layers' lengths, and the layers.
+    """The chunk of points: the first point uncompressed, their number, the layers' lengths, and the layers.
 
-    Layers of what is the same for all points are empty.
+    Layers of columns with a single value are empty.
     """
     n, extra = len(points), points.extra
     out = np.empty(
@@ -79,8 +79,8 @@ def compressed(points: Columns) -> bytes:
     x, y, z, returns, time = points.x, points.y, points.z, points.returns, points.gps_time
     ends = [0]
 
-    def layer(column: NDArray[Any], encode: Callable[..., int], *told: NDArray[Any]) -> None:
-        ends.append(encode(out, ends[-1], table, *told) if differs(column) else ends[-1])
+    def layer(column: NDArray[Any], encode: Callable[..., int], *columns: NDArray[Any]) -> None:
+        ends.append(encode(out, ends[-1], table, *columns) if differs(column) else ends[-1])
 
     ends.append(encode_places(out, 0, table, memory, x, y, returns, points.point_source_id, time, z_context))
     ends.append(encode_heights(out, ends[-1], table, memory, z, returns, z_context))

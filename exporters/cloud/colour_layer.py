@@ -22,13 +22,13 @@ RED_LOW, RED_HIGH, GREEN_LOW, GREEN_HIGH, BLUE_LOW, BLUE_HIGH, COLOURS_END = (
 
 @inlined()
 def encode_byte(out, coder, table, model, value, guess):  # type: ignore[no-untyped-def]
-    """The coder after a byte has been told by the error of a guess."""
+    """The coder after a byte, coded as the error of a prediction."""
     return encode(out, coder, table, model, BYTES, (value - min(max(guess, 0), 255)) & 255)
 
 
 @inlined()
 def half(value):  # type: ignore[no-untyped-def]
-    """Half of a number, rounded towards nought."""
+    """Half of a number, rounded towards 0."""
     return (value + (value < 0)) >> 1
 
 

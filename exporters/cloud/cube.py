@@ -1,4 +1,4 @@
-"""Cubes of space and their cells, in whole steps of the coordinates."""
+"""Cubes and their cells, in steps of the coordinates."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from furrowmap.exporters.cloud.records import Records, rows_of
 
 DEPTH: Final = 7
-"""A cube is divided at most so often in one go: 128 cells a side, 2 million in all."""
+"""Maximum number of halvings of a cube: 128 cells a side, 2 million in all."""
 
 SPREAD: Final = np.array([sum(((v >> b) & 1) << (3 * b) for b in range(DEPTH)) for v in range(1 << DEPTH)], np.uint32)
-"""The bits of a number below 2^DEPTH with two noughts between them."""
+"""The bits of a number below 2^DEPTH with two zeros between them."""
 
 
 @dataclass(frozen=True)
 class Cube:
     """A cube of 2^bits steps a side.
 
-    Halved `depth` times, it has 8^depth cells. A cell's **code** interleaves the bits of its place along x, y and z (x
-    lowest: Morton order), so that the codes of all cells within a coarser cell follow one another, and a code without
-    its last three bits is the code of the cell that holds it, one level up.
+    Halved `depth` times, it has 8^depth cells. A cell's **code** interleaves the bits of its indices along x, y, z (x
+    lowest: Morton order): the codes within a coarser cell are consecutive, and a code without its last three bits is
+    that of the parent cell.
 
     Attributes:
         origin: least X, Y and Z in it.
@@ -36,9 +36,9 @@ class Cube:
 
     @classmethod
     def around(cls, low: NDArray[np.int64], high: NDArray[np.int64]) -> Cube:
-        """The smallest cube about points from `low` to `high`, but no smaller than its cells can be told apart.
+        """The smallest cube around points from `low` to `high`, of at least a step for each cell.
 
-        They lie in its middle along x and y, but at its bottom, so that flat ground does not straddle cells.
+        They are centred along x and y but at its bottom, so that flat ground does not straddle cells.
         """
         bits = max(DEPTH, int((high - low).max()).bit_length())
         margin = ((1 << bits) - 1 - (high - low)) // 2
@@ -77,7 +77,7 @@ class Cube:
 
 
 def places(depth: int, code: int) -> tuple[int, int, int]:
-    """Where a cell of a cube stands along x, y and z."""
+    """Indices of a cell along x, y and z."""
     x, y, z = (sum(((code >> (3 * b + axis)) & 1) << b for b in range(depth)) for axis in range(3))
     return x, y, z
 
@@ -109,7 +109,7 @@ def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-unt
 
 
 def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """The indices (n,) that sort `keys`, equal ones in their order; `counts` tells how often each key occurs."""
+    """The indices (n,) of a stable sort of `keys`, of which `counts` is the histogram."""
     order = np.empty(len(keys), np.uint32)
     count_sort(keys, np.cumsum(counts) - counts, order)
     return order
@@ -117,7 +117,7 @@ def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray
 
 @numba.njit("void(uint32[::1], int64[::1], uint32[::1])", cache=True, nogil=True)
 def count_sort(keys, starts, order):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`sorted_order`; `starts` is used up."""
+    """Kernel of :func:`sorted_order`; `starts` is overwritten."""
     for i in range(len(keys)):
         key = keys[i]
         order[starts[key]] = i

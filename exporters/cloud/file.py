@@ -1,4 +1,4 @@
-"""The file itself: LAS 1.4 header and records, compressed nodes, hierarchy."""
+"""COPC files: LAS 1.4 header and records, compressed nodes, hierarchy."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ import numpy as np
 from laspy.vlrs.known import LasZipVlr, WktCoordinateSystemVlr
 from laspy.vlrs.vlrlist import VLRList
 from numpy.typing import NDArray
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from furrowmap.core.values.threads import threads
 from furrowmap.exporters.cloud.chunk import Columns, compressed
@@ -29,35 +31,56 @@ from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, columns_of
 
 MOST_COMING: Final = 64
-"""Nodes that are read and compressed while others are made ready; each waits with a few bytes a point."""
+"""Maximum number of nodes in compression; each waits with a few bytes a point."""
 TABLE_OFFSET: Final = struct.Struct("<q")
-"""Before the chunks: where the table of their lengths begins."""
+"""Before the chunks: offset of the table of their lengths."""
 MOST_RECORD_BYTES: Final = 65_535
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
 
 
-def las_header(
-    crs_wkt: str,
-    scale_m: float,
-    origin_m: tuple[float, float, float],
-    extra: Sequence[tuple[str, str, str]],
-    *,
-    colour: bool,
-    week_time: bool,
-) -> laspy.LasHeader:
-    """A header of point format 6, or 7 with colour, that says all but what the points will be.
+@dataclass(frozen=True)
+class CopcFormat:
+    """The properties of a COPC file apart from its points.
 
-    The info record stands first, as COPC wants it. The CRS stands in an ordinary record at the head: QGIS does not
-    look for it in extended records at the end.
+    Attributes:
+        crs_wkt: of the coordinates; see :func:`las_wkt`.
+        origin_m: easting, northing, height that the coordinates of batches are relative to.
+        scale_m: resolution of the coordinates.
+        extra: name, numpy scalar type and description (at most 32 bytes) of additional dimensions.
+        colour: whether points have colour (point format 7 instead of 6).
+        week_time: whether times are seconds of an unknown GPS week instead of UTC.
     """
-    header = laspy.LasHeader(version="1.4", point_format=7 if colour else 6)
-    header.add_extra_dims([laspy.ExtraBytesParams(name, dtype, description) for name, dtype, description in extra])
-    header.scales, header.offsets = np.full(3, scale_m), np.array(origin_m)
+
+    crs_wkt: str
+    origin_m: tuple[float, float, float]
+    scale_m: float = 0.001
+    extra: Sequence[tuple[str, str, str]] = ()
+    colour: bool = False
+    week_time: bool = False
+
+
+def las_wkt(crs: CRS) -> str:
+    """The WKT of a cloud's CRS: WKT 1, as LAS 1.4 requires; WKT 2 where WKT 1 cannot express the projection."""
+    try:
+        return crs.to_wkt("WKT1_GDAL")
+    except CRSError:
+        return crs.to_wkt("WKT2_2019")
+
+
+def las_header(kind: CopcFormat) -> laspy.LasHeader:
+    """A header of point format 6 or 7, complete but for the statistics of the points.
+
+    The info record comes first, as COPC requires. The CRS is in an ordinary record at the beginning: QGIS does not
+    read it from extended records at the end.
+    """
+    header = laspy.LasHeader(version="1.4", point_format=7 if kind.colour else 6)
+    header.add_extra_dims([laspy.ExtraBytesParams(name, dtype, text) for name, dtype, text in kind.extra])
+    header.scales, header.offsets = np.full(3, kind.scale_m), np.array(kind.origin_m)
     header.global_encoding.wkt = True
-    kinds = laspy.header.GpsTimeType
-    header.global_encoding.gps_time_type = kinds.WEEK_TIME if week_time else kinds.STANDARD
+    times = laspy.header.GpsTimeType
+    header.global_encoding.gps_time_type = times.WEEK_TIME if kind.week_time else times.STANDARD
     header.generating_software = f"furrowmap {version('furrowmap')}"
     header.creation_date = dt.datetime.now(dt.UTC).date()
     extra_bytes = header.point_format.num_extra_bytes
@@ -65,7 +88,7 @@ def las_header(
     header.vlrs = [
         laspy.VLR("copc", 1, "COPC info VLR", bytes(INFO.size)),
         LasZipVlr(laz.record_data()),
-        WktCoordinateSystemVlr(crs_wkt),
+        WktCoordinateSystemVlr(kind.crs_wkt),
     ]
     header.are_points_compressed = True
     header.number_of_evlrs = 1
@@ -73,18 +96,18 @@ def las_header(
 
 
 def describe(header: laspy.LasHeader, text: str) -> None:
-    """Put words on the cloud into a header: a "Text Area Description" (LAS 1.4 R15), as much as a record holds."""
-    held = text.encode("utf-8", "backslashreplace")[:MOST_RECORD_BYTES].decode("utf-8", "ignore")
-    header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", held.encode()))
+    """Add a "Text Area Description" (LAS 1.4 R15) to a header, as much as a record holds."""
+    fitting = text.encode("utf-8", "backslashreplace")[:MOST_RECORD_BYTES].decode("utf-8", "ignore")
+    header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", fitting.encode()))
 
 
 class DiskFile(io.FileIO):
-    """A file that remembers what the system said when it refused to write: lazrs passes on only that it did."""
+    """A file that keeps the system's error on writing, which lazrs does not pass on."""
 
     refusal: OSError | None = None
 
     def write(self, data: Any, /) -> int:
-        """Write what there is room for; see :class:`io.FileIO`."""
+        """See :class:`io.FileIO`."""
         try:
             return super().write(data)
         except OSError as error:
@@ -93,13 +116,13 @@ class DiskFile(io.FileIO):
 
 
 class CopcFile:
-    """Takes nodes, in any order, and makes a file of them.
+    """Compresses nodes, in any order, and writes them to a file.
 
     Args:
-        path: of the file, which is made.
-        header: as :func:`las_header` makes it.
-        written: is told how many points have been written.
-        complete: fills in what was not known when the points came, in place; called from several threads at once.
+        path: of the new file.
+        header: of :func:`las_header`.
+        written: receives the number of points written so far.
+        complete: completes the points of a node in place; called from several threads at once.
     """
 
     def __init__(
@@ -128,7 +151,7 @@ class CopcFile:
         self._stream.close()
 
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[_Chunk]:
-        """Take a node; its records are read and compressed in a thread, until what is returned is done.
+        """Add a node; a thread reads and compresses its records until the returned future is done.
 
         Raises:
             OSError: if an earlier node cannot be written.
@@ -141,7 +164,7 @@ class CopcFile:
         return chunk
 
     def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> None:
-        """Write what is left, the hierarchy, and a header that is true."""
+        """Write the remaining nodes, the hierarchy and the final header."""
         while self._coming:
             self._write_next()
         table = self._stream.tell()
@@ -162,7 +185,7 @@ class CopcFile:
         header.number_of_points_by_return = extent.by_return.astype(np.uint64)
         header.mins = extent.low * header.scales + header.offsets
         header.maxs = extent.high * header.scales + header.offsets
-        # Cells reach half a step beyond their points, so that no point lies on a border.
+        # Cells extend half a step beyond their points, so that no point lies on a border.
         centre = (np.array(cube.origin) + 0.5 * (cube.side - 1)) * header.scales + header.offsets
         info = INFO.pack(
             *centre, 0.5 * cube.side * scale_m, spacing_m, offset, hierarchy.nbytes, extent.first_time, extent.last_time
@@ -184,7 +207,7 @@ class CopcFile:
         return np.bincount(levels, weights=points).astype(np.int64)
 
     def _write_next(self) -> None:
-        """Write the chunk that was asked for first, once it is there."""
+        """Write the oldest chunk, once it is compressed."""
         chunk = self._coming.popleft().result()
         self._stream.write(chunk.data)
         self._chunks.append((chunk.points, len(chunk.data)))
@@ -194,17 +217,14 @@ class CopcFile:
 
     @contextmanager
     def _refusals(self) -> Iterator[None]:
-        """Errors of the disk as the system told them."""
+        """Raise the system's own error where the disk refused to write."""
         try:
             yield
         except (lazrs.LazrsError, OSError) as error:
             raise self._disk.refusal or error from error
 
     def _hierarchy(self) -> NDArray[np.void]:
-        """One page with every node; nodes stand in the file in the order in which they were asked room for.
-
-        A file without points has a root without points, which points nowhere.
-        """
+        """One page with all nodes in the order of their chunks; a file without points has an empty root."""
         if not self._keys:
             return np.zeros(1, ENTRY)
         points, lengths = np.array(self._chunks, np.int64).T

@@ -1,8 +1,8 @@
-"""Integers in LAZ: how many bits the error of a prediction takes is one symbol, and its highest bits are another.
+"""Integers in LAZ: the bit length of a prediction's error is one symbol, its highest bits are another.
 
-Isenburg, "LASzip: lossless compression of LiDAR data" (PE&RS 79(2), 2013). A **coding of integers** takes its place
-in a table (:mod:`~furrowmap.exporters.cloud.arithmetic`): for each context a model of the number of bits, then a model
-of the single bit that tells an error of 0 from one of 1, then for each greater number of bits one of the highest eight.
+Isenburg, "LASzip: lossless compression of LiDAR data" (PE&RS 79(2), 2013). A **coding of integers** in a
+table (:mod:`~furrowmap.exporters.cloud.arithmetic`) has for each context a model of the bit length, then a model of the
+bit that separates errors of 0 and 1, then for each greater bit length a model of the highest eight bits.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from furrowmap.exporters.cloud.arithmetic import (
 )
 
 DIRECT_BITS: Final = 8
-"""Bits of an error that a model is kept of; those below are written as they are."""
+"""Modelled bits of an error; lower ones are written uncompressed."""
 MOST_BITS: Final = 32
 CORRECTORS: Final = np.cumsum([0, BIT_MODEL, *(model_size(1 << min(k, DIRECT_BITS)) for k in range(1, MOST_BITS + 1))])
-"""Where the model of the errors of k bits begins, seen from that of those of 0 bits; last, where all end."""
+"""Offset of the model of errors of k bits from that of 0 bits; last, the end."""
 
 
 def integers_size(bits: int, contexts: int) -> int:
@@ -41,15 +41,15 @@ def wrapped(value):  # type: ignore[no-untyped-def]
 
 @inlined()
 def bit_length(value):  # type: ignore[no-untyped-def]
-    """Bits that a number from 0 to 2^32 takes: the exponent of the float that it is."""
+    """Bit length of a number from 0 to 2^32, by the exponent of its float."""
     return max((np.float64(value).view(np.int64) >> 52) - 1022, 0)
 
 
 @inlined()
 def encode_integer(out, coder, table, start, bits, contexts, context, error):  # type: ignore[no-untyped-def]
-    """The coder after an integer has been told by the error of its prediction; and how many bits that took.
+    """The coder after the error of an integer's prediction, and its bit length.
 
-    The coding begins at `start` and is one for integers of `bits` bits in so many `contexts`.
+    The coding begins at `start` and is for integers of `bits` bits in `contexts` contexts.
     """
     half = 1 << (bits - 1)
     error = ((error + half) & ((1 << bits) - 1)) - half

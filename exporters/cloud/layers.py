@@ -1,11 +1,10 @@
 """The layers of a LAZ chunk of point formats 6 and up but for times and colours, each a stream of bytes of its own.
 
-What each holds and what its contexts are follows Isenburg's published source of LASzip 3 (items of version 3), since a
-decoder has to take the same steps. Columns hold one value for each point of the chunk. The first point stands in the
-chunk as it is, so each layer begins with the second.
+Content and contexts follow Isenburg's published source of LASzip 3 (items of version 3). Columns have one value for
+each point of the chunk. The first point is stored uncompressed, so each layer begins with the second.
 
-All functions take the output, where in it their layer begins, an int32 `table` for the models and an int64 `memory` of
-what went before, as large as :data:`LAYERS_END` and :data:`MEMORY_SIZE` say, and return where the layer ends.
+All functions take the output, the start of their layer in it, an int32 `table` of :data:`LAYERS_END` for the models and
+an int64 `memory` of :data:`MEMORY_SIZE` for preceding values, and return the end of the layer.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 from furrowmap.exporters.cloud.arithmetic import coder_at, encode, ends_of, finish, inlined, kernel, model_size
 from furrowmap.exporters.cloud.integers import encode_integer, integers_size, wrapped
 
-# How far inside its pulse a return is, in six kinds, by number of returns (rows) and return number (columns).
+# Kind of a return (0 to 5) by number of returns (rows) and return number (columns).
 RETURN_KINDS: Final = np.array(
     [
         [int(kind) for kind in row]
@@ -70,17 +69,17 @@ SOURCE_END: Final = integers_size(16, 1)
 LAYERS_END: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END)
 
 MEDIAN: Final = 6
-"""Numbers that a running median remembers: see :func:`take_into_median`."""
+"""Numbers of a running median: see :func:`take_into_median`."""
 MEDIANS: Final = 12
 MEMORY_SIZE: Final = 2 * MEDIANS * MEDIAN
 
 
 @inlined()
 def take_into_median(memory, at, value):  # type: ignore[no-untyped-def]
-    """Put a value among five sorted ones, the middle of which stands for what is usual, in place of an end.
+    """Insert a value into five sorted ones in place of an end; the middle one is the running median.
 
-    The sixth number tells which end: the highest (1) as long as values are below the middle, the lowest (0) as long as
-    they are above it.
+    The sixth number is the end to replace: the highest (1) while values are below the middle, the lowest (0) while they
+    are above it.
     """
     from_top = memory[at + 5] == 1
     a, b, c, d, e = memory[at], memory[at + 1], memory[at + 2], memory[at + 3], memory[at + 4]
@@ -103,7 +102,7 @@ def return_place(returns):  # type: ignore[no-untyped-def]
 
 @kernel()
 def encode_places(out, at, table, memory, x, y, returns, source, time, z_context):  # type: ignore[no-untyped-def]
-    """What differs, returns, X and Y. Notes in which context each point's Z is told."""
+    """Changes, returns, X and Y; also sets the context of each point's Z."""
     table[:PLACES_END] = 0
     memory[:] = 0
     for i in range(MEDIAN - 1, MEMORY_SIZE, MEDIAN):
@@ -143,7 +142,7 @@ def encode_places(out, at, table, memory, x, y, returns, source, time, z_context
 
 @kernel()
 def encode_heights(out, at, table, memory, z, returns, z_context):  # type: ignore[no-untyped-def]
-    """Z, predicted to be that of the last return that had as many left in its pulse."""
+    """Z, predicted by the last return with as many returns left in its pulse."""
     table[:Z_END] = 0
     memory[:8] = z[0]
     coder = coder_at(at)
@@ -156,7 +155,7 @@ def encode_heights(out, at, table, memory, z, returns, z_context):  # type: igno
 
 @kernel()
 def encode_classes(out, at, table, classes, returns):  # type: ignore[no-untyped-def]
-    """Classes, in contexts by the one before."""
+    """Classes, in contexts by the preceding class."""
     table[:CLASSES_END] = 0
     coder = coder_at(at)
     for i in range(1, len(classes)):
@@ -167,7 +166,7 @@ def encode_classes(out, at, table, classes, returns):  # type: ignore[no-untyped
 
 @kernel()
 def encode_intensities(out, at, table, memory, intensity, returns, time):  # type: ignore[no-untyped-def]
-    """Intensities, predicted to be that of the last return in a like place of its pulse."""
+    """Intensities, predicted by the last return in the same place of its pulse."""
     table[:INTENSITY_END] = 0
     memory[:8] = intensity[0]
     coder = coder_at(at)
@@ -193,7 +192,7 @@ def encode_sources(out, at, table, source):  # type: ignore[no-untyped-def]
 
 @kernel()
 def encode_bytes(out, at, table, values):  # type: ignore[no-untyped-def]
-    """One byte of the dimensions beyond those of LAS."""
+    """One byte of the extra dimensions."""
     table[:BYTES_SIZE] = 0
     coder = coder_at(at)
     for i in range(1, len(values)):

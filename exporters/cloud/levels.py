@@ -1,4 +1,4 @@
-"""How many points of each cell every level of detail takes, and the draw that gives each point its level."""
+"""Levels of detail: the share of points that each node keeps, and the random level of each point."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 CERTAIN: Final = 1 << 31
-"""A threshold that every draw is below."""
+"""A threshold above all random numbers."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which share of the points passing through a node stays there.
+    """The share of points that stays in each node.
 
-    Nodes are numbered level by level, within a level by their cells' codes: node `first[level] + code`.
+    Nodes are numbered by level, then by their cells' codes: node `first[level] + code`.
 
     Attributes:
         depth: the deepest level.
         first: (depth + 2,) number of the first node of each level, and of nodes.
-        threshold: (nodes,) uint32: of the points in a node's cell, those whose draw (0 to 2^31 − 1) is below it stay
-            there or above.
-        full: (8^depth,) bool: nodes of the deepest level that keep more than a node should.
+        threshold: (nodes,) uint32: of the points in a node's cell, those with a random number (0 to 2^31 − 1) below it
+            stay there or above.
+        full: (8^depth,) bool: nodes of the deepest level with too many points.
     """
 
     depth: int
@@ -37,7 +37,7 @@ class Plan:
         return int(np.searchsorted(self.first, node, side="right")) - 1
 
     def is_full(self, node: int) -> bool:
-        """Whether it is of the deepest level and keeps more than a node should."""
+        """Whether it is of the deepest level and has too many points."""
         code = node - int(self.first[self.depth])
         return code >= 0 and bool(self.full[code])
 
@@ -49,10 +49,10 @@ class Plan:
 
 
 def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan:
-    """The plan for points that fall into cells like this.
+    """The plan for a histogram of points by cell.
 
-    From the root down, a node that more than `2 × node_points` points reach keeps `node_points` of them, drawn evenly
-    from all of its cell, and passes the rest on to its children; any other keeps what reaches it.
+    From the root down, a node that receives more than `2 × node_points` points keeps a random `node_points` of them and
+    passes the rest to its children; any other keeps all.
 
     Args:
         counts: (8^depth,) points in each cell.
@@ -89,13 +89,13 @@ def draw_nodes(
     "void(uint32[::1], int64[::1], uint32[::1], int64, uint64, uint32[::1], int64[::1])", cache=True, nogil=True
 )
 def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`draw_nodes`: the draws are SplitMix64 (Steele, Lea and Flood 2014), from `state` on."""
+    """Kernel of :func:`draw_nodes`: random numbers of SplitMix64 (Steele, Lea and Flood 2014)."""
     for i in range(len(codes)):
         state += np.uint64(0x9E3779B97F4A7C15)
         z = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         drawn = np.uint32((z ^ (z >> np.uint64(31))) >> np.uint64(33))
-        # From the bottom up, since most points stay near it; thresholds never fall on the way down.
+        # Bottom up, as most points stay near the bottom; thresholds do not decrease downwards.
         code = np.int64(codes[i])
         node = first[depth] + code
         for level in range(depth - 1, -1, -1):

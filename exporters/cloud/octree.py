@@ -1,4 +1,4 @@
-"""Records sorted into the nodes of an octree, with memory that does not grow with their number."""
+"""Sorting records into the nodes of an octree, in bounded memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SLICE: Final = 1_000_000
 
 
 class Key(NamedTuple):
-    """A node of a COPC file: its level, and its place among the cells of that level."""
+    """A node of a COPC file: its level and its indices in that level."""
 
     level: int
     x: int
@@ -39,20 +39,20 @@ ROOT: Final = Key(0, 0, 0, 0)
 
 
 class NodeSink(Protocol):
-    """Takes nodes as they become complete."""
+    """Takes complete nodes."""
 
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Any]:
-        """Take a node; the records are read in a thread, until what is returned is done."""
+        """Add a node; a thread reads the records until the returned future is done."""
         ...
 
 
 @dataclass(frozen=True)
 class Limits:
-    """How large things get.
+    """Limits of an octree.
 
     Attributes:
-        memory_points: records held in memory; more are kept in a file in `folder`.
-        node_points: records of a node that has children; one without may have twice as many.
+        memory_points: maximum number of records in memory; others are kept in a file in `folder`.
+        node_points: records of a node that has children; a leaf may have twice as many.
         folder: for temporary files.
     """
 
@@ -62,22 +62,20 @@ class Limits:
 
 
 class Octree:
-    """Takes records in any order and gives out nodes.
+    """Sorts records into nodes.
 
-    All is done in one cube divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Records beyond
-    `memory_points` go to a file, sorted by cell block by block; memory is filled in two halves, so that one is put
-    into the file, in a thread, while the other is filled. In the end, stretches of neighbouring cells that fit into a
-    half are taken back one after another, in the order of the cells' codes, into the two halves by turns, so that nodes
-    are still read from one while the other is filled. A node is given out once its last cell has been read, so that of
-    each level only one node is ever waiting. A cell with too many records for a node becomes the root of an octree of
-    its own.
+    One cube is divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Records beyond `memory_points`
+    go to a file, sorted by cell in blocks; memory has two halves, one of which a thread writes to the file while the
+    other is filled. At the end, ranges of cells that fit into a half are read back in the order of the cells' codes,
+    into the halves by turns. A node is complete once its last cell has been read, so that only one node of each level
+    is waiting. A cell with too many records for a node becomes the root of an octree of its own.
 
     Args:
-        layout: of a record.
-        limits: on memory and nodes.
-        random: draws the levels.
-        cube: in which all records lie; found from the records where none is given.
-        key: the node that is the root of what is given out.
+        layout: dtype of a record.
+        limits: of memory and nodes.
+        random: of the levels.
+        cube: of all records; None to compute it from them.
+        key: the root node.
     """
 
     def __init__(
@@ -104,7 +102,7 @@ class Octree:
         self._within: dict[int, Octree] = {}
 
     def room(self, wanted: int) -> Records:
-        """Where to put records: room for one to `wanted`, to be filled before the next call.
+        """Room for 1 to `wanted` records, to be filled before the next call.
 
         Raises:
             OSError: if the temporary file cannot be written.
@@ -117,12 +115,12 @@ class Octree:
         return self._buffer[self._held : min(self._held + wanted, self._end)]
 
     def filled(self, records: int, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
-        """Take the first `records` of the room given, whose X, Y and Z lie between `low` and `high`."""
+        """Take the first `records` of the room, whose X, Y and Z lie between `low` and `high`."""
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
         self._held += records
 
     def finish(self, sink: NodeSink) -> Cube:
-        """Put all nodes into `sink`; at least one record has been appended.
+        """Put all nodes into `sink`; needs at least one record.
 
         Returns:
             The root's cube.
@@ -150,7 +148,7 @@ class Octree:
             inner.close()
 
     def _make_room(self) -> None:
-        """Put one half of memory into the file, in a thread, and go on in the other, which is there already."""
+        """Write the full half to the file in a thread, and continue in the other half."""
         half = len(self._buffer) // 2
         self._spilled()
         cube = self._enclose()
@@ -167,7 +165,7 @@ class Octree:
         self._held = self._first
 
     def _spilled(self) -> None:
-        """Wait until what is on its way into the file is there.
+        """Wait for the thread that writes to the file.
 
         Raises:
             OSError: if it cannot be written.
@@ -189,7 +187,7 @@ class Octree:
         self._counts += counts
 
     def _enclose(self) -> Cube:
-        """The cube of all records so far: one that they outgrow becomes one of the eight of a larger."""
+        """The cube of all records so far, doubled as often as needed."""
         if self._cube is None:
             self._cube = Cube.around(self._low, self._high)
         while not self._cube.holds(self._low, self._high):
@@ -229,7 +227,7 @@ class Octree:
         return self._buffer[self._turn * half : (self._turn + 1) * half]
 
     def _place(self, sink: NodeSink, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
-        """Sort records into nodes and give out those to whose cells, all before `end`, nothing will be added."""
+        """Sort records into nodes and output those whose cells, all before `end`, are complete."""
         nodes, counts = draw_nodes(codes, plan, self._random)
         order = sorted_order(nodes, counts)
         ends = np.cumsum(counts)
@@ -245,7 +243,7 @@ class Octree:
                 self._waiting.setdefault(node, []).append(Chosen.all_of(gathered(records, members)))
 
     def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
-        """Pass records of a deepest node that is too full on to an octree within its cell."""
+        """Pass the records of a deepest node with too many to an octree within its cell."""
         inner = self._within.get(node)
         if inner is None:
             inner = self._within[node] = self._inner(node, plan)

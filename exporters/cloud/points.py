@@ -1,4 +1,4 @@
-"""Points as they are handed over, and as records."""
+"""Batches of points, and packing them into records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.exporters.cloud.records import Records, field_type
 
 Whole = NDArray[np.integer[Any]] | int
-"""One number for each point of a batch, or one for all of them."""
+"""A number for each point of a batch, or one for all."""
 
 STEPS: Final = np.iinfo(np.int32)
 RETURNS: Final = 15
@@ -24,18 +24,18 @@ RETURNS: Final = 15
 
 @dataclass(frozen=True)
 class PointBatch:
-    """Points on their way into a file, in any order; all arrays have length n.
+    """Points in any order; all arrays have length n.
 
     Attributes:
-        xyz_m: (n, 3) float64 easting, northing, height less the writer's `origin_m`.
-        t_s: (n,) UTC; seconds of a GPS week where the writer was told to expect them.
+        xyz_m: (n, 3) float64 easting, northing, height relative to `origin_m` of the format.
+        t_s: (n,) UTC; seconds of a GPS week for a format with `week_time`.
         intensity: 0 to 65,535.
         return_number: 1 to 15.
         returns: number of returns of the pulse, 1 to 15.
         classification: 0 to 255, after LAS 1.4 table 17.
         point_source_id: 0 to 65,535.
-        rgb: (n, 3) red, green, blue, each 0 to 65,535; only where the writer was told to expect colour.
-        extra: values of the writer's extra dimensions by name.
+        rgb: (n, 3) red, green, blue, each 0 to 65,535; only for a format with `colour`.
+        extra: values of the format's extra dimensions by name.
     """
 
     xyz_m: NDArray[np.float64]
@@ -63,15 +63,15 @@ def _sliced(values: Any, start: int, stop: int) -> Any:
 
 @dataclass(frozen=True)
 class Extent:
-    """What a file's header says about its points.
+    """Statistics of points in a file's header.
 
     Attributes:
         points: their number.
         low: (3,) int64 least X, Y and Z in steps of the coordinates' scale.
         high: (3,) int64 greatest ones.
         by_return: (15,) int64 points with return number 1, 2, ….
-        first_time: earliest time as it stands in the records.
-        last_time: latest one.
+        first_time: earliest time in the records.
+        last_time: latest time.
     """
 
     points: int
@@ -83,13 +83,13 @@ class Extent:
 
     @classmethod
     def of_nothing(cls) -> Extent:
-        """The extent that any other one joined to it replaces."""
+        """The neutral element of :meth:`joined`."""
         far = np.full(3, np.iinfo(np.int64).max)
         return cls(0, far, -far, np.zeros(RETURNS, np.int64), float("inf"), float("-inf"))
 
     @classmethod
     def at_origin(cls) -> Extent:
-        """What a file without points says of itself."""
+        """The extent of a file without points."""
         return cls(0, np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(RETURNS, np.int64), 0.0, 0.0)
 
     def joined(self, other: Extent) -> Extent:
@@ -105,20 +105,20 @@ class Extent:
 
 
 def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = False) -> Extent:
-    """Write the records of a batch of at least one point.
+    """Pack a batch of at least one point into records.
 
     Args:
         batch: the points.
-        into: (n,) takes the records, in the layout that :func:`~furrowmap.exporters.cloud.records.held_layout` tells.
-        scale_m: length of a step of the coordinates.
-        week_time: times are seconds of a GPS week, and stay so.
+        into: (n,) the records, in the layout of :func:`~furrowmap.exporters.cloud.records.held_layout`.
+        scale_m: resolution of the coordinates.
+        week_time: times are seconds of a GPS week, and are not converted.
 
     Returns:
         The extent of the batch.
 
     Raises:
-        FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a record.
-        ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
+        FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range.
+        ValueError: if arrays have different lengths, a value does not fit its field, or dimensions are missing.
     """
     n = len(batch)
     if batch.xyz_m.shape != (n, 3):
@@ -148,9 +148,9 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
 
 
 def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float, float]:
-    """Turn the UTC between `seconds` that records hold into adjusted standard GPS time; the earliest and latest."""
+    """Convert the records' UTC, which lies between `seconds`, to adjusted standard GPS time; earliest and latest."""
     shift = utc_to_las_time(seconds) - seconds
-    if shift[0] == shift[1]:  # no leap second in between: spare looking each point up
+    if shift[0] == shift[1]:  # no leap second in between
         records["gps_time"] += shift[0]
         first, last = seconds + shift
         return float(first), float(last)
@@ -159,10 +159,10 @@ def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float,
 
 
 def _fill_optional(batch: PointBatch, into: Records) -> None:
-    """Colour and extra dimensions, where the layout has them."""
+    """Fill colour and extra dimensions."""
     names = into.dtype.names or ()
     if ("red" in names) != (batch.rgb is not None):
-        raise ValueError("PointBatch.rgb is there in a file without colour, or missing in one with it")
+        raise ValueError("PointBatch.rgb does not match the colour of the format")
     if batch.rgb is not None:
         for i, name in enumerate(("red", "green", "blue")):
             into[name] = _fitting("rgb", batch.rgb[:, i], into.dtype[name], len(batch))
@@ -174,25 +174,25 @@ def _fill_optional(batch: PointBatch, into: Records) -> None:
 
 
 def _fitting(name: str, values: Any, dtype: np.dtype[Any], n: int) -> NDArray[Any]:
-    """`values` as `dtype`, (n,) or a scalar, after making sure that none is changed by it beyond rounding."""
+    """`values` as `dtype`, (n,) or a scalar; raises where a value would change beyond rounding."""
     array = np.asarray(values)
     if array.shape not in ((), (n,)):
         raise ValueError(f"PointBatch.{name} has shape {array.shape}, not ({n},)")
     if dtype.kind in "iu" and not np.can_cast(array.dtype, dtype):
         limits = np.iinfo(dtype)
         if array.dtype.kind not in "iu" or array.min() < limits.min or array.max() > limits.max:
-            raise ValueError(f"PointBatch.{name} holds what is no {dtype.name}")
+            raise ValueError(f"PointBatch.{name} has values beyond {dtype.name}")
     return array.astype(dtype, copy=False)
 
 
 def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
-    """Why point `i` has no record."""
+    """The error for point `i`."""
     where = ", ".join(f"{v:.10g}" for v in batch.xyz_m[i])
     if not np.isfinite(batch.xyz_m[i]).all() or not np.isfinite(batch.t_s[i]):
         return FurrowmapError(
-            f"A point has the coordinates {where} m and the time {batch.t_s[i]:.10g} s, of which one is no number.",
-            "A point without a place and a time has no place in a cloud either, so none was written.",
-            "This is a fault in furrowmap or in a reader of it; please report it with the recording's kind.",
+            f"A point has the coordinates {where} m and the time {batch.t_s[i]:.10g} s, which are not finite.",
+            "No cloud was written.",
+            "This is a bug in furrowmap; please report it with the format of the recording.",
             code="cloud-not-finite",
         )
     steps = np.rint(batch.xyz_m[i] / scale_m)
@@ -200,7 +200,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
         return FurrowmapError(
             f"A point lies {where} m (east, north, up) from the cloud's origin: beyond "
             f"{STEPS.max * scale_m / 1000:,.0f} km.",
-            "A LAS file holds coordinates as 32-bit numbers of steps, so the point has no place in it.",
+            "LAS stores coordinates as 32-bit integers.",
             "Check the trajectory and `[crs] map` of the session: no recording reaches that far.",
             code="cloud-out-of-range",
         )
@@ -226,9 +226,9 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
 def pack_points(  # type: ignore[no-untyped-def]
     xyz_m, steps_per_m, t_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
 ):
-    """Fill the fields that need a look at each point, times as they are; the first point refused, or −1.
+    """Fill coordinates, returns and times; returns the index of the first invalid point, or −1.
 
-    Notes the least and greatest steps, the number of points with each return number, and the first and last time.
+    Also computes the least and greatest steps, the number of points by return number, and the first and last time.
     """
     low[:] = 2**31 - 1
     high[:] = -(2**31)
@@ -237,7 +237,7 @@ def pack_points(  # type: ignore[no-untyped-def]
     for i in range(len(t_s)):
         for j in range(3):
             value = np.rint(xyz_m[i, j] * steps_per_m)
-            if not (-2147483648.0 <= value <= 2147483647.0):  # nan fails it as well
+            if not (-2147483648.0 <= value <= 2147483647.0):  # false for nan too
                 return i
             step[j] = np.int64(value)
             low[j] = min(low[j], step[j])

@@ -1,4 +1,4 @@
-"""Records in which points wait for their node, and columns in which it is compressed."""
+"""Records of waiting points, and columns of a node for its compression."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from furrowmap.exporters.cloud.chunk import Columns
 
 Records = NDArray[np.void]
 """(n,) structured array of one layout."""
-NOUGHT: Final = ("classification_flags", "user_data", "scan_angle")
-"""Fields of a LAS record that are nought in all of furrowmap's: no memory is kept for them."""
+ALWAYS_ZERO: Final = ("classification_flags", "user_data", "scan_angle")
+"""Fields of a LAS record that are always 0 here and take no memory."""
 NUMBERS: Final = 8
 """Fields of a record before colour and extra ones, in the order of :class:`.chunk.Columns`."""
 COLOUR: Final = ("red", "green", "blue")
 
 
 def held_layout(las: np.dtype[np.void]) -> np.dtype[np.void]:
-    """What is held of LAS records: the fields that are not always nought, in their order."""
-    return np.dtype([(name, las[name]) for name in las.names or () if name not in NOUGHT])
+    """The layout of records in memory: LAS fields without those that are always 0."""
+    return np.dtype([(name, las[name]) for name in las.names or () if name not in ALWAYS_ZERO])
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Some of some records.
+    """A selection of records.
 
     Attributes:
         records: in the layout of :func:`held_layout`.
-        members: (n,) uint32 which of them, in which order.
+        members: (n,) uint32 indices.
     """
 
     records: Records
@@ -48,24 +48,24 @@ class Chosen:
 
 
 def rows_of(records: Records) -> NDArray[np.uint8]:
-    """The bytes of records (n, bytes of one), not copied."""
+    """A view of the records' bytes (n, bytes of one)."""
     return records.view(np.uint8).reshape(len(records), records.dtype.itemsize)
 
 
 def copy_records(source: Records, target: Records) -> None:
-    """Copy records as the bytes they are: numpy would copy field by field."""
+    """Copy records bytewise: numpy would copy field by field."""
     target.view(np.uint8)[:] = source.view(np.uint8)
 
 
 def gathered(source: Records, members: NDArray[np.uint32]) -> Records:
-    """The records of `source` that `members` names."""
+    """The records `members` of `source`."""
     target = np.empty(len(members), source.dtype)
     gather(rows_of(source), members, rows_of(target))
     return target
 
 
 def columns_of(parts: Sequence[Chosen]) -> Columns:
-    """The points of at least one part, one part after the other."""
+    """The points of at least one selection, in order."""
     n = sum(map(len, parts))
     layout = parts[0].records.dtype
     names = layout.names or ()
@@ -94,7 +94,7 @@ def columns_of(parts: Sequence[Chosen]) -> Columns:
 
 @numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
 def gather(source, members, target):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`gathered`, three times as fast as numpy's take."""
+    """Kernel of :func:`gathered`; three times as fast as numpy's take."""
     for i in range(len(members)):
         k = members[i]
         for j in range(source.shape[1]):
@@ -102,7 +102,7 @@ def gather(source, members, target):  # type: ignore[no-untyped-def]
 
 
 def field_type(dtype: Any) -> Any:
-    """The type of a record's field to numba: it stands wherever the fields before it leave it."""
+    """The numba type of a record's field, which is not aligned."""
     return numba.types.Array(dtype, 1, "A", aligned=False)
 
 
@@ -124,7 +124,7 @@ def take(  # type: ignore[no-untyped-def]
     xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,
     x, y, z, intensity, returns, classification, source, time, extra,
 ):  # fmt: skip
-    """Kernel of :func:`columns_of`: fields of records into columns, a record at a time."""
+    """Kernel of :func:`columns_of`: copies fields of records into columns."""
     for i in range(len(members)):
         k = members[i]
         x[i], y[i], z[i] = xs[k], ys[k], zs[k]

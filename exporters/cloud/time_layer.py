@@ -1,7 +1,7 @@
-"""The layer of times of a LAZ chunk: steps of the integers that the bits of the times are.
+"""The layer of times of a LAZ chunk: differences of the times' bits as integers.
 
-Like :mod:`~furrowmap.exporters.cloud.layers`. Up to four sequences of times are followed at once, each with a step that
-it keeps: the next difference is told as a multiple of the step and what is left.
+Like :mod:`~furrowmap.exporters.cloud.layers`. Up to four sequences of times are followed, each with a step: the next
+difference is coded as a multiple of the step and a remainder.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from furrowmap.exporters.cloud.integers import encode_integer, integers_size
 
 SEQUENCES: Final = 4
 MOST: Final = 500
-"""Greatest multiple of the step that is told as such."""
+"""Greatest multiple of the step with a symbol."""
 LEAST: Final = -10
 OTHER: Final = MOST - LEAST + 1
 """The symbol of a new sequence; those of the other three follow."""
 MULTIPLES: Final = OTHER + SEQUENCES
 FIRSTS: Final = 1 + SEQUENCES
-"""Symbols where there is no step yet: 0 for this sequence, 1 for a new one, and for the other three."""
+"""Symbols without a step: 0 for this sequence, 1 for a new one, then the other three."""
 UNSTEADY: Final = 3
-"""After more multiples of 0 or beyond the limits than this, one after another, the step is the last difference."""
+"""After more consecutive multiples of 0 or beyond the limits, the step becomes the last difference."""
 CONTEXTS: Final = 9
 FIRSTS_AT, INTEGERS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRSTS), integers_size(32, CONTEXTS))[1:]
 
@@ -45,7 +45,7 @@ def is_int32(value):  # type: ignore[no-untyped-def]
 
 @inlined()
 def rest_context(multiple):  # type: ignore[no-untyped-def]
-    """The context of what a multiple of the step leaves of a difference."""
+    """The context of the remainder."""
     if multiple > 0:
         return 1 if multiple == 1 else 2 if multiple < 10 else 3 if multiple < MOST else 4
     return 7 if multiple == 0 else 5 if multiple > LEAST else 6
@@ -63,10 +63,10 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
     for i in range(1, len(bits)):
         if time[i] == time[i - 1]:
             continue
-        told = bits[i]
-        if not is_int32(told - last[now]):
+        value = bits[i]
+        if not is_int32(value - last[now]):
             other = 1
-            while other < SEQUENCES and not is_int32(told - last[(now + other) & 3]):
+            while other < SEQUENCES and not is_int32(value - last[(now + other) & 3]):
                 other += 1
             other &= 3
             if step[now] == 0:
@@ -74,16 +74,16 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
             else:
                 coder = encode(out, coder, table, 0, MULTIPLES, OTHER + other)
             if other == 0:
-                error = (told >> 32) - (last[now] >> 32)
+                error = (value >> 32) - (last[now] >> 32)
                 coder, _ = encode_integer(out, coder, table, INTEGERS_AT, 32, CONTEXTS, 8, error)
-                coder = write_bits(out, coder, 16, told & 0xFFFF)
-                coder = write_bits(out, coder, 16, (told >> 16) & 0xFFFF)
+                coder = write_bits(out, coder, 16, value & 0xFFFF)
+                coder = write_bits(out, coder, 16, (value >> 16) & 0xFFFF)
                 now = newest = (newest + 1) & 3
-                last[now], step[now], unsteady[now] = told, 0, 0
+                last[now], step[now], unsteady[now] = value, 0, 0
                 continue
             now = (now + other) & 3
-        difference = told - last[now]
-        last[now] = told
+        difference = value - last[now]
+        last[now] = value
         if step[now] == 0:
             coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 0)
             coder, _ = encode_integer(out, coder, table, INTEGERS_AT, 32, CONTEXTS, 0, difference)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.cube import Cube
-from furrowmap.exporters.cloud.file import CopcFile, describe, las_header
+from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header
 from furrowmap.exporters.cloud.octree import Limits, Octree
 from furrowmap.exporters.cloud.points import Extent, PointBatch, pack
 from furrowmap.exporters.cloud.records import held_layout
@@ -25,20 +25,20 @@ from furrowmap.exporters.files.atomic import atomic_output
 MEMORY_POINTS: Final = 8_000_000
 NODE_POINTS: Final = 50_000
 LEAST_NODE_POINTS: Final = 64
-"""Below it, chance might leave a node with children empty: with 64 expected points once in 10^28 nodes."""
+"""With fewer, a node with children might stay empty by chance: with 64 expected points once in 10^28 nodes."""
 
 
 @dataclass(frozen=True)
 class CopcSummary:
-    """What was written.
+    """Summary of a written cloud.
 
     Attributes:
         points: number of points.
-        low_m: least easting, northing and height; the origin where there are no points.
-        high_m: greatest ones.
-        nodes: nodes of the octree.
-        points_by_level: of each level, the root's first.
-        points_by_class: number of points of each class that there is.
+        low_m: least easting, northing and height; the origin for no points.
+        high_m: greatest easting, northing and height.
+        nodes: number of nodes of the octree.
+        points_by_level: number of points of each level, the root first.
+        points_by_class: number of points of each class that occurs.
     """
 
     points: int
@@ -50,42 +50,32 @@ class CopcSummary:
 
 
 class CopcWriter:
-    """Writes a COPC file from batches of points: a context manager at whose end the file is there whole, or not at all.
+    """Writes a COPC file from batches of points: a context manager that writes the whole file or nothing.
 
-    Coordinates are kept as whole steps of `scale_m` from `origin_m`. Points beyond `memory_points` wait in a temporary
-    file beside `path`; writing takes about 60 bytes of memory for each of `memory_points`, however many come.
+    Points beyond `memory_points` are kept in a temporary file beside `path`; writing takes about 60 bytes of memory for
+    each of `memory_points`, regardless of the total.
 
     Args:
         path: of the file; an older one is replaced at the end.
-        crs_wkt: of the coordinates. LAS 1.4 asks for WKT 1 (OGC 01-009); readers built on PROJ take WKT 2 as well.
-        origin_m: easting, northing, height that the batches' coordinates are without.
-        scale_m: resolution of the coordinates.
-        extra: name, numpy scalar type and description (at most 32 bytes) of dimensions besides those of LAS.
-        colour: whether points have colour (point format 7 instead of 6).
-        week_time: whether times are seconds of a GPS week that nobody names, instead of UTC.
-        memory_points: points held in memory.
+        kind: CRS, coordinates and dimensions.
+        memory_points: maximum number of points in memory.
         node_points: points of an octree node that has children.
-        seed: of the draw of levels; the same batches and seed give the same nodes.
+        seed: of the random levels; the same batches and seed give the same nodes.
     """
 
     def __init__(
         self,
         path: Path,
+        kind: CopcFormat,
         *,
-        crs_wkt: str,
-        origin_m: tuple[float, float, float],
-        scale_m: float = 0.001,
-        extra: Sequence[tuple[str, str, str]] = (),
-        colour: bool = False,
-        week_time: bool = False,
         memory_points: int = MEMORY_POINTS,
         node_points: int = NODE_POINTS,
         seed: int = 0,
     ) -> None:
         if node_points < LEAST_NODE_POINTS or memory_points < 1:
-            raise ValueError(f"no octree can be made with {node_points} points a node, {memory_points} in memory")
-        self._path, self._scale_m, self._node_points, self._week_time = path, scale_m, node_points, week_time
-        self._header = las_header(crs_wkt, scale_m, origin_m, extra, colour=colour, week_time=week_time)
+            raise ValueError(f"no octree with {node_points} points a node, {memory_points} in memory")
+        self._path, self._kind, self._node_points = path, kind, node_points
+        self._header = las_header(kind)
         limits = Limits(memory_points, node_points, path.parent)
         self._octree = Octree(held_layout(self._header.point_format.dtype()), limits, np.random.default_rng(seed))
         self._extent = Extent.of_nothing()
@@ -98,18 +88,18 @@ class CopcWriter:
         return self
 
     def append(self, batch: PointBatch) -> None:
-        """Take a batch of points.
+        """Add a batch of points.
 
         Raises:
-            FurrowmapError: if a coordinate or time is no number, or a coordinate too far away for a LAS file.
+            FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range for LAS.
             OSError: if the temporary file cannot be written.
-            ValueError: if arrays disagree in length, a value does not fit its field, or dimensions are missing.
+            ValueError: if arrays have different lengths, a value does not fit its field, or dimensions are missing.
         """
         done = 0
         while done < len(batch):
             room = self._octree.room(len(batch) - done)
             part = batch.part(done, done + len(room))
-            extent = pack(part, room, self._scale_m, week_time=self._week_time)
+            extent = pack(part, room, self._kind.scale_m, week_time=self._kind.week_time)
             self._octree.filled(len(room), extent.low, extent.high)
             self._extent = self._extent.joined(extent)
             done += len(room)
@@ -117,16 +107,15 @@ class CopcWriter:
     def close(
         self, progress: Progress = silent, complete: Callable[[Columns], None] | None = None, description: str = ""
     ) -> CopcSummary:
-        """Sort, compress and write the points, and give the file its name. A second call only tells the summary again.
+        """Sort, compress and write the points, and rename the file; a second call returns the same summary.
 
         Args:
-            progress: is told of the stage "writing cloud".
-            complete: is given the points, those of a node at a time in no particular order and by several threads at
-                once, to fill in place what was not known when they came.
-            description: of the cloud in words, in a record of its own.
+            progress: receives the stage "writing cloud".
+            complete: completes the points of a node in place; called in any order, from several threads at once.
+            description: of the cloud, in a record of its own.
 
         Raises:
-            OSError: if the file cannot be written, or is not read back as it was written.
+            OSError: if the file cannot be written, or differs when read back.
         """
         if self._summary is None:
             if description:
@@ -152,8 +141,8 @@ class CopcWriter:
                 cube, extent = self._octree.finish(file), self._extent
             else:
                 cube, extent = Cube((0, 0, 0), 0), Extent.at_origin()
-            # A node keeps node_points of its cell, in the main a surface across it: so far apart are they.
-            spacing_m = cube.side * self._scale_m / math.sqrt(min(points, self._node_points) or 1)
+            # Mean distance of a node's points, which mostly lie on a surface across its cell.
+            spacing_m = cube.side * self._kind.scale_m / math.sqrt(min(points, self._node_points) or 1)
             file.finish(extent, cube, spacing_m)
             levels, classes = file.points_by_level, file.points_by_class
         summary = CopcSummary(
@@ -169,10 +158,10 @@ class CopcWriter:
 
 
 def _check(path: Path, written: CopcSummary) -> None:
-    """Read back what tells most for little: the header, the hierarchy and the root's points.
+    """Read back the header, the hierarchy and the root's points.
 
     Raises:
-        OSError: if the disk kept something else than what was written.
+        OSError: if they differ from what was written.
     """
     with laspy.CopcReader.open(path) as reader:
         header = reader.header
@@ -184,6 +173,6 @@ def _check(path: Path, written: CopcSummary) -> None:
         )
         same = tuple(header.mins) == written.low_m and tuple(header.maxs) == written.high_m
         if (header.point_count, found, len(root)) != (written.points, written.points, sum(written.points_by_level[:1])):
-            raise OSError(f"{path} holds {found} points where {written.points} were written")
+            raise OSError(f"{path} contains {found} points, not the {written.points} written")
         if not (inside and same):
             raise OSError(f"{path} has other bounds than what was written")

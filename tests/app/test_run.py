@@ -18,7 +18,8 @@ from pyproj import CRS
 
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import RefusedError
-from furrowmap.workflows.run import las_wkt, write_products
+from furrowmap.exporters.cloud.file import las_wkt
+from furrowmap.workflows.run import write_products
 
 SCANS_S = 1_453_364_282.341
 """The capture's first return by its GPS time."""

@@ -26,12 +26,14 @@ from pyproj import CRS
 
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 
 ORIGIN_M = (16_600.0, 96_500.0, 270.0)
 WKT = CRS("EPSG:6677").to_wkt("WKT1_GDAL")
 SCAN = (("scan", "uint32", "number of the scan"),)
+KIND = CopcFormat(WKT, ORIGIN_M, extra=SCAN)
 T0_S = 1_781_141_020.3
 
 
@@ -66,8 +68,8 @@ def part(batch: PointBatch, which: Any) -> PointBatch:
     return replace(batch, **arrays, extra={name: value[which] for name, value in batch.extra.items()})
 
 
-def write(path: Path, batch: PointBatch, batches: int = 3, **options: Any) -> Written:
-    with CopcWriter(path, crs_wkt=WKT, origin_m=ORIGIN_M, extra=SCAN, **options) as writer:
+def write(path: Path, batch: PointBatch, batches: int = 3, kind: CopcFormat = KIND, **options: Any) -> Written:
+    with CopcWriter(path, kind, **options) as writer:
         for which in np.array_split(np.arange(len(batch)), batches):
             writer.append(part(batch, which))
         summary = writer.close()
@@ -299,7 +301,7 @@ def test_any_cloud__comes_back_whole(xyz_m: NDArray[np.float64], memory: int, ba
 
 def test_coordinates__are_within_half_a_step(tmp_path: Path) -> None:
     batch = cloud(np.random.default_rng(5).normal(0, 50, (1_000, 3)))
-    write(tmp_path / "a.copc.laz", batch, scale_m=0.01)
+    write(tmp_path / "a.copc.laz", batch, kind=replace(KIND, scale_m=0.01))
     points = laspy.read(tmp_path / "a.copc.laz").points
     order, want = np.argsort(points.gps_time), np.argsort(batch.t_s)
     got = np.column_stack([points.x, points.y, points.z])[order] - ORIGIN_M
@@ -309,7 +311,7 @@ def test_coordinates__are_within_half_a_step(tmp_path: Path) -> None:
 def test_colour__is_kept(tmp_path: Path) -> None:
     batch = cloud(surface(1_000))
     rgb = np.random.default_rng(3).integers(0, 65_536, (1_000, 3))
-    write(tmp_path / "a.copc.laz", replace(batch, rgb=rgb), batches=1, colour=True)
+    write(tmp_path / "a.copc.laz", replace(batch, rgb=rgb), batches=1, kind=replace(KIND, colour=True))
     las = laspy.read(tmp_path / "a.copc.laz")
     assert las.header.point_format.id == 7
     want = rows([batch.t_s, *rgb.T])
@@ -318,7 +320,7 @@ def test_colour__is_kept(tmp_path: Path) -> None:
 
 
 def test_no_extra_dimensions__one_value_for_all(tmp_path: Path) -> None:
-    with CopcWriter(tmp_path / "a.copc.laz", crs_wkt=WKT, origin_m=ORIGIN_M) as writer:
+    with CopcWriter(tmp_path / "a.copc.laz", CopcFormat(WKT, ORIGIN_M)) as writer:
         writer.append(PointBatch(np.ones((4, 3)), np.full(4, T0_S), classification=2, point_source_id=9))
     las = laspy.read(tmp_path / "a.copc.laz")
     assert las.header.point_format.size == 30
@@ -344,7 +346,7 @@ def test_arrays__of_any_layout(tmp_path: Path) -> None:
 def test_time__across_a_leap_second(tmp_path: Path) -> None:
     """Of 2017-01-01T00:00:00Z, when GPS - UTC went from 17 to 18 s: GPS seconds by the calendar, less 10^9."""
     t_s = 1_483_228_800.0 + np.array([-0.5, 0.5])
-    with CopcWriter(tmp_path / "a.copc.laz", crs_wkt=WKT, origin_m=ORIGIN_M) as writer:
+    with CopcWriter(tmp_path / "a.copc.laz", CopcFormat(WKT, ORIGIN_M)) as writer:
         writer.append(PointBatch(np.ones((2, 3)), t_s))
     times = np.sort(laspy.read(tmp_path / "a.copc.laz").gps_time)
     assert times.tolist() == [167_264_016.5, 167_264_018.5]
@@ -398,7 +400,7 @@ def test_no_points__is_a_cloud_as_well(tmp_path: Path) -> None:
 )
 def test_values__that_do_not_fit_are_refused(tmp_path: Path, changed: dict[str, Any]) -> None:
     batch = replace(cloud(surface(10)), **changed)
-    with CopcWriter(tmp_path / "a.copc.laz", crs_wkt=WKT, origin_m=ORIGIN_M, extra=SCAN) as writer:
+    with CopcWriter(tmp_path / "a.copc.laz", KIND) as writer:
         with pytest.raises(ValueError):
             writer.append(batch)
         writer.append(cloud(surface(10)))
@@ -415,7 +417,7 @@ def test_interrupted__leaves_the_older_file(tmp_path: Path, memory: int, stage: 
         raise KeyboardInterrupt
 
     def write_and_interrupt() -> None:
-        with CopcWriter(path, crs_wkt=WKT, origin_m=ORIGIN_M, extra=SCAN, memory_points=memory) as writer:
+        with CopcWriter(path, KIND, memory_points=memory) as writer:
             writer.append(cloud(surface(1_000)))
             if stage == "appending":
                 raise KeyboardInterrupt
@@ -429,7 +431,7 @@ def test_interrupted__leaves_the_older_file(tmp_path: Path, memory: int, stage: 
 
 def test_progress__ends_at_one(tmp_path: Path) -> None:
     shares = []
-    with CopcWriter(tmp_path / "a.copc.laz", crs_wkt=WKT, origin_m=ORIGIN_M, extra=SCAN) as writer:
+    with CopcWriter(tmp_path / "a.copc.laz", KIND) as writer:
         writer.append(cloud(surface(1_000)))
         writer.close(lambda stage, share: shares.append((stage, share)))
     assert shares == [("writing cloud", 1.0)]
@@ -455,11 +457,12 @@ WRITE_MANY = """
 import resource, sys
 from pathlib import Path
 import numpy as np
+from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 path, wkt, batches = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 random = np.random.default_rng(0)
-with CopcWriter(path, crs_wkt=wkt, origin_m=(0, 0, 0), memory_points=300_000, node_points=5_000) as writer:
+with CopcWriter(path, CopcFormat(wkt, (0, 0, 0)), memory_points=300_000, node_points=5_000) as writer:
     for i in range(batches):
         xy = random.uniform(0, 100, (50_000, 2)) + [i, 0]
         writer.append(PointBatch(np.column_stack([xy, xy[:, 0] * 0.01]), i + np.linspace(0, 1, 50_000)))
