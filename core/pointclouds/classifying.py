@@ -1,4 +1,4 @@
-"""The classes that a scan alone shows: the machine, as the run has learned it, and returns without a neighbour."""
+"""Classification within a scan: machine and isolated returns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from furrowmap.core.values.scan import Scan
 
 
 def classifier(machine: Machine | None) -> Callable[[Scan], NDArray[np.uint8]]:
-    """Gives the classes (n,) uint8 of a scan's points: VEHICLE, IMPLEMENT, NOISE, and OTHER for all else."""
+    """A function from a scan to the classes (n,) uint8 of its points: VEHICLE, IMPLEMENT, NOISE, else OTHER."""
 
     def classify(scan: Scan) -> NDArray[np.uint8]:
         classes = machine.classify(scan) if machine is not None else unclassified(scan)

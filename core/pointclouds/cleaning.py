@@ -1,4 +1,4 @@
-"""Clouds made clean: what is alone called noise, the ground told, thinned; square by square, in bounded memory."""
+"""Cleaning of clouds: outlier removal, ground classification and thinning, square by square in bounded memory."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ FloatArray = NDArray[np.float64]
 
 SMRF: Final = Smrf()
 BLOCK_M: Final = 128.0
-"""Side of the largest block, in which :func:`classify_ground` works."""
+"""Side of the largest block, that of :func:`classify_ground`."""
 SQUARE_M: Final = 16.0
 DENSE_SQUARE_M: Final = 2.0
-"""Sides of the squares, the least blocks; the points of a driving scanner lie by the ten thousand a square metre."""
+"""Sides of the squares, the smallest blocks; a driving scanner records ten thousand points per square metre."""
 DENSE: Final = 200.0
-"""Points a square metre of the clouds' boxes from which on squares are the small ones."""
+"""Density by bounding boxes, in points per square metre, from which on the small squares are used."""
 NEAR_M: Final = 1.0
-"""Points with enough neighbours within it need not be compared with more distant ones."""
+"""First search radius; only points with too few neighbours in it are compared with more distant ones."""
 BLOCK_POINTS: Final = 500_000
-"""Blocks with more are quartered, down to one square."""
+"""Blocks with more points are quartered, down to one square."""
 POINT: Final = np.dtype(
     [
         ("xyz_m", "<f8", 3),
@@ -60,9 +60,8 @@ POINT: Final = np.dtype(
         ("machine", "?"),
     ]
 )
-"""A point with all that is passed on. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and
-the machine are never ground. `apart_m` is how far it is from its neighbours, where that is asked; infinite for one that
-is alone in any case."""
+"""A point. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and machine are never ground.
+`apart_m` is the mean neighbour distance, where needed; inf for an isolated point."""
 PLACE: Final = np.dtype(("<f8", 3))
 
 
@@ -94,17 +93,16 @@ class SquareSpool(RecordSpool):
 
 @dataclass(frozen=True)
 class Cleaning:
-    """What is to be done, in this order.
+    """Cleaning steps, in order.
 
     Attributes:
-        box: west, south, east, north of the points wanted, in the CRS of the clouds given out; None for all.
-        without: classes that are left out.
-        every: every so many-th point of those is taken, beginning with the first.
-        outliers: how points that are alone are told; they become noise.
-        drop_noise: leave noise out, that of the files as well.
-        ground: how the ground is told, which becomes class 2, and everything else but noise and the machine 1; "none"
-            to leave the classes as they are.
-        voxel_m: side of cubes of which one point each is taken, the one nearest to the middle; None for all points.
+        box: west, south, east, north in the output CRS; None for all points.
+        without: classes to drop.
+        every: keep every n-th point, from the first.
+        outliers: detection method; outliers become noise.
+        drop_noise: drop noise, including that of the files.
+        ground: classification method: ground becomes class 2, all else but noise and machine 1; "none" to keep classes.
+        voxel_m: voxel size; keeps the point nearest to the centre of each voxel. None for all points.
     """
 
     box: Box | None = None
@@ -117,7 +115,7 @@ class Cleaning:
 
     @property
     def uses_neighbours(self) -> bool:
-        """Whether a point's neighbours have a say."""
+        """Whether any step needs neighbouring points."""
         return self.outliers != "none" or self.ground != "none" or self.voxel_m is not None
 
 
@@ -128,22 +126,22 @@ def cleaned(
     seen: Callable[[Survey], None] | None = None,
     progress: Progress = silent,
 ) -> Generator[RecordArray, None, None]:
-    """The points of clouds as they are wanted, some at a time; the same in the same order each time.
+    """The cleaned points of clouds in batches, in reproducible order.
 
     Args:
         clouds: the clouds.
-        cleaning: what is to be done.
-        folder: for scratch files.
-        seen: is given the survey of each file that was read whole.
-        progress: is told of the stages "reading clouds", "looking for noise" and "cleaning clouds".
+        cleaning: the steps.
+        folder: for temporary files.
+        seen: receives the survey of each file that was read completely.
+        progress: receives the stages "reading clouds", "looking for noise" and "cleaning clouds".
 
     Yields:
         (n,) records of :data:`POINT`.
 
     Raises:
-        InputError: if a file turns out to be damaged, or the library of the ground's method is not installed.
-        RefusedError: if points have no place in the CRS.
-        OSError: if the scratch files cannot be written.
+        InputError: if a file is damaged, or the library of the ground method is not installed.
+        RefusedError: if points lie outside the domain of the CRS.
+        OSError: if the temporary files cannot be written.
     """
     points = _wanted(clouds, cleaning, seen, progress)
     if not cleaning.uses_neighbours:
@@ -154,7 +152,7 @@ def cleaned(
         spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
         lows, few = (stack.enter_context(SquareSpool(PLACE, folder, side_m)) for _ in range(2))
         for records in points:
-            # A cube lies in one square whole, that of its corner.
+            # A voxel belongs to the square of its corner.
             flat = records["xyz_m"][:, :2]
             corner = flat if cleaning.voxel_m is None else np.floor(flat / cleaning.voxel_m) * cleaning.voxel_m
             spool.add_at(corner, records)
@@ -170,12 +168,12 @@ def cleaned(
                 progress("looking for noise", number / len(blocks))
         if cleaning.ground != "none":
             for square in squares:
-                _add_lows(_told(spool.read_squares([square]), usual), square, lows)
+                _add_lows(_with_outliers(spool.read_squares([square]), usual), square, lows)
         for number, block in enumerate(blocks, 1):
-            records = _told(spool.read_squares(block), usual)
+            records = _with_outliers(spool.read_squares(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE)] = PointClass.NOISE
             if cleaning.ground != "none":
-                _tell_ground(records, block, lows, cleaning.ground)
+                _classify_ground(records, block, lows, cleaning.ground)
             kept = ~(records["noise"] & cleaning.drop_noise)
             if cleaning.voxel_m is not None:
                 kept[kept] = _one_a_cube(records[kept], cleaning.voxel_m)
@@ -186,7 +184,7 @@ def cleaned(
 def _wanted(
     clouds: Clouds, cleaning: Cleaning, seen: Callable[[Survey], None] | None, progress: Progress
 ) -> Iterator[RecordArray]:
-    """What can be told of points without their neighbours."""
+    """The points after the steps that need no neighbours."""
     without = list(cleaning.without)
     total = max(clouds.points, 1)
     taken = 0
@@ -205,7 +203,7 @@ def _wanted(
 
 
 def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
-    """Points as they wait for their neighbours."""
+    """Points as records."""
     records = np.zeros(len(batch), POINT)
     for name in ("xyz_m", "intensity", "point_source_id", "classification", "return_number", "returns"):
         records[name] = getattr(batch, name)
@@ -219,13 +217,13 @@ def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
 
 
 def _square_m(clouds: Clouds) -> float:
-    """Side of the squares; boxes that lie cost memory or time, and change nothing else."""
+    """Side of the squares; wrong bounding boxes cost memory or time only."""
     area_m2 = sum(float(np.prod(np.subtract(file.header.high, file.header.low)[:2])) for file in clouds.files)
     return DENSE_SQUARE_M if 0.0 < area_m2 < clouds.points / DENSE else SQUARE_M
 
 
 def _blocks(spool: SquareSpool) -> list[list[Square]]:
-    """The squares by block, each of about :data:`BLOCK_POINTS` at most where it has more than one square."""
+    """Squares by block; a block of several squares has at most :data:`BLOCK_POINTS`."""
     count = {square_of(key): number for key, number in spool.counts.items()}
     most = round(BLOCK_M / spool.side_m)
 
@@ -246,7 +244,7 @@ def _blocks(spool: SquareSpool) -> list[list[Square]]:
 
 
 def _around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Square]:
-    """The squares within reach of a block that are none of its own."""
+    """The squares within reach of a block, without its own."""
     reach = math.ceil(reach_m / side_m)
     columns, rows = zip(*block, strict=True)
     near = product(
@@ -264,7 +262,7 @@ def _measure(
     slack_m: float,
     usual: NeighbourStatistics,
 ) -> None:
-    """Note how far each point of a block is from its neighbours; squares may reach `slack_m` beyond their borders."""
+    """Compute `apart_m` in a block; points of a square may lie `slack_m` beyond its borders."""
     records = spool.read_squares(block)
     known = ~records["noise"]
     own = records["xyz_m"][known]
@@ -291,13 +289,13 @@ def _measure(
 
 
 def _add_few(records: RecordArray, square: Square, few: SquareSpool) -> None:
-    """Keep of a square what points that have no neighbours near are compared with."""
+    """Store the thinned points of a square, as neighbours of isolated points."""
     some = thin_points(records["xyz_m"][~records["noise"]])
     few.add(some, np.repeat(few.keys([square]), len(some)))
 
 
-def _told(records: RecordArray, usual: NeighbourStatistics) -> RecordArray:
-    """The records with those as noise that are farther from their neighbours than is usual."""
+def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordArray:
+    """The records with outliers set to noise."""
     known = ~records["noise"]
     apart_m = records["apart_m"][known].astype(np.float64)
     if apart_m.any():
@@ -306,7 +304,7 @@ def _told(records: RecordArray, usual: NeighbourStatistics) -> RecordArray:
 
 
 def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
-    """Keep of a square the lowest points of its cells, all that the filter sees of land around a block."""
+    """Store the lowest points of the cells of a square, as surroundings of blocks for the ground filter."""
     xyz = _ground_like(records)
     column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
     order = np.lexsort([xyz[:, 2], row, column])
@@ -317,12 +315,12 @@ def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
 
 
 def _ground_like(records: RecordArray) -> FloatArray:
-    """Places of what can be ground."""
+    """Positions of points that can be ground."""
     xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
     return xyz
 
 
-def _tell_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
+def _classify_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
     can = ~(records["noise"] | records["machine"])
     own = records["xyz_m"][can]
     around = lows.read_squares(_around(block, 2.0 * SMRF.window_m, lows.side_m))
@@ -332,7 +330,7 @@ def _tell_ground(records: RecordArray, block: list[Square], lows: SquareSpool, m
 
 
 def _one_a_cube(records: RecordArray, voxel_m: float) -> NDArray[np.bool_]:
-    """Which point of each cube is nearest to its middle, noise only where there is nothing else."""
+    """The point nearest to the centre of each voxel, noise only without others."""
     place = records["xyz_m"] / voxel_m
     cube = np.floor(place)
     away = np.sum((place - cube - 0.5) ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""Clouds of others as one stream of points in metres: many files, one CRS, the points that are wanted."""
+"""Several LAS, LAZ or COPC files read as one cloud in metres and one CRS."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ FloatArray = NDArray[np.float64]
 
 SAME_M: Final = 1e-4
 NOISE: Final = (7, 18)
-"""Classes of points that are none of the land: noise below and above (LAS 1.4 R15, table 17)."""
+"""Low and high noise (LAS 1.4 R15, table 17)."""
 MACHINE: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
-"""Classes that only furrowmap's own clouds give this meaning."""
+"""Classes of furrowmap's own clouds."""
 
 
 @dataclass(frozen=True)
 class CloudPoints:
-    """Points of a batch that are wanted, n of them.
+    """n selected points of a batch.
 
     Attributes:
         xyz_m: (n, 3) easting, northing, height in the CRS of the :class:`Clouds`.
-        t_s: (n,) UTC; None where they carry none.
-        ground: (n,) whether the file calls them ground.
+        t_s: (n,) UTC; None without times.
+        ground: (n,) whether classified as ground in the file.
     """
 
     xyz_m: FloatArray
@@ -49,14 +49,14 @@ class CloudPoints:
 
 @dataclass(frozen=True)
 class Clouds:
-    """Clouds that are read as one.
+    """Clouds read as one.
 
     Attributes:
         files: the clouds.
-        crs: of the points given out: projected, in metres; with the heights' where that is known.
-        change: from the files' horizontal CRS; None where they are in it already.
-        unit_m: length of the unit of their heights.
-        notices: what is to be known of the files and their CRS.
+        crs: of the output, projected in metres, with a vertical part where known.
+        change: transformation from the horizontal CRS of the files; None where they agree.
+        unit_m: unit of the heights of the files.
+        notices: on the files and their CRS.
     """
 
     files: tuple[CloudFile, ...]
@@ -67,12 +67,12 @@ class Clouds:
 
     @property
     def points(self) -> int:
-        """Of all files."""
+        """Number of points in all files."""
         return sum(file.points for file in self.files)
 
     @property
     def week_times(self) -> bool:
-        """Whether all times there are count from the beginning of a GPS week, which no file names."""
+        """Whether all times are seconds of an unknown GPS week."""
         kinds = {file.clock.kind for file in self.files if file.header.has_time}
         return kinds == {TimeKind.WEEK}
 
@@ -86,14 +86,14 @@ class Clouds:
         """The points, file by file.
 
         Args:
-            box: west, south, east, north of the points wanted, in `crs`; None for all.
-            classes: that are wanted; None for all but noise, and in furrowmap's own clouds vehicle and implement.
-            seen: is given the survey of each file that was read whole.
-            read: is told how many points have been read of all.
+            box: west, south, east, north in `crs`; None for all points.
+            classes: to select; None for all but noise and, in furrowmap's own clouds, vehicle and implement.
+            seen: receives the survey of each file that was read completely.
+            read: receives the number of points read so far.
 
         Raises:
-            InputError: if points turn out to be damaged.
-            RefusedError: if they have no place in the CRS.
+            InputError: if points are damaged.
+            RefusedError: if they lie outside the domain of the CRS.
         """
         own = [*NOISE, *MACHINE]
 
@@ -112,17 +112,17 @@ class Clouds:
         seen: Callable[[Survey], None] | None = None,
         read: Callable[[int], None] | None = None,
     ) -> Iterator[tuple[CloudFile, CloudBatch]]:
-        """The points with all that they carry, their places in `crs` and metres; without those called deleted.
+        """The points with all attributes in `crs` and metres, without those with the *withheld* flag.
 
         Args:
             box: as in :meth:`batches`.
-            wanted: says of each point of a batch whether it is to be given out; None for all.
+            wanted: selects points of a batch; None for all.
             seen: as in :meth:`batches`.
             read: as in :meth:`batches`.
 
         Raises:
-            InputError: if points turn out to be damaged.
-            RefusedError: if they have no place in the CRS.
+            InputError: as :meth:`batches`.
+            RefusedError: likewise.
         """
         done = 0
         for file in self.files:
@@ -150,7 +150,7 @@ class Clouds:
 
 
 def is_ours(file: CloudFile) -> bool:
-    """Whether furrowmap wrote a cloud, so that classes 64 and 65 are the machine."""
+    """Whether furrowmap wrote a cloud: then classes 64 and 65 are the machine."""
     return file.header.software.startswith("furrowmap")
 
 
@@ -159,14 +159,14 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
 
     Args:
         paths: of LAS, LAZ or COPC files.
-        crs: of the files that state none.
-        dst_crs: of the points given out, projected and in metres; None for the files' own.
+        crs: of files without one.
+        dst_crs: of the output, projected in metres; None for that of the files.
 
     Raises:
-        UsageError: if a file is named twice.
-        InputError: if a file cannot be read, if their CRS are unknown or differ, or if that of the result is not
-            projected in metres.
-        RefusedError: if PROJ cannot vouch for the way into `dst_crs`.
+        UsageError: if a file is given twice.
+        InputError: if a file cannot be read, the CRS are unknown or differ, or the output CRS is not projected in
+            metres.
+        RefusedError: if PROJ has no exact transformation to `dst_crs`.
     """
     _refuse_twice(paths)
     files = tuple(open_cloud(path) for path in paths)
@@ -186,7 +186,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
         target = flat
     unit_m = _height_unit_m(flat, height)
     if unit_m != 1.0:
-        text = f"Heights are in units of {unit_m:.10g} m there, and in metres here."
+        text = f"Heights are converted to metres from units of {unit_m:.10g} m."
         notices.append(Notice("heights-in-feet", text))
     whole = target
     if height is not None and unit_m == 1.0:
@@ -195,7 +195,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
 
 
 def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box | None:
-    """A box in the CRS in which the points of clouds are given out."""
+    """A box in the output CRS of clouds."""
     if box is None or box_crs is None:
         return box
     change = pyproj.Transformer.from_crs(box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
@@ -204,26 +204,26 @@ def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box |
 
 
 def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
-    """What to say where no point of clouds is wanted."""
+    """The error where no point is selected."""
     within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
     return InputError(
-        f"Of {clouds.points:,} points in {len(clouds.files)} file(s) none is left{within}.",
-        "All lie outside the box, or are of other classes, or the files hold none.",
-        "`furrowmap inspect` says where the points lie and which classes they have.",
+        f"None of {clouds.points:,} points in {len(clouds.files)} file(s) is selected{within}.",
+        "All lie outside the box or have other classes, or the files are empty.",
+        "`furrowmap inspect` shows the extent and classes of the points.",
         code="no-points-left",
     )
 
 
 def _refuse_twice(paths: Sequence[Path]) -> None:
-    """Raises UsageError where the points of a file would count twice."""
+    """Raises UsageError where a file is given twice."""
     seen: dict[Path, Path] = {}
     for path in paths:
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
             raise UsageError(
                 f"{path} is the same file as {first}.",
-                "Its points would count twice, and what is made of them look surer than it is.",
-                "Name each cloud once.",
+                "Its points would count twice.",
+                "Give each cloud once.",
                 code="cloud-twice",
             )
 
@@ -247,8 +247,8 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
         if stated is None:
             raise InputError(
                 f"{file.path} states no CRS{' that PROJ knows' if _unreadable(file) else ''}.",
-                "Where its points lie on Earth, and in which unit, is not known.",
-                "Name the CRS with --crs, such as --crs EPSG:6677; who made the file knows it.",
+                "The location and unit of its points are unknown.",
+                "State the CRS with --crs, such as --crs EPSG:6677.",
                 code="crs-missing",
             )
         found.append((file, stated))
@@ -257,8 +257,8 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
         if not first.equals(other, ignore_axis_order=True):
             raise InputError(
                 f"{first_file.path} is in {full_name_of(first)}, {file.path} in {full_name_of(other)}.",
-                "Clouds of different CRS do not lie together.",
-                "Take those of each CRS by themselves, with the same --dst-crs if the results are to overlay.",
+                "Clouds of different CRS cannot be combined.",
+                "Process those of each CRS separately, with the same --dst-crs if the results are to align.",
                 code="crs-mixed",
             )
     return first
@@ -273,9 +273,9 @@ def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
 
 
 def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
-    """The authority's own definition of a CRS that files describe in words only, where it is the same; else as it is.
+    """The EPSG definition of a CRS that files give as WKT 1 only, where it is the same; else the CRS itself.
 
-    WKT 1 knows no order of axes and no names of conversions, so that equal CRS do not compare as equal.
+    WKT 1 has no axis order and no conversion names, so that equal CRS do not compare as equal.
     """
     code = flat.to_epsg(min_confidence=20) if flat.to_epsg() is None else None
     if code is None:
@@ -287,20 +287,20 @@ def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
 
 
 def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:
-    """Where no CRS of the heights is stated, they are in the unit of the plane, as makers of LAS files have it."""
+    """Unit of the heights; without a vertical CRS that of the horizontal one, as is usual in LAS files."""
     if height is not None:
         return float(height.axis_info[0].unit_conversion_factor)
     return float(flat.axis_info[0].unit_conversion_factor) if flat.is_projected else 1.0
 
 
 def _require_metres(flat: pyproj.CRS, stated_by: str, files: Sequence[CloudFile], source: pyproj.CRS) -> None:
-    """Raises InputError where cells of the CRS, which a file or option states, would be no squares of metres."""
+    """Raises InputError where the CRS stated by a file or option is not projected in metres."""
     if flat.is_projected and all(axis.unit_conversion_factor == 1.0 for axis in flat.axis_info):
         return
     units = " and ".join(sorted({axis.unit_name for axis in flat.axis_info}))
     raise InputError(
         f"{stated_by}: {full_name_of(flat)} is in {units}.",
-        "Cells and distances are in metres, so it takes a projected CRS in metres.",
+        "Cells and distances need a projected CRS in metres.",
         f"Choose one with --dst-crs{_proposal(files, source)}.",
         code="crs-not-metres",
     )
@@ -319,7 +319,7 @@ def _proposal(files: Sequence[CloudFile], source: pyproj.CRS) -> str:
 
 
 def _place(files: Sequence[CloudFile]) -> Box:
-    """Box of the first points of all, which tells the place; headers' boxes may lie."""
+    """Box of the first points, as those of headers may be wrong."""
     for file in files:
         for batch in file.batches(batch_points=10_000):
             (west, south), (east, north) = batch.xyz_m[:, :2].min(axis=0), batch.xyz_m[:, :2].max(axis=0)

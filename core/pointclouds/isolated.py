@@ -1,4 +1,4 @@
-"""Returns that nothing beside them in the scan confirms: dust, insects, rain, a reflection of the sun."""
+"""Isolated returns in a scan, as from dust, insects, rain or sunlight."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from numpy.typing import NDArray
 from furrowmap.core.values.scan import Scan
 
 COLUMNS: Final = 2
-"""A neighbour is up to so many firings earlier or later, of the same laser or the next one above or below."""
+"""Neighbours are up to this many firings earlier or later, of the same or an adjacent laser."""
 NEAR_M: Final = 0.3
 NEAR_SHARE: Final = 0.02
-"""It confirms a return if its range differs by less than NEAR_M plus this share of the range."""
+"""A neighbour supports a return if their ranges differ by less than NEAR_M plus this share of the range."""
 MOST_SHARE: Final = 1.0 / 3.0
-"""Where a larger share has no neighbour, the scan does not know its lasers and firings: it is no range image."""
+"""With a larger share without neighbours the scan is not a range image: its lasers or firings are unknown."""
 
 
 def isolated(scan: Scan) -> NDArray[np.bool_]:
-    """Which returns (n,) of a scan have no neighbour at about their range.
+    """Which returns (n,) of a scan have no neighbour at a similar range in the range image.
 
-    The scan is looked at as a range image, as in Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) clouds
-    are by their nearest points: at every range the neighbours are the next directions, however far apart they are. In a
-    scan that is no range image, as from a bag that names neither lasers nor times, no return is isolated.
+    Outlier removal after Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) with neighbours by direction,
+    whatever the point spacing. None where the scan is not a range image, as in bags without lasers and times.
     """
     lasers = 1 + int(scan.laser.max(initial=0))
     columns = 1 + int(scan.column.max(initial=0))

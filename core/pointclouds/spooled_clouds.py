@@ -1,4 +1,4 @@
-"""The points of clouds sorted into tiles for surfaces, and the size of cells that their density asks for."""
+"""Points of clouds sorted into tiles for surfaces, and a cell size for their density."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from furrowmap.core.values.progress import Progress, silent
 CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 POINTS_A_CELL: Final = 4.0
 ALMOST: Final = 0.9
-"""A round size that is so little smaller than wanted will do."""
+"""A round size down to this share of the computed one is accepted."""
 PATCH_M: Final = 2.0
-"""Squares of this size count as covered where there is a point in them, when the density of points is measured."""
+"""Side of the squares by which the covered area is measured."""
 CLASSED_SHARE: Final = 0.01
-"""A cloud in which so many points are called ground has been classified."""
+"""Least share of ground points in a classified cloud."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class SpooledClouds:
     """The points of clouds, sorted into tiles.
 
     Attributes:
-        points: all that are wanted.
-        ground: those among them that the files call ground.
+        points: all selected points.
+        ground: those among them classified as ground in the files.
         count: of the first.
         ground_count: of the second.
-        span_s: earliest and latest UTC; None where no file tells it.
-        notices: where headers and points differ.
+        span_s: earliest and latest UTC; None where unknown.
+        notices: on differences between headers and points.
     """
 
     points: PointSpool
@@ -47,14 +47,14 @@ class SpooledClouds:
 
     @property
     def classified(self) -> bool:
-        """Whether somebody has told the ground already."""
+        """Whether the files have a ground class."""
         return self.ground_count > CLASSED_SHARE * self.count
 
 
 def cell_for(
     clouds: Clouds, box: Box | None = None, classes: frozenset[int] | None = None, progress: Progress = silent
 ) -> float:
-    """A round cell size, in metres, that gives a cell some four points where the clouds are; reads them through."""
+    """A round cell size with some four points a cell, from one pass over the clouds."""
     total = max(clouds.points, 1)
     covered = np.zeros(0, np.int64)
     count = 0
@@ -77,20 +77,20 @@ def spool_clouds(
     every: int = 1,
     progress: Progress = silent,
 ) -> SpooledClouds:
-    """Sort the points of clouds into tiles, `ground` taking those that the files call ground as well.
+    """Sort the points of clouds into tiles.
 
     Args:
         clouds: the clouds.
-        points: takes the points.
-        ground: takes those of the ground.
-        box: west, south, east, north of the points wanted; None for all.
-        classes: that are wanted; None for all but noise and machines.
-        every: every so many-th of them is taken, beginning with the first.
-        progress: is told of the stage "reading clouds".
+        points: receives the points.
+        ground: receives those classified as ground in the files.
+        box: west, south, east, north of the points; None for all.
+        classes: of the points; None for all but noise and machines.
+        every: use every n-th point, from the first.
+        progress: receives the stage "reading clouds".
 
     Raises:
-        InputError: if a file turns out to be damaged.
-        OSError: if the scratch files cannot be written.
+        InputError: if a file is damaged.
+        OSError: if the temporary files cannot be written.
     """
     surveys: list[Survey] = []
     seen = count = ground_count = 0

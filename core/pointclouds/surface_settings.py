@@ -1,4 +1,4 @@
-"""What surfaces of clouds are asked for."""
+"""Settings of surfaces from clouds."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """What surfaces are asked for.
+    """Settings of surfaces.
 
     Attributes:
-        cell_m: length of a cell's sides; None for one that the density of the points asks for.
+        cell_m: cell size; None to choose it by point density.
         box: west, south, east, north in the CRS of the surfaces; None for all.
-        box_crs: of the box, if that is another one.
-        classes: of points that are wanted; None for all but noise, and in furrowmap's own clouds vehicle and implement.
-        statistic: what stands for the points of a cell.
-        ground: how the ground is told; "auto" for the files' own classes where they have them, else "smrf".
-        outliers: how points that are alone are told.
-        every: every so many-th point is taken.
-        fill_m: gaps are filled in which no place is farther than this from a seen height; 0 for none.
-        tillage_heading_deg: direction of tillage, clockwise from grid north: random roughness is without its marks.
-        crs: of files that state none.
-        dst_crs: of the surfaces; None for the files' own.
+        box_crs: of the box, if different.
+        classes: of the points used; None for all but noise and, in furrowmap's own clouds, vehicle and implement.
+        statistic: height of a cell.
+        ground: classification method; "auto" for the classes of the files where present, else "smrf".
+        outliers: detection method.
+        every: use every n-th point.
+        fill_m: maximum interpolation gap; 0 to leave gaps.
+        tillage_heading_deg: clockwise from grid north; tillage marks are removed from random roughness.
+        crs: of files without one.
+        dst_crs: of the surfaces; None for that of the files.
     """
 
     cell_m: float | None = None

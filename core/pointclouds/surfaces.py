@@ -1,8 +1,8 @@
-"""Surfaces of clouds, tile by tile: the topmost heights, the ground below, and how high the one stands above the other.
+"""Surfaces of clouds, tile by tile: DSM, DTM and height above ground.
 
-Points are sorted into tiles in a scratch file first, so that memory is that of a block of tiles, however large the
-land. The ground is looked for in the lowest heights of cells of half a metre, over blocks that overlap by twice the
-filter's window; which points belong to it is told by their distance from it.
+Points are sorted into tiles in a temporary file first, so that memory is that of a block of tiles. The ground is found
+in the lowest heights of cells of half a metre, over blocks that overlap by twice the window of the filter; points are
+then classified by their distance from it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,9 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.outlier_filter import FilteredTiles, Outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
-from furrowmap.core.surfaces.spool import TILE, PointSpool, TilePoints
+from furrowmap.core.surfaces.spool import TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.progress import Progress, silent
@@ -38,20 +37,20 @@ GROUND_CELL_M: Final = 0.5
 BLOCK_M: Final = 128.0
 SMRF: Final = Smrf()
 REACH_M: Final = 10.0
-"""Heights above ground are told up to so far from ground that was seen."""
+"""Greatest distance from observed ground of a height above ground."""
 _LOWEST: Final = Statistic.parse("min")
 
 
 @dataclass(frozen=True)
 class CloudTile:
-    """The surfaces of one tile; all of its grid.
+    """The surfaces of one tile; the last two are None where the ground is not requested.
 
     Attributes:
-        grid: where.
-        dsm: of all points that are wanted.
-        dtm: of those of the ground; None where the ground is not asked for.
-        above_m: float32 height of the first above the ground, which is taken from around where the tile shows none; nan
-            where there is no height, or no ground within 10 m; None where the ground is not asked for.
+        grid: of the tile.
+        dsm: of all points.
+        dtm: of ground points.
+        above_m: float32 height of the DSM above the ground, interpolated where the DTM has gaps; nan without a height,
+            or without ground within 10 m.
     """
 
     grid: Grid
@@ -67,15 +66,14 @@ def cloud_tiles(
     outliers: Outliers = "none",
     progress: Progress = silent,
 ) -> Iterator[CloudTile]:
-    """The surfaces of spooled clouds, block by block of tiles, computed on two cores.
+    """The surfaces of spooled clouds, block by block of tiles.
 
     Args:
         spooled: the points.
-        method: how the ground is told: by the morphological filter, by the cloth, by the files' own classes, or not.
-        statistic: what stands for the points of a cell; the ground's is the median.
-        outliers: how points that are alone are told, which count for no surface; their places are those of their cells'
-            middles.
-        progress: is told of the stage "making surfaces".
+        method: ground classification: morphological filter, cloth simulation, classes of the files, or none.
+        statistic: height of a cell of the DSM; that of the DTM is the median.
+        outliers: detection method, with points at cell centres; outliers are excluded.
+        progress: receives the stage "making surfaces".
 
     Raises:
         InputError: if the method's library is not installed, or the cells are too coarse for it.
@@ -107,7 +105,7 @@ def _refuse_coarse(cell_m: float) -> None:
     if cell_m > GROUND_CELL_M:
         raise InputError(
             f"Ground by 'csf' in cells of {cell_m:g} m.",
-            f"The cloth hangs on the lowest heights of cells of {GROUND_CELL_M:g} m; coarser ones show it too little.",
+            f"The method needs lowest heights in cells of {GROUND_CELL_M:g} m.",
             f"Choose cells of {GROUND_CELL_M:g} m or less, or the method smrf.",
             code="cells-too-coarse",
         )
@@ -115,14 +113,14 @@ def _refuse_coarse(cell_m: float) -> None:
 
 @dataclass(frozen=True)
 class _Ground:
-    """The ground of a block, in cells counted from the CRS's 0, row 0 the southernmost.
+    """The ground of a block in coarse cells from the CRS origin, row 0 the southernmost.
 
     Attributes:
         cells: fine cells a side of a coarse one.
         corner: column and row of the first coarse cell.
-        height_m: (rows, columns) with its gaps filled.
-        limit_m: points of the ground are no farther from it.
-        far: cells farther than 10 m from ground that was seen.
+        height_m: (rows, columns) with gaps filled.
+        limit_m: greatest distance of ground points.
+        far: cells farther than 10 m from observed ground.
     """
 
     cells: int
@@ -134,7 +132,7 @@ class _Ground:
 
 @dataclass
 class _Lows:
-    """The lowest heights in the coarse cells of tiles, each computed once and kept while blocks near it are at work."""
+    """Cache of the lowest heights in the coarse cells of tiles."""
 
     spool: PointSpool
     there: set[Key]
@@ -146,21 +144,19 @@ class _Lows:
         return max(1, round(GROUND_CELL_M / self.spool.cell_m))
 
     def of(self, key: Key) -> tuple[Key, FloatArray]:
-        """Column and row of the tile's first coarse cell, and the heights (rows, columns), southernmost first."""
+        """Column and row of the first coarse cell of a tile, and the heights (rows, columns), southernmost first."""
         if key not in self.kept:
             self.kept[key] = self._lowest(key)
         return self.kept[key]
 
     def forget_above(self, block: list[Key]) -> None:
-        """Forget tiles that blocks from this one on, going south, do not look at."""
+        """Drop tiles that the blocks from this one southward do not need."""
         reach = _margin(self.spool.cell_m) + _across(self.spool.cell_m)
         north = max(row for _, row in block) + reach
         self.kept = {key: low for key, low in self.kept.items() if key[1] <= north}
 
     def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
-        points = self.spool.tile(key)
-        surface = cell_surface(points.grid, points.cell, points.height_m, points.base_m, _LOWEST)
-        fine = surface.height_m[::-1]
+        fine = self.spool.tile(key).surface(_LOWEST).height_m[::-1]
         n = self.cells
         column, row = key[0] * TILE, key[1] * TILE
         first = (column // n, row // n)
@@ -178,7 +174,7 @@ def _across(cell_m: float) -> int:
 
 
 def _margin(cell_m: float) -> int:
-    """Tiles round a block that its ground is looked for in."""
+    """Margin of a block in tiles for ground classification."""
     return math.ceil(2.0 * SMRF.window_m / (TILE * cell_m))
 
 
@@ -192,7 +188,7 @@ def _blocks(keys: list[Key], cell_m: float) -> list[list[Key]]:
 
 
 def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | None:
-    """The ground of a block; None where nothing shows it."""
+    """The ground of a block; None where there is none."""
     cell_m = lows.spool.cell_m
     margin = _margin(cell_m)
     columns, rows = [key[0] for key in block], [key[1] for key in block]
@@ -221,14 +217,14 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
         return None
     height = filled(np.where(seen, lowest, np.nan))
     slopes = [np.gradient(height, coarse_m, axis=k) if height.shape[k] > 1 else np.zeros(height.shape) for k in (0, 1)]
-    # Within a coarse cell a slope falls by as much as the cell is wide.
+    # A slope extends over the width of a coarse cell.
     limit = SMRF.threshold_m + max(SMRF.scale, coarse_m) * np.hypot(*slopes)
     far = distance_transform_edt(~seen) * coarse_m > REACH_M
     return _Ground(n, (west, south), height, limit, np.asarray(far))
 
 
 def _ground_seen(lowest: FloatArray, coarse_m: float, method: GroundMethod) -> NDArray[np.bool_]:
-    """In which coarse cells the lowest height is of the ground."""
+    """In which coarse cells the lowest height is ground."""
     seen = np.isfinite(lowest)
     if method == "class":
         return seen
@@ -250,19 +246,19 @@ def _tile(
     statistic: Statistic,
 ) -> CloudTile:
     points = all_points.tile(key)
-    dsm = _surface(points, statistic)
+    dsm = points.surface(statistic)
     if method == "none":
         return CloudTile(points.grid, dsm, None, None)
     if ground is None:
         nothing = points.part(np.zeros(len(points.cell), bool))
-        return CloudTile(points.grid, dsm, _surface(nothing, MEDIAN), np.full(points.grid.shape, np.nan, np.float32))
+        return CloudTile(points.grid, dsm, nothing.surface(MEDIAN), np.full(points.grid.shape, np.nan, np.float32))
     height, limit, far = _over(points.grid, ground)
     if method == "class":
         of_ground = ground_points.tile(key)
     else:
         above = points.height_m + points.base_m - height.ravel()[points.cell]
         of_ground = points.part(np.abs(above) <= limit.ravel()[points.cell])
-    dtm = _surface(of_ground, MEDIAN)
+    dtm = of_ground.surface(MEDIAN)
     below = np.where(np.isfinite(dtm.height_m), dtm.height_m, np.where(far, np.nan, height))
     return CloudTile(points.grid, dsm, dtm, (dsm.height_m - below).astype(np.float32))
 
@@ -276,7 +272,3 @@ def _over(grid: Grid, ground: _Ground) -> tuple[FloatArray, FloatArray, NDArray[
     limit = map_coordinates(ground.limit_m, at, order=1, mode="nearest")
     far = map_coordinates(ground.far, at, order=0, mode="nearest")
     return height, limit, np.asarray(far, bool)
-
-
-def _surface(points: TilePoints, statistic: Statistic) -> Surface:
-    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)

@@ -1,1 +1,1 @@
-"""Surfaces from points: gridding, the ground under what stands on it, and what a surface tells."""
+"""Surfaces from points: gridding, ground classification, terrain products."""

@@ -1,9 +1,8 @@
-"""The ground by the cloth simulation filter, behind a guard.
+"""Ground classification by the cloth simulation filter (CSF).
 
 W. Zhang, J. Qi, P. Wan, H. Wang, D. Xie, X. Wang, G. Yan (2016), An easy-to-use airborne LiDAR data filtering method
-based on cloth simulation, Remote Sensing 8 (6), 501. The library is its authors' own. It writes to standard output, and
-ends the whole process on a coordinate that is no number or a point far away; so it gets neither, and its words go where
-words go.
+based on cloth simulation, Remote Sensing 8 (6), 501. The authors' library prints to standard output and aborts the
+process on nan and on distant points, so its input is checked and its output redirected.
 """
 
 from __future__ import annotations
@@ -23,33 +22,29 @@ from furrowmap.core.values.errors import InputError
 
 FEWEST_POINTS: Final = 10
 RELIEF_M: Final = 500.0
-"""Points farther than this above or below the middle height are left to be no ground: the cloth would not hold them."""
+"""Points farther than this from the median height are not ground and are not passed to the library."""
 CLOTH_M: Final = 0.5
-"""Distance of the cloth's nodes, at which it follows furrows and ditches, but no tractor."""
+"""Cloth resolution: follows furrows and ditches, but not a tractor."""
 THRESHOLD_M: Final = 0.15
 _MOST_EXTENT_M: Final = 2_000.0
 _ONE_AT_A_TIME: Final = threading.Lock()
 
 
 def require_cloth() -> None:
-    """Make sure that the library is there.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """Raises InputError if the library is not installed."""
     if find_spec("CSF") is None:
         raise InputError(
             "Ground by 'csf': the package cloth-simulation-filter is not installed.",
-            "The cloth simulation filter is the work of that package, so the ground was not classified.",
-            "Install it with `pip install 'furrowmap[csf]'`, or take the method 'smrf'.",
+            "The ground was not classified.",
+            "Install it with `pip install 'furrowmap[csf]'`, or use the method 'smrf'.",
             code="extra-missing",
         )
 
 
 def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (n, 3), finite and of a place that fits into memory, are of the ground.
+    """Which points (n, 3), all finite and within 2 km, are ground; none with fewer than 10 points.
 
-    With fewer than 10 points none is; nor is any that lies more than 500 m above or below the middle height.
+    Points more than 500 m from the median height are not ground.
     """
     ground = np.zeros(len(xyz_m), bool)
     if not len(xyz_m):
@@ -77,7 +72,7 @@ def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 @contextmanager
 def _output_to_stderr() -> Iterator[None]:
-    """File descriptor 1 pointed at standard error, for what native code prints."""
+    """Redirect file descriptor 1 to standard error, for output of native code."""
     sys.stdout.flush()
     kept = os.dup(1)
     try:

@@ -1,4 +1,4 @@
-"""Low spots that hold water: where it stands after rain that finds no way out, how deep, and how much."""
+"""Depressions of a surface: extent, depth and volume of standing water."""
 
 from __future__ import annotations
 
@@ -21,17 +21,14 @@ LEAST_AREA_M2: Final = 0.1
 
 @dataclass(frozen=True)
 class Depressions:
-    """The low spots of a surface, each filled to where it spills over; the numbers in `label` count from 1.
+    """The n depressions of a surface, filled to their spill level.
 
     Attributes:
         grid: of the rasters below.
-        depth_m: (rows, columns) float32 of the water; 0 where there is none, nan where there is no height.
-        label: (rows, columns) int32 number of the low spot, 0 outside.
-        level_m: (n,) height at which each one spills over.
-        greatest_depth_m: (n,).
-        area_m2: (n,) of the water's face.
-        volume_m3: (n,).
-        deepest_m: (n, 2) easting and northing of its deepest cell's middle.
+        depth_m: (rows, columns) float32 water depth; 0 where dry, nan without a height.
+        label: (rows, columns) int32 number of the depression from 1, 0 outside.
+        level_m: (n,) spill level; below, greatest depth, water surface and volume of each.
+        deepest_m: (n, 2) easting and northing of the deepest cell.
     """
 
     grid: Grid
@@ -47,7 +44,7 @@ class Depressions:
         return len(self.level_m)
 
     def polygons(self) -> list[Polygon | MultiPolygon]:
-        """The outline of each, along the cells' edges; several polygons where cells touch only at corners."""
+        """Outline of each along cell edges; several polygons where cells touch only at corners."""
         import shapely
         from rasterio.features import shapes
         from rasterio.transform import Affine
@@ -64,14 +61,12 @@ def find_depressions(
     least_depth_m: float = LEAST_DEPTH_M,
     least_area_m2: float = LEAST_AREA_M2,
 ) -> Depressions:
-    """The low spots of a surface, with water up to where it would spill over.
-
-    Water leaves the surface at its edges and where it has no height: what lies beyond is not known.
+    """The depressions of a surface; water leaves it at its edges and next to cells without a height.
 
     Args:
         height_m: (rows, columns), north up; nan where there is none.
         grid: of the heights.
-        least_depth_m: low spots of which no place is deeper are left dry.
+        least_depth_m: shallower ones are ignored.
         least_area_m2: as are smaller ones.
     """
     height = np.ascontiguousarray(height_m, np.float64)
@@ -106,14 +101,11 @@ def find_depressions(
 
 
 def flooded(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Heights with every depression filled to where it spills over.
+    """Heights (rows, columns) with every depression filled to its spill level; water drains at edges and next to nan.
 
-    The priority-flood of R. Barnes, C. Lehman and D. Mulla (2014), Priority-flood: an optimal depression-filling and
-    watershed-labeling algorithm for digital elevation models, Computers and Geosciences 62, 117-127, algorithm 2: from
-    the edges inwards, the lowest cell first. Water flows to all eight neighbours.
-
-    Args:
-        height_m: (rows, columns); water flows off at the edges and beside nan.
+    Algorithm 2 of R. Barnes, C. Lehman and D. Mulla (2014), Priority-flood: an optimal depression-filling and
+    watershed-labeling algorithm for digital elevation models, Computers and Geosciences 62, 117-127, with eight
+    neighbours.
     """
     out = np.array(height_m, np.float64)
     _flood(out)
@@ -163,7 +155,7 @@ def _flood(height):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _labels(level, wet):  # type: ignore[no-untyped-def]
-    """Number of each stretch of water of one level, 0 where it is dry; and how many there are."""
+    """Labels of connected water of one level, 0 where dry; and their number."""
     rows, columns = level.shape
     label = np.zeros((rows, columns), np.int32)
     stack = np.empty(rows * columns, np.int64)

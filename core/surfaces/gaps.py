@@ -1,4 +1,4 @@
-"""Gaps of a raster of heights filled from their rims."""
+"""Filling gaps in a raster of heights."""
 
 from __future__ import annotations
 
@@ -16,15 +16,14 @@ _SWEEPS: Final = 12
 
 
 def filled(height_m: FloatArray, reach: float = math.inf) -> FloatArray:
-    """Heights with their gaps filled as a soap film would hang in them, over the plane of all heights.
+    """Heights with gaps filled by harmonic interpolation of the residuals from the plane of all heights.
 
-    The film is harmonic: no filled height lies beyond those of the gap's rim, seen from that plane, and the heights of
-    a plane fill to that plane. It is found by cascadic multigrid (Bornemann and Deuflhard 1996, Numerische Mathematik
-    75, 135-152): coarse cells first, a few Gauss-Seidel sweeps in each, which leaves it a little short of exact.
+    Solved approximately by cascadic multigrid (Bornemann and Deuflhard 1996, Numerische Mathematik 75, 135-152) with a
+    few Gauss-Seidel sweeps a level; exact on a plane.
 
     Args:
         height_m: (rows, columns); nan in the gaps.
-        reach: cells farther than so many cells from every height stay nan.
+        reach: cells farther than this many cells from every height stay nan.
     """
     seen = np.isfinite(height_m)
     if seen.all() or not seen.any():
@@ -39,10 +38,9 @@ def filled(height_m: FloatArray, reach: float = math.inf) -> FloatArray:
 
 
 def bridged(height_m: FloatArray, reach: float) -> FloatArray:
-    """Heights with the gaps filled in which no cell is farther than `reach` cells from a seen one, and nothing outside.
+    """Heights with gaps filled up to a maximum interpolation gap, and nothing outside the covered area.
 
-    What is filled is where a disk of that radius cannot stand without touching seen cells (their morphological
-    closing), so that nothing grows beyond the border of what was seen.
+    Fills the morphological closing of the covered cells by a disk of radius `reach` cells.
     """
     seen = np.isfinite(height_m)
     if seen.all() or not seen.any():
@@ -54,7 +52,7 @@ def bridged(height_m: FloatArray, reach: float) -> FloatArray:
 
 
 def _film(height: FloatArray) -> FloatArray:
-    """The soap film, to the heights themselves where there are any; there is at least one."""
+    """Harmonic interpolation; at least one height is finite."""
     seen = np.isfinite(height)
     if seen.all():
         return height
@@ -74,7 +72,7 @@ def _film(height: FloatArray) -> FloatArray:
 
 @numba.njit(cache=True, nogil=True)
 def _relax(height, fixed, sweeps):  # type: ignore[no-untyped-def]
-    """Put each height that is not fixed to the mean of its neighbours, forth and back in turn."""
+    """Gauss-Seidel sweeps over the heights that are not fixed, alternating direction."""
     rows, columns = height.shape
     for sweep in range(sweeps):
         for k in range(rows * columns):

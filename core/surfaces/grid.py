@@ -1,4 +1,4 @@
-"""Square cells anchored to a CRS, and the surface that lies over them."""
+"""Grids of square cells anchored to a CRS, and surfaces on them."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ FloatArray = NDArray[np.float64]
 
 FINEST_CELL_M: Final = 0.001
 MOST_CELLS: Final = 2**31
-"""A grid of more cells is a mistake of units or a stray point, and no raster that a GIS would draw."""
+"""More cells mean wrong units or a stray point."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Square cells whose edges are whole multiples of their size from the CRS's 0, 0: two grids of one size overlay.
+    """Square cells whose edges are multiples of their size from the CRS origin, so that grids of one size align.
 
-    Arrays over it are north-up: row 0 is the northernmost, column 0 the westernmost.
+    Arrays on it are north-up: row 0 is the northernmost, column 0 the westernmost.
 
     Attributes:
         cell_m: length of a cell's sides.
-        west: of the grid's western edge, in cells east of the CRS's 0.
-        north: of the grid's northern edge, in cells north of the CRS's 0.
+        west: western edge in cells from the CRS origin.
+        north: northern edge likewise.
         shape: rows and columns, each at least 1.
 
     Raises:
@@ -43,37 +43,37 @@ class Grid:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.cell_m) and self.cell_m >= FINEST_CELL_M):
             raise InputError(
-                f"A cell of {self.cell_m:g} m.",
-                "A surface needs square cells of at least a millimetre.",
+                f"The cell size is {self.cell_m:g} m.",
+                "Cells must be at least a millimetre.",
                 "Give the cell size in metres, such as 0.05.",
                 code="bad-cell-size",
             )
         rows, columns = self.shape
         if rows < 1 or columns < 1 or rows * columns > MOST_CELLS:
             raise InputError(
-                f"A grid of {columns:,} x {rows:,} cells of {self.cell_m:g} m.",
-                "No raster of that size is written; a stray point far away, or degrees taken for metres, make one.",
-                "Choose larger cells, give a box (--bbox), or leave the stray points out.",
+                f"The grid would have {columns:,} x {rows:,} cells of {self.cell_m:g} m.",
+                "That is too large for a raster; the usual cause is a stray point, or degrees used as metres.",
+                "Choose larger cells, give a box (--bbox), or remove the stray points.",
                 code="grid-too-large",
             )
 
     @classmethod
     def of_bounds(cls, cell_m: float, bounds_m: tuple[float, float, float, float]) -> Self:
-        """The least grid that covers west, south, east, north; a point on the eastern or northern bound is in it.
+        """The smallest grid that covers west, south, east, north, points on all bounds included.
 
         Raises:
-            InputError: if the bounds are not finite, or give no fair grid.
+            InputError: if the bounds or the grid are invalid.
         """
         west, south, east, north = bounds_m
         if not all(map(math.isfinite, bounds_m)) or east < west or north < south:
             raise InputError(
-                f"Bounds {west:g}, {south:g}, {east:g}, {north:g}.",
-                "They enclose nothing: west to east and south to north must be finite and in that order.",
-                "Give west, south, east, north in metres of the map's CRS.",
+                f"The bounds {west:g}, {south:g}, {east:g}, {north:g} are invalid.",
+                "They must be finite, west before east and south before north.",
+                "Give west, south, east, north in metres of the CRS of the map.",
                 code="bad-bounds",
             )
         if not (math.isfinite(cell_m) and cell_m >= FINEST_CELL_M):
-            return cls(cell_m, 0, 0, (1, 1))  # says what is wrong with it
+            return cls(cell_m, 0, 0, (1, 1))  # raises
         left, bottom = math.floor(west / cell_m), math.floor(south / cell_m)
         right, top = math.floor(east / cell_m) + 1, math.floor(north / cell_m) + 1
         return cls(cell_m, left, top, (top - bottom, right - left))
@@ -105,9 +105,9 @@ class Grid:
         return self.cell_m, 0.0, self.west * self.cell_m, 0.0, -self.cell_m, self.north * self.cell_m
 
     def cells_of(self, e_m: ArrayLike, n_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Flat index ``row * columns + column`` (n,) of the cells in which points lie, and (n,) whether in the grid.
+        """Flat index ``row * columns + column`` (n,) of the cells of points, -1 outside; and (n,) whether inside.
 
-        A point on an edge belongs to the cell east or north of it. The index of a point outside is -1.
+        A point on an edge belongs to the cell east or north of it.
         """
         column = np.floor(np.asarray(e_m, np.float64) / self.cell_m) - self.west
         row = self.north - 1.0 - np.floor(np.asarray(n_m, np.float64) / self.cell_m)
@@ -122,16 +122,16 @@ class Grid:
         return easting.astype(np.float64), northing.astype(np.float64)
 
     def coarser(self, factor: int) -> Self:
-        """The least grid over this one with cells `factor` times as large, anchored as all are."""
+        """The smallest grid of cells `factor` times as large that covers this one."""
         west, north = self.west // factor, -(-self.north // factor)
         south, east = (self.north - self.rows) // factor, -(-(self.west + self.columns) // factor)
         return type(self)(self.cell_m * factor, west, north, (north - south, east - west))
 
     def window_in(self, other: Grid) -> tuple[slice, slice]:
-        """Rows and columns of `other`, which has the same cells and covers this grid, that this grid takes.
+        """Rows and columns of this grid within `other`.
 
         Raises:
-            ValueError: if it does not, or has other cells.
+            ValueError: if `other` has other cells or does not cover this grid.
         """
         row, column = other.north - self.north, self.west - other.west
         fits = 0 <= row <= other.rows - self.rows and 0 <= column <= other.columns - self.columns
@@ -142,16 +142,15 @@ class Grid:
 
 @dataclass(frozen=True)
 class Surface:
-    """One height a cell, and how well it is known.
+    """Heights of cells with their uncertainty; arrays have the shape of the grid, north up.
 
     Attributes:
-        grid: where; the arrays below have its shape, north up.
-        height_m: float32, above what the map's heights are above; nan where there is none.
-        count: uint32 returns that made it; 0 where there is none.
-        spread_m: float32 standard deviation of the returns' heights in the cell, relief within it included; nan where
-            fewer than two returns tell it.
-        standard_error_m: float32 of `height_m`, from spread and count as if the returns' errors were independent; nan
-            likewise. What all returns of a cell have in common, such as an error of the trajectory, is not in it.
+        grid: of the cells.
+        height_m: float32 in the height system of the map; nan where empty.
+        count: uint32 number of returns.
+        spread_m: float32 standard deviation of the returns in the cell, relief included; nan with fewer than two.
+        standard_error_m: float32 of `height_m`, assuming independent errors of returns; nan likewise. Errors common to
+            all returns of a cell, such as those of the trajectory, are not included.
     """
 
     grid: Grid

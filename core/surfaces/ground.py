@@ -1,4 +1,4 @@
-"""Which points of a cloud are of the ground."""
+"""Ground classification of a cloud."""
 
 from __future__ import annotations
 
@@ -25,20 +25,14 @@ def classify_ground(
     smrf: Smrf | None = None,
     asked: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Which points are of the ground.
-
-    The work is done in squares of 128 m that overlap, so that besides the points only a square is held in memory.
+    """Which points (n,) are ground, computed in overlapping squares of 128 m.
 
     Args:
-        xyz_m: (n, 3) easting, northing, height; points with a coordinate that is no number are no ground.
+        xyz_m: (n, 3) easting, northing, height; points that are not finite are not ground.
         method: "smrf", the simple morphological filter of Pingel et al. (2013); "csf", the cloth simulation filter of
-            Zhang et al. (2016), which takes the extra `csf`.
+            Zhang et al. (2016), which requires the extra `csf`.
         smrf: parameters of the first.
-        asked: (n,) of which points it is asked; squares without any are passed over, and no point in them is called
-            ground. None for all.
-
-    Returns:
-        (n,) bool.
+        asked: (n,) the points to classify, None for all; squares without any are skipped.
 
     Raises:
         InputError: if the method is unknown, or its library not installed.
@@ -46,7 +40,7 @@ def classify_ground(
     if method not in get_args(GroundMethod):
         raise InputError(
             f"Ground by '{method}': there is no such method.",
-            "The ground was not told from what stands on it.",
+            "The ground was not classified.",
             f"Methods: {', '.join(get_args(GroundMethod))}.",
             code="bad-ground-method",
         )
@@ -71,7 +65,7 @@ def classify_ground(
 
 
 def smrf_ground(xyz_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
-    """Which points (n, 3), at least one, of a place that fits into memory are of the ground."""
+    """Which points (n, 3), at least one, of one square are ground."""
     corner = np.floor(xyz_m[:, :2].min(axis=0) / filter_.cell_m) * filter_.cell_m
     place = (xyz_m[:, :2] - corner) / filter_.cell_m
     cell = np.floor(place).astype(np.intp)

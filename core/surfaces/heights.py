@@ -1,4 +1,4 @@
-"""The heights of a grid's cells from points that memory holds: summed up, or ordered cell by cell."""
+"""Heights of grid cells from points in memory: by sums, or by ordering cell by cell."""
 
 from __future__ import annotations
 
@@ -12,29 +12,28 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import NMAD, TRIM, Statistic
 
 SUMS: Final = 5
-"""Of each cell: number, sum and sum of squares of the heights, least and greatest one."""
+"""Per cell: number, sum, sum of squares, least and greatest height."""
 _COLUMNS: Final = {"mean": 1, "min": 3, "max": 4}
-"""Of the sums, by the statistic that needs no order."""
+"""Index among these of the statistics that need no order."""
 MEAN: Final = _COLUMNS["mean"]
 FEW: Final = 24
-"""So many heights are put in order by insertion."""
+"""Up to this many heights are sorted by insertion."""
 
 
 def cell_surface(
     grid: Grid, cell: NDArray[np.uint16], height_m: NDArray[np.float32], base_m: float, statistic: Statistic
 ) -> Surface:
-    """The surface of any statistic over a grid of at most 65,536 cells.
+    """The surface of a statistic on a grid of at most 65,536 cells.
 
-    The spread of percentiles and of the trimmed mean is 1.4826 times the median absolute deviation from the median,
-    which a few stray returns do not move; that of the others is the standard deviation. These are summed up as the
-    points stand, at a fifth of the time that ordering takes.
+    The spread of percentiles and of the trimmed mean is 1.4826 times the median absolute deviation, else the standard
+    deviation. Mean, least and greatest height need no sorting, which makes them five times as fast.
 
     Args:
         grid: of the cells.
         cell: (n,) flat index of the cell of each point.
         height_m: (n,) less `base_m`.
         base_m: added to all heights.
-        statistic: what stands for a cell.
+        statistic: height of a cell.
     """
     cells = grid.rows * grid.columns
     if statistic.needs_order:
@@ -59,7 +58,7 @@ def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-de
     sums = np.zeros((cells, SUMS))
     sums[:, 3] = np.inf
     sums[:, 4] = -np.inf
-    near = float(height_m[0]) if len(height_m) else 0.0  # what differs from it keeps its digits
+    near = float(height_m[0]) if len(height_m) else 0.0  # differences from it keep their precision
     for i in range(len(cell)):
         k, z = cell[i], height_m[i] - near
         sums[k, 0] += 1.0
@@ -113,8 +112,8 @@ def median_deviation(z, middle):  # type: ignore[no-untyped-def]
 def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
 
-    The heights are put cell after cell by counting and ordered within each. In an ordered cell the median absolute
-    deviation is found by walking outward from the median, and what the trimmed mean keeps is one stretch.
+    Counting sort by cell, then sorting within each; the median absolute deviation is found by stepping outward from the
+    median.
     """
     height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
     used = np.zeros(cells, np.uint32)

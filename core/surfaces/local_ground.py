@@ -1,9 +1,8 @@
-"""The ground of a run: learned from the points as they are placed, and looked up for each when they are written.
+"""Ground of a run, sampled while points are placed and applied when they are written.
 
-The points of a run pass once. In every cell of half a metre a few of their heights are kept, drawn so that each had the
-same chance (Vitter 1985, Random sampling with a reservoir, ACM Transactions on Mathematical Software 11, 37-57,
-algorithm R). The low ones among them are what the cell shows of the ground, unless it lies under something that stands:
-that the morphological filter finds out. Its ground is then compared with each point.
+Points pass once. Every cell of half a metre keeps a uniform random sample of its heights (Vitter 1985, Random sampling
+with a reservoir, ACM Transactions on Mathematical Software 11, 37-57, algorithm R). A low quantile of it is the ground
+of the cell unless the morphological filter rejects it; points are then classified by their height above that ground.
 """
 
 from __future__ import annotations
@@ -30,32 +29,32 @@ TILE_M: Final = TILE_CELLS * CELL_M
 SAMPLES: Final = 16
 _STEP_M: Final = 0.002
 _RELIEF_STEPS: Final = 32_000
-"""Samples are kept in steps of 2 mm from the middle height of the tile's first scan: 64 m up and down."""
+"""Samples are steps of 2 mm from the median height of the first scan of the tile: a range of ±64 m."""
 FEWEST: Final = 3
-"""A cell with fewer returns shows no ground."""
+"""A cell with fewer returns has no ground."""
 LOW_SHARE: Final = 0.2
-"""The height below which this share of a cell's samples lies is its ground, before the filter."""
+"""Quantile of the samples of a cell that is its ground, before the filter."""
 NEAR_M: Final = 0.10
-"""The ground of a cell is the mean of its samples up to this height above and below that."""
+"""The ground of a cell is the mean of its samples within this distance of the quantile."""
 NEAR_GROUND_M: Final = 0.15
-"""Points up to so far above and below the ground are of it: clods, ridges and short stubble are."""
+"""Points within this distance of the ground are ground, such as clods, ridges and short stubble."""
 SLOPE_SHARE: Final = 0.35
-"""And farther by this share of the height by which the ground rises over a metre: the ground of a cell is its mean."""
+"""Added to that, times the slope, as the ground of a cell is a mean."""
 BELOW_M: Final = 0.25
-"""Points farther below it, and by the same share, are noise; between are furrows that the cells are too coarse for."""
+"""Points farther below, with the same allowance for slope, are noise; between are furrows that cells do not resolve."""
 _FAR_TILES: Final = 5
-"""The ground is learned up to so many tiles from the middle of a scan."""
+"""Points are sampled up to this many tiles from the middle of a scan."""
 _BEYOND_CELLS: Final = 4.0
-"""Cells without ground of their own have one from around up to this distance."""
+"""Cells without ground are filled from ground up to this distance."""
 _BLOCK: Final = 8
-"""Tiles filtered together, to each side; with one more round them."""
+"""Tiles a side that are filtered together, with a margin of one."""
 _KEY: Final = 1 << 30
 
 
 class GroundSampler:
-    """Takes the points of scan after scan and keeps what tells the ground.
+    """Samples heights from the points of scans.
 
-    Memory grows with the land and not with time: 150 bytes for each square metre of tiles in which there are points.
+    Memory grows with the area and not with time: 150 bytes per square metre of tiles with points.
     """
 
     def __init__(self) -> None:
@@ -65,12 +64,7 @@ class GroundSampler:
         self._base_m = np.zeros(16)
 
     def add(self, xyz_m: FloatArray, kept: NDArray[np.bool_]) -> None:
-        """Take note of the points of a scan.
-
-        Args:
-            xyz_m: (n, 3).
-            kept: (n,) which of them may be land: they are finite, and neither the machine's nor stray returns.
-        """
+        """Add the points (n, 3) of a scan of which `kept` (n,) may be ground: finite, and neither machine nor noise."""
         xyz_m = np.ascontiguousarray(xyz_m)
         middle_m = _middle(xyz_m, kept)
         if np.isnan(middle_m[0]):
@@ -83,7 +77,7 @@ class GroundSampler:
         _draw(xyz_m, kept, corner, window, self._base_m, self._samples, self._counts)
 
     def ground(self) -> LocalGround:
-        """The ground of all points so far."""
+        """The ground from all points so far."""
         blocks: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for key in self._slots:
             blocks.setdefault((key[0] // _BLOCK, key[1] // _BLOCK), []).append(key)
@@ -93,7 +87,7 @@ class GroundSampler:
         return LocalGround(np.array([_number(*key) for key in keys], np.int64), heights.astype(np.float32))
 
     def _slot(self, key: tuple[int, int], height_m: float) -> int:
-        """Where the samples of a tile are; a new one is made, for heights round `height_m`."""
+        """Index of the samples of a tile, created for heights around `height_m`."""
         if key in self._slots:
             return self._slots[key]
         slot = self._slots[key] = len(self._slots)
@@ -105,7 +99,7 @@ class GroundSampler:
         return slot
 
     def _block(self, keys: Sequence[tuple[int, int]]) -> Iterator[tuple[tuple[int, int], FloatArray]]:
-        """The ground of some tiles near each other, each with the cells next to it."""
+        """The ground of neighbouring tiles, each with a margin of one cell."""
         low, high = np.min(keys, axis=0) - 1, np.max(keys, axis=0) + 2
         lowest, mean = (np.full((high - low) * TILE_CELLS, np.nan) for _ in range(2))
         for key, slot in self._slots.items():
@@ -123,12 +117,12 @@ class GroundSampler:
 
 @dataclass(frozen=True)
 class LocalGround:
-    """The height of the ground in cells of half a metre, tile by tile of 32 m.
+    """Ground heights in cells of half a metre, by tiles of 32 m.
 
     Attributes:
-        tiles: (m,) int64 numbers of the tiles, rising.
-        height_m: (m, 66, 66) float32 at the cells' middles, eastward and northward, one cell more on each side; nan
-            where no ground is near.
+        tiles: (m,) int64 keys of the tiles, increasing.
+        height_m: (m, 66, 66) float32 at cell centres, eastward and northward, with a margin of one cell; nan where no
+            ground is near.
     """
 
     tiles: NDArray[np.int64]
@@ -142,10 +136,7 @@ class LocalGround:
         step_m: float,
         classes: NDArray[np.uint8],
     ) -> None:
-        """Give points their final classes.
-
-        Those near the ground become GROUND, those below it NOISE; OTHER and NOISE stay what they are elsewhere, VEHICLE
-        and IMPLEMENT everywhere.
+        """Set the final classes of points: near the ground GROUND, below it NOISE; VEHICLE and IMPLEMENT stay.
 
         Args:
             x: (n,) easting in steps from the origin that the points had before.
@@ -159,12 +150,12 @@ class LocalGround:
 
 
 def _number(column: int, row: int) -> int:
-    """One number for a tile; in a kernel, too."""
+    """Key of a tile, as in the kernel below."""
     return (column + _KEY << 32) + row + _KEY
 
 
 def _doubled(held: NDArray[Any]) -> NDArray[Any]:
-    """The array with as many zeros after it, which take no memory before they are used."""
+    """The array with as many zeros appended."""
     more = np.zeros((2 * len(held), *held.shape[1:]), held.dtype)
     more[: len(held)] = held
     return more
@@ -172,7 +163,7 @@ def _doubled(held: NDArray[Any]) -> NDArray[Any]:
 
 @numba.njit(cache=True, nogil=True)
 def _middle(xyz_m, kept):  # type: ignore[no-untyped-def]
-    """The median (3,) of about a hundred of the points kept; nan if there are none."""
+    """The median (3,) of about a hundred of the kept points; nan without any."""
     every = 1 + np.count_nonzero(kept) // 100
     some = np.empty((1 + len(kept) // every, 3))
     seen = taken = 0
@@ -191,7 +182,7 @@ def _middle(xyz_m, kept):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
-    """Put 0 for the tiles of a window in which there are points."""
+    """Set the tiles of a window that hold points to 0."""
     for i in range(len(xyz_m)):
         if not kept[i]:
             continue
@@ -203,7 +194,7 @@ def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore[no-untyped-def]
-    """Keep each height with the chance that its cell's number of returns leaves it."""
+    """Reservoir sampling of heights by cell."""
     for i in range(len(xyz_m)):
         if not kept[i]:
             continue
@@ -221,7 +212,7 @@ def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore
         place = np.int64(counts[slot, column, row])
         counts[slot, column, row] = place + 1
         if place >= SAMPLES:
-            # SplitMix64 (Steele, Lea, Flood 2014) of the cell and its count: the same run draws the same.
+            # SplitMix64 (Steele, Lea, Flood 2014) of the cell and its count: reproducible.
             mixed = np.uint64((column * TILE_CELLS + row) * 2654435761 + place) * np.uint64(0x9E3779B97F4A7C15)
             mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -232,7 +223,7 @@ def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore
 
 @numba.njit(cache=True, nogil=True)
 def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
-    """Of each cell of a tile the height below which LOW_SHARE of its samples lie, and the mean of those near it."""
+    """Quantile LOW_SHARE of the samples of each cell, and the mean of those near it."""
     low = np.full(counts.shape, np.nan)
     mean = np.full(counts.shape, np.nan)
     near = NEAR_M / _STEP_M
@@ -255,7 +246,7 @@ def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _settle(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyped-def]
-    """Kernel of :meth:`LocalGround.classify`: the ground between four middles of cells, against each point."""
+    """Kernel of :meth:`LocalGround.classify`: bilinear ground height at each point."""
     last_key, tile = np.int64(-1), np.int64(-1)
     for i in range(len(x)):
         if classes[i] == _VEHICLE or classes[i] == _IMPLEMENT:

@@ -1,4 +1,4 @@
-"""The points of a spool's tiles without those that are alone, told with what lies in the tiles around."""
+"""Tiles of a spool without outliers, detected with the points of the tiles around."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Outliers = Literal["none", "radius", "statistical"]
 REACH_M: Final = 5.0
 RADIUS_M: Final = 0.5
 RADIUS_CELLS: Final = 1.5
-"""Where cells are so coarse that more is needed: points lie in the middles of their cells here."""
+"""Least radius in cells, as points are placed at cell centres."""
 
 
 @dataclass(frozen=True)
 class FilteredTiles:
-    """Gives the points of tiles that are not alone.
+    """Gives tiles without outliers.
 
     Attributes:
         spool: of the points.
-        outliers: how those that are alone are told.
-        usual: distances of all points from their neighbours, for "statistical".
+        outliers: detection method.
+        usual: neighbour distances of all points, for "statistical".
     """
 
     spool: PointSpool
@@ -40,17 +40,19 @@ class FilteredTiles:
     usual: NeighbourStatistics
 
     @classmethod
-    def of(cls, spool: PointSpool, outliers: Outliers, pool: Executor, told: Callable[[float], None]) -> FilteredTiles:
-        """Those of a spool; "statistical" goes through all of them first, and `told` is told the share done."""
+    def of(
+        cls, spool: PointSpool, outliers: Outliers, pool: Executor, progress: Callable[[float], None]
+    ) -> FilteredTiles:
+        """The tiles of a spool; "statistical" reads all of them first and passes the share done to `progress`."""
         usual = NeighbourStatistics()
         keys = spool.tiles if outliers == "statistical" else []
         for number, (xy_m, mean_m) in enumerate(pool.map(lambda key: _measured(spool, key), keys), start=1):
             usual.add(xy_m, mean_m)
-            told(number / len(keys))
+            progress(number / len(keys))
         return cls(spool, outliers, usual)
 
     def tile(self, key: Key) -> TilePoints:
-        """The points of a tile without those that are alone. Threads may ask for several at once."""
+        """The points of a tile without outliers. Threads may read several at once."""
         own = self.spool.tile(key)
         if self.outliers == "none" or not len(own.cell):
             return own
@@ -63,7 +65,7 @@ class FilteredTiles:
 
 
 def _measured(spool: PointSpool, key: Key) -> tuple[FloatArray, FloatArray]:
-    """Places (n, 2) of a tile's points, and their mean distances (n,) from their neighbours."""
+    """Positions (n, 2) of the points of a tile, and their mean neighbour distances (n,)."""
     own = spool.tile(key)
     xyz = _surroundings(spool, key, own)
     mean_m = mean_neighbour_distance(xyz, reach_m=REACH_M, asked=len(own.cell))
@@ -72,7 +74,7 @@ def _measured(spool: PointSpool, key: Key) -> tuple[FloatArray, FloatArray]:
 
 
 def _surroundings(spool: PointSpool, key: Key, own: TilePoints) -> FloatArray:
-    """Places (m, 3) of a tile's own points, from its north-west corner, and after them of those within reach of it."""
+    """Positions (m, 3) from its north-west corner of the points of a tile, followed by those within reach of it."""
     tiles = math.ceil(REACH_M / (TILE * spool.cell_m))
     around = [
         _places(spool.tile((key[0] + i, key[1] + j)), own.grid)
@@ -84,7 +86,7 @@ def _surroundings(spool: PointSpool, key: Key, own: TilePoints) -> FloatArray:
 
 
 def _places(points: TilePoints, near: Grid) -> FloatArray:
-    """Places (n, 3) of points that lie in a tile or within reach of it."""
+    """Positions (n, 3) of points in a tile or within reach of it."""
     row, column = np.divmod(points.cell.astype(np.int64), points.grid.columns)
     x = (points.grid.west - near.west + column + 0.5) * near.cell_m
     y = (points.grid.north - near.north - row - 0.5) * near.cell_m

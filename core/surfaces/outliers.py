@@ -1,4 +1,4 @@
-"""Points that are too far from all others to be of anything."""
+"""Outlier detection by neighbour distances."""
 
 from __future__ import annotations
 
@@ -14,45 +14,37 @@ FloatArray = NDArray[np.float64]
 
 TILE_M: Final = 32.0
 NEIGHBOURS: Final = 8
-"""Whose mean distance tells how alone a point is, statistically."""
+"""Neighbours whose mean distance is compared."""
 MULTIPLIER: Final = 2.0
-"""Of the standard deviation, beyond which a distance is not usual."""
+"""Threshold above the mean, in standard deviations."""
 THINNED_M: Final = 0.5
 AROUND_M: Final = 16.0
-"""What is usual is told of a square of this side and the eight round it."""
+"""Side of the squares of the statistics, which cover three by three of them."""
 
 
 def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) -> NDArray[np.bool_]:
     """Which points have fewer than `fewest` other points within `radius_m`.
 
     Args:
-        xyz_m: (n, 3); points with a coordinate that is no number are outliers.
-        radius_m: of the sphere round each point.
-        fewest: other points in it.
-
-    Returns:
-        (n,) bool.
+        xyz_m: (n, 3); points that are not finite are outliers.
+        radius_m: of the sphere around each point.
+        fewest: least number of other points in it.
     """
     distance_m = _neighbour_distances(np.asarray(xyz_m, np.float64), fewest, radius_m)
-    # A point with fewer neighbours in reach has none at this place of the list: infinitely far.
     out: NDArray[np.bool_] = ~(distance_m[:, -1] <= radius_m)
     return out
 
 
 def mean_neighbour_distance(xyz_m: FloatArray, reach_m: float = 5.0, asked: int | None = None) -> FloatArray:
-    """Mean distance of the first `asked` of points (n, 3), or all, from their nearest neighbours.
-
-    Infinite where there are fewer in reach.
-    """
+    """Mean neighbour distance of the first `asked` of points (n, 3), or all; inf with too few in reach."""
     mean_m: FloatArray = _neighbour_distances(xyz_m, NEIGHBOURS, reach_m, asked).mean(axis=1)
     return mean_m
 
 
 def thin_points(xyz_m: FloatArray) -> FloatArray:
-    """Points (m, 3) of which each cube of half a metre has 9 at most, the first ones of (n, 3).
+    """The first 9 of points (n, 3) in each cube of half a metre, as neighbours of isolated points.
 
-    To whom nothing is near, they are as good as all: too far by less than the cube's diagonal, and exact where points
-    are few.
+    Distances to them are too large by less than the diagonal of a cube, and exact where points are sparse.
     """
     cube = np.floor(xyz_m / THINNED_M)
     order = np.lexsort(cube.T)  # stable: the first of a cube stay first
@@ -65,7 +57,7 @@ def thin_points(xyz_m: FloatArray) -> FloatArray:
 
 
 def mean_distance_to(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) -> FloatArray:
-    """Mean distance (n,) of points (n, 3) from the nearest of others (m, 3), among which they may be themselves."""
+    """Mean distance (n,) of points (n, 3) to the nearest of others (m, 3), which may include themselves."""
     if not len(few_m):
         return np.full(len(xyz_m), np.inf)
     ranks = np.arange(1, NEIGHBOURS + 2)
@@ -77,20 +69,19 @@ def mean_distance_to(xyz_m: FloatArray, few_m: FloatArray, reach_m: float) -> Fl
 
 
 class NeighbourStatistics:
-    """What distances from neighbours are usual in a place, summed up as points come.
+    """Local mean and standard deviation of neighbour distances, accumulated over points.
 
-    R. B. Rusu, Z. C. Marton, N. Blodow, M. Dolha, M. Beetz (2008), Towards 3D point cloud based object maps for
-    household environments, Robotics and Autonomous Systems 56, 927-941: a point is an outlier whose mean distance to
-    the nearest neighbours is more than its mean over all points and a multiple of its standard deviation. Here "all"
-    are those of the squares of 16 m round the point, counted from the CRS's 0: a scanner's points lie ten times as far
-    apart at thirty metres as at three, and what is usual must not depend on how a cloud is cut up for the work.
+    Statistical outlier removal after R. B. Rusu, Z. C. Marton, N. Blodow, M. Dolha, M. Beetz (2008), Towards 3D point
+    cloud based object maps for household environments, Robotics and Autonomous Systems 56, 927-941, but with statistics
+    of the squares of 16 m around a point instead of the whole cloud, as point spacing grows with range. Squares start
+    at the CRS origin, so that results do not depend on tiling.
     """
 
     def __init__(self) -> None:
         self._sums: dict[tuple[float, float], FloatArray] = {}
 
     def add(self, xy_m: FloatArray, mean_m: FloatArray) -> None:
-        """Take note of the mean distances (n,) of points (n, 2 or 3); infinite ones do not count."""
+        """Add the mean distances (n,) of points (n, 2 or 3); infinite ones are ignored."""
         near = np.isfinite(mean_m)
         squares, number = self._squares(xy_m[near])
         of_each = [np.bincount(number, mean_m[near] ** power, len(squares)) for power in (0, 1, 2)]
@@ -98,7 +89,7 @@ class NeighbourStatistics:
             self._sums[square] = self._sums.get(square, 0.0) + sums
 
     def exceeded(self, xy_m: FloatArray, mean_m: FloatArray) -> NDArray[np.bool_]:
-        """Which of these distances (n,) are more than is usual round their points (n, 2 or 3)."""
+        """Which distances (n,) exceed the limit at their points (n, 2 or 3)."""
         near = np.isfinite(mean_m)
         squares, number = self._squares(xy_m[near])
         out = ~near
@@ -113,13 +104,13 @@ class NeighbourStatistics:
 
     @staticmethod
     def _squares(xy_m: FloatArray) -> tuple[list[tuple[float, float]], NDArray[np.intp]]:
-        """The squares in which points lie, and the number of its square for each point."""
+        """The squares that hold points, and the index of the square of each point."""
         there, number = np.unique(np.floor(xy_m[:, :2] / AROUND_M), axis=0, return_inverse=True)
         return [(column, row) for column, row in there.tolist()], number.ravel()
 
 
 def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float, asked: int | None = None) -> FloatArray:
-    """Distances (n or asked, neighbours) to the nearest other points; infinite beyond the reach or without a place."""
+    """Distances (n or asked, neighbours) to the nearest other points; inf beyond the reach or for points not finite."""
     if neighbours < 1 or not 0.0 < reach_m <= TILE_M:
         raise ValueError(f"{neighbours} neighbours within {reach_m} m (at most {TILE_M} m)")
     known = np.flatnonzero(np.isfinite(xyz_m).all(axis=1))

@@ -1,4 +1,4 @@
-"""When a line carried over the ground passed each cell: the first and the last time, and in which pass."""
+"""Times at which a moving line first and last passed each cell, and in which pass."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from furrowmap.core.surfaces.grid import Grid
 FloatArray = NDArray[np.float64]
 
 CHUNK: Final = 32
-"""Steps looked up together: some metres of way."""
+"""Steps per block of the spatial index: some metres of path."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Successive places of a line without a gap between them.
+    """Successive positions of a line without a gap.
 
     Attributes:
-        number: of the pass that it belongs to, from 1.
-        t_s: (n,) UTC, never falling.
+        number: of its pass, from 1.
+        t_s: (n,) UTC, non-decreasing.
         middle_m: (n, 2) middle of the line in the map frame.
-        half_m: (n, 2) from the middle to the line's left end.
+        half_m: (n, 2) from the middle to the left end of the line.
     """
 
     number: int
@@ -37,12 +37,11 @@ class Track:
 
 @dataclass(frozen=True)
 class Passage:
-    """When the line passed the centres of a grid's cells; the arrays have the grid's shape.
+    """Times at which the line passed cell centres; arrays have the shape of the grid.
 
     Attributes:
-        grid: where.
-        first_s: UTC of the first passage; infinite where there was none.
-        last_s: UTC of the last passage; minus infinite likewise.
+        first_s: UTC of the first passage; inf where there was none.
+        last_s: UTC of the last passage; -inf likewise.
         number: int32 pass of the last passage; 0 likewise.
     """
 
@@ -53,17 +52,13 @@ class Passage:
 
     @property
     def passed(self) -> NDArray[np.bool_]:
-        """Where the line passed at all."""
+        """Where the line passed."""
         passed: NDArray[np.bool_] = self.number > 0
         return passed
 
 
 class Passages:
-    """The steps of lines over the ground, found again by place.
-
-    Args:
-        tracks: in any order.
-    """
+    """Spatial index of the steps of lines, from tracks in any order."""
 
     def __init__(self, tracks: Iterable[Track]) -> None:
         steps = [_steps(track) for track in tracks]
@@ -79,7 +74,7 @@ class Passages:
         return bool(len(self._steps))
 
     def over(self, grid: Grid, beside_m: float = 0.0) -> Passage:
-        """The passages over a grid's cells of the line made longer by `beside_m` at both ends."""
+        """Passages over the cells of a grid of the line extended by `beside_m` at both ends."""
         first, last = np.full(grid.shape, np.inf), np.full(grid.shape, -np.inf)
         number = np.zeros(grid.shape, np.int32)
         west, south, east, north = grid.bounds_m
@@ -129,7 +124,7 @@ def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  #
                 level = px * hy - py * hx
                 slope = px * dhy - py * dhx - (dmx * hy - dmy * hx)
                 s = -level / slope if slope != 0.0 else -1.0
-                for _ in range(3):  # Newton's; the steps are short, so that the quadratic is hardly one
+                for _ in range(3):  # Newton's method; steps are short, so the quadratic is almost linear
                     rise = slope + 2.0 * square * s
                     if rise != 0.0:
                         s -= (level + (slope + square * s) * s) / rise

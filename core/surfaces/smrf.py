@@ -1,12 +1,8 @@
-"""The ground among the lowest heights of cells: the simple morphological filter (SMRF).
+"""Simple morphological filter (SMRF): the ground among the lowest heights of cells.
 
 T. J. Pingel, K. C. Clarke, W. A. McBride (2013), An improved simple morphological filter for the terrain
-classification of airborne LIDAR data, ISPRS Journal of Photogrammetry and Remote Sensing 77, 21-30. What rises from the
-ground more steeply than a slope, and is narrower than a window, is no ground.
-
-Windows are squares here, disks there: the least and greatest of a square are found row by row and column by column, at
-a cost that does not grow with the window. Gaps in the ground are filled by a soap
-film over their rims, there by a network of springs.
+classification of airborne LIDAR data, ISPRS Journal of Photogrammetry and Remote Sensing 77, 21-30, with square windows
+instead of disks (separable, so at constant cost) and gaps filled by harmonic interpolation instead of springs.
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ from scipy.ndimage import distance_transform_edt, grey_opening
 FloatArray = NDArray[np.float64]
 
 PIT_SLOPE: Final = 5.0
-"""A cell that lies lower than those beside it by more than this slope is no ground but an error (Pingel: 500 %)."""
+"""A cell below its neighbours by more than this slope is an error (Pingel: 500 %)."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +27,10 @@ class Smrf:
 
     Attributes:
         cell_m: of the surface of lowest heights.
-        slope: steepest rise of the ground, a share.
-        window_m: half the width of the widest thing that stands on the ground.
-        threshold_m: points farther than this from the ground's surface, up or down, are none of it.
-        scale: and this times the surface's slope there, in metres.
+        slope: steepest slope of the ground, as a ratio.
+        window_m: half the width of the widest object.
+        threshold_m: greatest distance of ground points from the surface.
+        scale: added to that, times the slope of the surface.
     """
 
     cell_m: float = 0.5
@@ -49,15 +45,7 @@ class Smrf:
 
 
 def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
-    """Which cells show the ground.
-
-    Args:
-        lowest_m: (rows, columns) lowest height in each cell; nan where there is none.
-        filter_: what is ground.
-
-    Returns:
-        (rows, columns), False where there is no height.
-    """
+    """Which cells (rows, columns) are ground by their lowest heights `lowest_m`; False where these are nan."""
     seen = np.isfinite(lowest_m)
     if not seen.any():
         return seen
@@ -74,7 +62,7 @@ def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
 
 
 def from_nearest(height_m: FloatArray) -> FloatArray:
-    """Heights with each gap filled from the nearest cell that has one; there must be one."""
+    """Heights with gaps filled from the nearest cell; at least one is finite."""
     gaps = np.isnan(height_m)
     if not gaps.any():
         return height_m
@@ -84,12 +72,12 @@ def from_nearest(height_m: FloatArray) -> FloatArray:
 
 
 def _risen(surface_m: FloatArray, reach: int, by_m: float) -> NDArray[np.bool_]:
-    """What rises above the opened surface."""
+    """Where the surface exceeds its opening by more than `by_m`."""
     risen: NDArray[np.bool_] = surface_m - _opened(surface_m, reach) > by_m
     return risen
 
 
 def _opened(surface_m: FloatArray, reach: int) -> FloatArray:
-    """Least and then greatest height of the squares that reach so many cells to each side."""
+    """Morphological opening with a square that reaches this many cells to each side."""
     opened: FloatArray = grey_opening(surface_m, size=(2 * reach + 1,) * 2, mode="nearest")
     return opened

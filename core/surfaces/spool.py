@@ -1,4 +1,4 @@
-"""Points sorted into square tiles in a scratch file, so that a surface is made tile by tile, however large it is."""
+"""Points sorted into square tiles in a temporary file, so that memory does not grow with a surface."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.heights import cell_surface
+from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.record_spool import RecordSpool, Square, square_keys, square_of
 
 FloatArray = NDArray[np.float64]
 
 TILE: Final = 256
-"""Cells a side: so a cell of a tile has a number of 16 bits."""
+"""Cells a side, so that a cell index has 16 bits."""
 HELD: Final = 1 << 20
 """Points collected in memory before they are sorted and written, while as many others are collected."""
 POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
@@ -27,15 +29,15 @@ POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
 
 @dataclass(frozen=True)
 class TilePoints:
-    """The points of one tile, in the order in which they came.
+    """The points of one tile in their original order.
 
     Attributes:
-        grid: the tile's cells.
-        cell: (n,) uint16 flat index of the cell of each point.
+        grid: of the tile.
+        cell: (n,) uint16 flat cell index.
         height_m: (n,) float32 less `base_m`.
         t_s: (n,) float32 seconds after `begin_s`.
-        base_m: height that is taken off.
-        begin_s: UTC of the first point that came to the spool.
+        base_m: height offset.
+        begin_s: UTC of the first point of the spool.
     """
 
     grid: Grid
@@ -46,13 +48,17 @@ class TilePoints:
     begin_s: float
 
     def part(self, kept: NDArray[np.bool_]) -> TilePoints:
-        """Those of the points that are kept."""
+        """A subset of the points."""
         arrays = self.cell[kept], self.height_m[kept], self.t_s[kept]
         return TilePoints(self.grid, *arrays, self.base_m, self.begin_s)
 
+    def surface(self, statistic: Statistic) -> Surface:
+        """The surface of the tile."""
+        return cell_surface(self.grid, self.cell, self.height_m, self.base_m, statistic)
+
 
 class _Held(NamedTuple):
-    """Room for points that wait to be written: their tiles (HELD, 2), and cells in these, heights and times (HELD,)."""
+    """Buffers of points to be written: tiles (HELD, 2), cells, heights and times (HELD,)."""
 
     tiles: NDArray[np.int32]
     cells: NDArray[np.uint16]
@@ -66,19 +72,19 @@ class _Held(NamedTuple):
 
 
 class PointSpool:
-    """Takes points in any order and gives them back tile by tile: a context manager, whose scratch file has no name.
+    """Takes points in any order and returns them tile by tile: a context manager.
 
-    Memory is some 80 MB, and that of the largest tile; the scratch file takes 10 bytes a point. What is held is sorted
-    and written by a thread of the spool's own, while its owner goes on.
+    Memory is some 80 MB and that of the largest tile; the temporary file has 10 bytes a point. Full buffers are sorted
+    and written by a thread.
 
     Args:
-        cell_m: length of a cell's sides.
-        base_m: a height near all others: heights are kept as float32 less this.
-        folder: for the scratch file; None for the system's own.
+        cell_m: cell size.
+        base_m: a height near all others, as heights are stored as float32 less this.
+        folder: for the temporary file; None for the system default.
     """
 
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
-        Grid(cell_m, 0, 0, (1, 1))  # says what is wrong with the cell size
+        Grid(cell_m, 0, 0, (1, 1))  # raises on a bad cell size
         self.cell_m, self.base_m = cell_m, base_m
         self._records = RecordSpool(POINT, folder)
         self._points, self._others = _Held.none(), _Held.none()
@@ -104,16 +110,16 @@ class PointSpool:
         kept: NDArray[np.bool_] | None = None,
         origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Take points.
+        """Add points.
 
         Args:
-            xyz_m: (n, 3) easting, northing, height less `origin_m`; those that are not finite are passed over.
-            t_s: (n,) UTC; None where times play no part.
-            kept: (n,) which points to take; None for all.
-            origin_m: what is taken off the coordinates.
+            xyz_m: (n, 3) easting, northing, height less `origin_m`; points that are not finite are skipped.
+            t_s: (n,) UTC; None where times are not needed.
+            kept: (n,) which points to add; None for all.
+            origin_m: offset of the coordinates.
 
         Raises:
-            OSError: if the scratch file cannot be written.
+            OSError: if the temporary file cannot be written.
         """
         n = len(xyz_m)
         times = np.zeros(n) if t_s is None else np.ascontiguousarray(t_s, np.float64)
@@ -133,7 +139,7 @@ class PointSpool:
 
     @property
     def grid(self) -> Grid | None:
-        """The least grid that covers all points; None where there are none.
+        """The smallest grid that covers all points; None without points.
 
         Raises:
             InputError: if it has more cells than any raster.
@@ -144,7 +150,7 @@ class PointSpool:
 
     @property
     def tiles(self) -> list[Square]:
-        """Column and row, counted from the CRS's 0, of the tiles in which there are points: north first, then west.
+        """Column and row from the CRS origin of the tiles with points: north first, then west.
 
         Raises:
             InputError: as :attr:`grid`.
@@ -166,15 +172,15 @@ class PointSpool:
         return Grid(self.cell_m, west, north + 1, (north + 1 - south, east + 1 - west))
 
     def _hand_over(self) -> None:
-        """Let what is held be written, and go on with other arrays."""
+        """Start writing the buffers and switch to the others."""
         self._wait()
         if self._held:
-            self._covering()  # refuses what no raster holds
+            self._covering()  # raises on too large a grid
             self._written = self._writer.submit(self._write, self._points, self._held)
             self._points, self._others, self._held = self._others, self._points, 0
 
     def _wait(self) -> None:
-        """Until everything handed over is in the file; raises what went wrong with it."""
+        """Wait for the writer and raise its errors."""
         written, self._written = self._written, None
         if written is not None:
             written.result()
@@ -196,9 +202,9 @@ class PointSpool:
     nogil=True,
 )
 def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, heights, times, ends, held):  # type: ignore[no-untyped-def]
-    """Take points from number `first` on until there is no more room: where it stopped, and how many are held.
+    """Add points from index `first` on until the buffers are full: where it stopped, and how many are held.
 
-    `ends` are the least column and row, and the greatest ones, of all cells.
+    `ends` are the least and greatest column and row of all cells.
     """
     west, south, east, north = ends[0], ends[1], ends[2], ends[3]
     stopped = len(xyz_m)
@@ -224,7 +230,7 @@ def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, hei
 
 @numba.njit("UniTuple(int32[::1], 2)(int32[:, ::1])", cache=True, nogil=True)
 def bounds(tiles):  # type: ignore[no-untyped-def]
-    """Least and greatest column and row, fifty times as fast as numpy's along so narrow an axis."""
+    """Least and greatest column and row, fifty times as fast as numpy along an axis of two."""
     low, high = tiles[0].copy(), tiles[0].copy()
     for i in range(len(tiles)):
         for j in range(2):

@@ -1,4 +1,4 @@
-"""Which height stands for the returns of a cell."""
+"""Statistics that reduce the heights of a cell to one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Final, Self
 from furrowmap.core.values.errors import UsageError
 
 NMAD: Final = 1.4826
-"""Times the median absolute deviation is the standard deviation of what is normally distributed."""
+"""Standard deviation over median absolute deviation of a normal distribution."""
 TRIM: Final = 2.5
-"""The trimmed mean leaves out what lies further than this many NMAD from the median."""
+"""The trimmed mean excludes heights farther than this many NMAD from the median."""
 _NAMES: Final = {"min": 0.0, "median": 50.0, "max": 100.0}
 
 
 @dataclass(frozen=True)
 class Statistic:
-    """How the heights of a cell become one.
+    """A statistic.
 
     Attributes:
         name: "median", "trimmed", "mean", "min", "max" or "p" and a percentage such as "p90".
@@ -46,22 +46,22 @@ class Statistic:
             return cls(word, float(number[1]))
         raise UsageError(
             f"There is no statistic '{name}'.",
-            "It says which height stands for the returns of a cell.",
+            "It defines the height of a cell.",
             "Choose median, trimmed, mean, min, max, or a percentile such as p90.",
             code="unknown-statistic",
         )
 
     @property
     def needs_order(self) -> bool:
-        """Whether the heights of a cell have to be ordered for it; the others add up as points come."""
+        """Whether the heights of a cell must be sorted for it."""
         return self.name not in {"mean", "min", "max"}
 
     @property
     def error_factor(self) -> float:
-        """Its standard deviation where the heights' is 1 and there are many of them, times the root of their number.
+        """Standard error for n normal heights of unit variance times √n, asymptotically.
 
-        For percentiles ``sqrt(p (1 - p)) / density`` of the normal distribution (Stuart & Ord, Kendall's Advanced
-        Theory of Statistics I, 10.10); nan for the least and the greatest height, whose error does not fall that way.
+        For percentiles ``sqrt(p (1 - p)) / density`` (Stuart & Ord, Kendall's Advanced Theory of Statistics I, 10.10);
+        nan for the least and the greatest height.
         """
         if math.isnan(self.percent):
             return 1.0

@@ -1,4 +1,4 @@
-"""What the relief of a surface is like: slope, shade, and the random roughness of tilled soil."""
+"""Terrain products: slope, hillshade, random roughness."""
 
 from __future__ import annotations
 
@@ -15,20 +15,13 @@ Float32Array = NDArray[np.float32]
 
 PLOT_M: Final = 1.0
 LEAST_SHARE: Final = 0.5
-"""A plot in which a smaller share of the cells has a height has no roughness."""
+"""Least share of cells with a height in a plot."""
 
 
 def gradient(height_m: NDArray[np.floating], cell_m: float) -> tuple[FloatArray, FloatArray]:
-    """Rise eastward and northward, metres per metre, by the eight cells round each one.
+    """Slope eastward and northward of heights (rows, columns), north up; nan at edges and next to nan.
 
-    B. K. P. Horn (1981), Hill shading and the reflectance map, Proceedings of the IEEE 69, 14-47; as GDAL does it.
-
-    Args:
-        height_m: (rows, columns), north up.
-        cell_m: side of a cell.
-
-    Returns:
-        two arrays of that shape, nan at the edges and wherever one of the nine heights is.
+    B. K. P. Horn (1981), Hill shading and the reflectance map, Proceedings of the IEEE 69, 14-47, as in GDAL.
     """
     east, north = np.full((2, *height_m.shape), np.nan)
     if min(height_m.shape) < 3:
@@ -44,22 +37,20 @@ def gradient(height_m: NDArray[np.floating], cell_m: float) -> tuple[FloatArray,
 
 
 def slope_deg(height_m: NDArray[np.floating], cell_m: float) -> Float32Array:
-    """Slope in degrees, as :func:`gradient` has it; (rows, columns) float32, nan where that is."""
+    """Slope in degrees (rows, columns) from :func:`gradient`."""
     return np.degrees(np.arctan(np.hypot(*gradient(height_m, cell_m)))).astype(np.float32)
 
 
 def hillshade(
     height_m: NDArray[np.floating], cell_m: float, azimuth_deg: float = 315.0, altitude_deg: float = 45.0
 ) -> NDArray[np.uint8]:
-    """Light of a lamp far away on the surface, 1 (none) to 255 (at right angles), 0 where there is no slope.
-
-    As GDAL's `gdaldem hillshade` scales it.
+    """Hillshade of heights (rows, columns), north up, from 1 to 255 as `gdaldem hillshade`; 0 without a slope.
 
     Args:
-        height_m: (rows, columns), north up.
-        cell_m: side of a cell.
-        azimuth_deg: where the lamp stands, clockwise from grid north.
-        altitude_deg: above the horizon.
+        height_m: of the surface.
+        cell_m: cell size.
+        azimuth_deg: of the light, clockwise from grid north.
+        altitude_deg: of the light above the horizon.
     """
     east, north = gradient(height_m, cell_m)
     azimuth, altitude = math.radians(azimuth_deg), math.radians(altitude_deg)
@@ -72,21 +63,21 @@ def hillshade(
 def random_roughness(
     surface: Surface, plot_m: float = PLOT_M, tillage_heading_deg: float | None = None
 ) -> tuple[Grid, Float32Array]:
-    """Random roughness: standard deviation of a plot's heights without its slope and without the marks of tillage.
+    """Random roughness: standard deviation of heights in plots after removing slope and tillage marks.
 
     The index of Allmaras, Burwell, Larson and Holt (1966, Total porosity and random roughness of the interrow zone as
     influenced by tillage, USDA Conservation Research Report 7) in the form of Currence and Lovely (1970, The analysis
-    of soil surface roughness, Transactions of the ASAE 13, 710-714): of the heights themselves instead of their
-    logarithms, none left out. The slope is the plane of least squares. Marks are the mean heights of strips one cell
-    wide along the direction of tillage, where it is given. Roughness finer than a cell is averaged out.
+    of soil surface roughness, Transactions of the ASAE 13, 710-714): heights instead of their logarithms, none
+    excluded.
+    Slope is the least-squares plane; tillage marks are the mean heights of strips one cell wide along the heading.
 
     Args:
-        surface: of cells much smaller than a plot. Cells without returns do not count.
+        surface: of cells much smaller than a plot.
         plot_m: side of the plots.
-        tillage_heading_deg: direction of work, clockwise from grid north; None takes the slope off only.
+        tillage_heading_deg: clockwise from grid north; None to remove the slope only.
 
     Returns:
-        the grid of the plots, and (rows, columns) float32 metres; nan where less than half of a plot has a height.
+        the grid of the plots, and (rows, columns) float32 metres; nan where less than half of a plot has heights.
     """
     grid = surface.grid
     west, south, east, north = grid.bounds_m
@@ -109,23 +100,23 @@ def random_roughness(
         _, mark = np.unique(np.stack([plot, strip]), axis=1, return_inverse=True)
         mark = mark.ravel()
         rest -= (np.bincount(mark, rest) / np.bincount(mark))[mark]
-        # A strip's mean takes one freedom each; those of level and cross slope are among them.
+        # One degree of freedom per strip, which includes those of level and cross slope.
         first = np.unique(mark, return_index=True)[1]
         free = count - 1.0 - np.bincount(plot[first], minlength=len(out))
     square = np.bincount(plot, rest * rest, minlength=len(out))
-    told = enough & (free > 0)
-    out[told] = np.sqrt(square[told] / free[told])
+    known = enough & (free > 0)
+    out[known] = np.sqrt(square[known] / free[known])
     return plots, out.reshape(plots.shape)
 
 
 def _turned(e: FloatArray, n: FloatArray, heading_deg: float) -> tuple[FloatArray, FloatArray]:
-    """Coordinates along a heading, and to the right of it."""
+    """Coordinates along a heading and to its right."""
     heading = math.radians(heading_deg)
     return e * math.sin(heading) + n * math.cos(heading), e * math.cos(heading) - n * math.sin(heading)
 
 
 def _without_plane(plot: NDArray[np.intp], u: FloatArray, v: FloatArray, z: FloatArray, plots: int) -> FloatArray:
-    """Heights (n,) less the plane of least squares through those of their plot."""
+    """Residuals (n,) of heights from the least-squares plane of their plot."""
     count = np.maximum(np.bincount(plot, minlength=plots), 1)
     u, v, z = (axis - (np.bincount(plot, axis, minlength=plots) / count)[plot] for axis in (u, v, z))
     uu, uv, vv, uz, vz = (np.bincount(plot, a * b, plots) for a, b in ((u, u), (u, v), (v, v), (u, z), (v, z)))

@@ -1,4 +1,4 @@
-"""Points square by square, each square with what lies round it: memory is that of a square, however large the land."""
+"""Points square by square, each with the points in a margin."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _BESIDE: Final = [(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if 
 
 @dataclass(frozen=True)
 class Tile:
-    """The points of a square of the map.
+    """A square of the map.
 
     Attributes:
-        own: (m,) indices of the points in the square.
-        members: (k,) indices of these, in the same order, and after them of the points in a margin round it.
+        own: (m,) indices of its points.
+        members: (k,) these, followed by the indices of points in the margin.
     """
 
     own: NDArray[np.intp]
@@ -27,12 +27,12 @@ class Tile:
 
 
 def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterator[Tile]:
-    """The squares in which there are points, each point in one of them; empty land between them costs nothing.
+    """The squares that hold points.
 
     Args:
         xyz_m: (n, 2 or 3) finite easting, northing.
         tile_m: side of a square.
-        margin_m: round it, at most `tile_m`.
+        margin_m: around it, at most `tile_m`.
     """
     if not 0.0 <= margin_m <= tile_m:
         raise ValueError(f"a margin of {margin_m} m round squares of {tile_m} m")
@@ -55,7 +55,7 @@ def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterato
 
 
 def _numbered(place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """The different places in their order, and the number (n,) of each place among them."""
+    """Sorted unique values, and the index (n,) of each value among them."""
     low = place.min()
     if place.max() - low < _SHORT:
         step = (place - low).astype(np.intp)

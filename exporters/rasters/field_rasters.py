@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums, block_grid
+from furrowmap.core.surfaces.visits import BLOCK, SwathDifferences, SwathSums
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.work.run_result import RunResult
@@ -84,7 +84,7 @@ def write_rasters(
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
     bands = {DSM: SURFACE_BANDS} | ({DSM_BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
-    blocks = block_grid(grid)
+    blocks = grid.coarser(BLOCK)
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
     sums, swaths, seen = SoilSums(), SwathSums(), 0
     with ExitStack() as stack:
@@ -98,7 +98,7 @@ def write_rasters(
             for name, put in write.items():
                 put(tile.grid, arrays[name])
             sums.add(tile)
-            put_swaths(block_grid(tile.grid), (tile.swaths_m,))
+            put_swaths(tile.grid.coarser(BLOCK), (tile.swaths_m,))
             swaths.add(tile.swaths_m, blocks.cell_area_m2)
             seen += int(tile.after.seen.sum())
     differences = swaths.differences()

@@ -336,7 +336,7 @@ def test_folder__is_not_overwritten_unasked(made: Path, clouds: list[Path], tmp_
 
 
 def test_nothing_left__is_told_and_leaves_nothing(clouds: list[Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="none is left"):
+    with pytest.raises(InputError, match="is selected"):
         write_cloud_surfaces(clouds, tmp_path / "out", SurfaceSettings(0.2, box=(0.0, 0.0, 1.0, 1.0)))
     assert not (tmp_path / "out").exists()
 

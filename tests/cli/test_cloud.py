@@ -226,7 +226,7 @@ def test_cloud__times_of_a_week_beside_named_days_are_lost_and_reported(
         (["-o", "there.laz"], 4, "--overwrite"),
         (["-o", "o.laz", "--voxel", "0"], 2, "voxel"),
         (["-o", "o.laz", "--without-class", "machine"], 2, "numbers"),
-        (["-o", "o.laz", "--bbox", "0,0,1,1"], 3, "none is left"),
+        (["-o", "o.laz", "--bbox", "0,0,1,1"], 3, "is selected"),
         (["-o", "o.laz", "--ground", "class"], 2, "ground"),
     ],
 )

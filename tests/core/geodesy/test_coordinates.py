@@ -431,7 +431,7 @@ def test_a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
     with pytest.raises(RefusedError, match=r"differ by \d+ m from") as refused:
         transform_track(track(lon=lon, lat=lat), frame)
     assert refused.value.code == "crs-datum"
-    assert int(refused.value.lines[0].split(" lie ")[1].split()[0]) > least_m
+    assert int(refused.value.lines[0].split(" differ by ")[1].split()[0]) > least_m
     base = frame.crs.geodetic_crs
     assert base is not None
     stated = map_frame(Crs(map=f"EPSG:{epsg}", coordinates=f"{base.name}@2023.4"))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
-from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences, block_grid
+from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences
 
 GRID = Grid(0.05, 0, 64, (64, 64))
 
@@ -70,9 +70,9 @@ def test_swaths__too_few_returns_say_nothing() -> None:
 
 
 @given(st.integers(-9_999, 9_999), st.integers(-9_999, 9_999), st.integers(1, 99), st.integers(1, 99))
-def test_block_grid__covers_the_cells_with_no_block_to_spare(west: int, north: int, rows: int, columns: int) -> None:
+def test_coarser_grid__covers_the_cells_with_no_block_to_spare(west: int, north: int, rows: int, columns: int) -> None:
     cells = Grid(0.05, west, north, (rows, columns))
-    blocks = block_grid(cells)
+    blocks = cells.coarser(BLOCK)
     inner, outer = np.array(cells.bounds_m), np.array(blocks.bounds_m)
     beyond = (inner - outer) * (1, 1, -1, -1)
     assert blocks.cell_m == pytest.approx(BLOCK * 0.05)
