@@ -4,10 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
+# Every room, but not the long ones, nor what needs QGIS.
+QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers session surfaces trajectory values) \
+  tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
+TESTS ?= tests
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck format bench bench-sessions pages plugin clean
+.PHONY: help demo test setup lint typecheck layout format test-lowest test-python bench bench-sessions docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -17,6 +21,18 @@ demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show
 
 test: lint typecheck  ## everything that must hold: style, types, tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
+	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<
+	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest -n 2 --dist loadfile $(QUICK)
+
+build/lowest.txt: pyproject.toml scripts/lowest.py
+	@mkdir -p build
+	$(PYTHON) scripts/lowest.py > $@
+
+test-python:  ## the tests with another Python: make test-python PYTHON=python3.13 TESTS=tests
+	PYTHON=$(PYTHON) scripts/setup.sh build/venv-$(notdir $(PYTHON)) test
+	build/venv-$(notdir $(PYTHON))/bin/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 setup: $(INSTALLED)  ## only the virtual environment
 
@@ -28,11 +44,16 @@ lint: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 
-# The type checker sees the folders under their import names, as an installation has them.
-typecheck: $(INSTALLED)
+typecheck: $(INSTALLED) layout
+	$(BIN)/mypy -p furrowmap
+
+# The folders under their import names, as an installation has them, for what reads the source without importing it.
+layout:
 	@rm -rf build/typing && mkdir -p build/typing/furrowmap
 	@for part in $(PARTS) $(wildcard app/*); do ln -sfn ../../../$$part build/typing/furrowmap/$${part##*/}; done
-	$(BIN)/mypy -p furrowmap
+
+docs: $(INSTALLED) layout  ## the documentation as a site, in build/site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir build/site
 
 format: $(INSTALLED)  ## let ruff lay out the code
 	$(BIN)/ruff check --fix

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
-# Makes the virtual environment DIR with furrowmap (editable) and all that its development needs.
-#   setup.sh DIR        PYTHON=... names another interpreter than python3
+# Makes the virtual environment DIR with furrowmap (editable), its extras and a dependency group.
+#   setup.sh DIR [GROUP [CONSTRAINTS]]        PYTHON=... names another interpreter than python3
+# GROUP is dev by default, CONSTRAINTS is constraints.txt.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 venv=${1:?the folder of the virtual environment}
+group=${2:-dev}
+constraints=${3:-constraints.txt}
 python=${PYTHON:-python3}
 die() { printf '%s\n' "$@" >&2; exit 1; }
 
@@ -21,4 +24,5 @@ fi
 # An environment whose interpreter is gone (or whose checkout was moved) is made anew.
 "$venv/bin/python" -c '' 2>/dev/null && "$venv/bin/pip" --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 "$venv/bin/python" -m pip install -qq --constraint constraints.txt --upgrade pip
-"$venv/bin/python" -m pip install -qq --constraint constraints.txt --build-constraint constraints.txt --editable ".[csf,parquet,postgis]" --group dev
+"$venv/bin/python" -m pip install -qq --constraint "$constraints" --build-constraint constraints.txt \
+  --editable ".[csf,notebooks,parquet,postgis,xarray]" --group "$group"

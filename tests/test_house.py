@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import ast
+import configparser
+import os
 import re
 import runpy
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError
+from importlib import import_module
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
@@ -158,10 +162,50 @@ def test_versions__every_dependency_is_pinned_without_an_address() -> None:
     wanted = [
         *PROJECT["build-system"]["requires"],
         *PROJECT["project"]["dependencies"],
-        *PROJECT["dependency-groups"]["dev"],
-        *PROJECT["dependency-groups"]["bench"],
+        *(
+            text
+            for texts in PROJECT["project"]["optional-dependencies"].values()
+            for text in texts
+            if "open3d" not in text
+        ),
+        *(text for texts in PROJECT["dependency-groups"].values() for text in texts if isinstance(text, str)),
     ]
     assert {canonicalize_name(Requirement(text).name) for text in wanted} - pinned == set()
+
+
+def test_versions__have_lower_bounds_that_are_tested() -> None:
+    project = PROJECT["project"]
+    wanted = [
+        *project["dependencies"],
+        *(text for texts in project["optional-dependencies"].values() for text in texts),
+    ]
+    bounds = {(name := Requirement(text)).name: str(name.specifier) for text in wanted}
+    command = [sys.executable, CHECKOUT / "scripts" / "lowest.py"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert set(listed) == {name + bound.replace(">=", "==") for name, bound in bounds.items() if name != "open3d"}
+    assert all(re.fullmatch(r">=[\d.]+", bound) for bound in bounds.values())
+    pinned = dict(line.split("==") for line in (CHECKOUT / "constraints.txt").read_text().splitlines()[1:])
+    tested = {canonicalize_name(name): version for name, version in pinned.items()}
+    above = {
+        name
+        for name in bounds
+        if name != "open3d" and tested[canonicalize_name(name)] not in Requirement(name + bounds[name]).specifier
+    }
+    assert above == set()
+
+
+def test_addresses__are_those_of_the_plugin() -> None:
+    metadata = configparser.ConfigParser(interpolation=None)
+    metadata.read(CHECKOUT / "metadata.txt", encoding="utf-8")
+    plugin = {key: metadata["general"][key] for key in ("homepage", "repository", "tracker")}
+    urls = PROJECT["project"]["urls"]
+    assert plugin == {"homepage": urls["Homepage"], "repository": urls["Repository"], "tracker": urls["Issues"]}
+
+
+def test_modules__can_be_imported() -> None:
+    for module in module_files():
+        if not module.endswith("__main__"):
+            import_module(module)
 
 
 def test_changelog__names_the_version() -> None:
@@ -252,13 +296,20 @@ def test_functions__take_few_parameters() -> None:
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel built from a copy of the repository's files, in a folder with another name than the checkout's."""
-    folder = tmp_path_factory.mktemp("wheel")
+def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the repository's files, in a folder with another name than the checkout's."""
+    folder = tmp_path_factory.mktemp("copied") / "some checkout"
     for path in repository_files():
-        copy = folder / "some checkout" / path.relative_to(CHECKOUT)
+        copy = folder / path.relative_to(CHECKOUT)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, copy)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(copied: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of the repository's files."""
+    folder = tmp_path_factory.mktemp("wheel")
     build = [
         sys.executable,
         "-m",
@@ -270,7 +321,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "--wheel-dir",
         folder,
     ]
-    subprocess.run([*build, folder / "some checkout"], check=True)
+    subprocess.run([*build, copied], check=True)
     (built,) = folder.glob("*.whl")
     return built
 
@@ -307,6 +358,24 @@ def test_wheel__installs_and_imports_as_furrowmap(wheel: Path, tmp_path: Path) -
     places = [Path(line) for line in run.stdout.splitlines()]
     assert len(places) == len(packages)
     assert [place for place in places if not place.is_relative_to(tmp_path)] == []
+
+
+def test_sdist__holds_the_repository_and_its_tests_run(copied: Path, tmp_path: Path) -> None:
+    build = "from setuptools.build_meta import build_sdist; import sys; build_sdist(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", build, tmp_path], cwd=copied, stdout=subprocess.DEVNULL, check=True)
+    (built,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(built) as archive:
+        archive.extractall(tmp_path, filter="data")
+    (unpacked,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    held = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
+    about = {name for name in held if name in {"PKG-INFO", "setup.cfg"} or name.startswith("furrowmap.egg-info/")}
+    assert held - about == {p.relative_to(CHECKOUT).as_posix() for p in repository_files()}
+    site = tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--target", site]
+    subprocess.run([*install, unpacked], check=True)
+    look = f"import furrowmap; assert furrowmap.__file__.startswith({str(site)!r})"
+    for command in (["-c", look], ["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/core/values/test_clock.py"]):
+        subprocess.run([sys.executable, *command], cwd=unpacked, env=os.environ | {"PYTHONPATH": str(site)}, check=True)
 
 
 def test_repository__names_no_machine_and_holds_nothing_large() -> None:

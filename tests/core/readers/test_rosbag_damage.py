@@ -8,6 +8,7 @@ import random
 import shutil
 import sqlite3
 import struct
+import sys
 import time
 import tracemalloc
 from collections import Counter
@@ -16,13 +17,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rosbags.rosbag2.reader import zstd
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, write_bag1, write_bag2
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 Make = Callable[[Path], Path]
 
