@@ -69,6 +69,7 @@ bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions again
 pages: $(INSTALLED)  ## write the generated pages of docs again
 	$(BIN)/python scripts/code_reference.py
 	$(BIN)/python scripts/command_reference.py
+	$(BIN)/python scripts/reader_reference.py
 	$(BIN)/python scripts/scenario_reference.py
 	$(BIN)/python scripts/house_graph.py
 

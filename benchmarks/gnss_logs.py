@@ -1,4 +1,4 @@
-"""Seconds to read an hour at 10 Hz of each kind of log; with a folder, also what comes of every log in it, as a table.
+"""Seconds to read an hour at 10 Hz of each kind of log; with a folder, also the content of every log in it, as a table.
 
 ``python benchmarks/gnss_logs.py [FOLDER]``. The hours are of NAV-PVT, NAV-HPPOSLLH and NAV-COV (UBX), of PVTGeodetic,
 PosCovGeodetic and AttEuler (SBF), of RTKLIB's calendar style (.pos) and of GGA, RMC and GST (NMEA). Each figure is the
@@ -148,11 +148,11 @@ def best_s(path: Path) -> float:
 
 
 def told(path: Path, options: ReadOptions | None = None) -> tuple[str, str]:
-    """A log's format, and what it holds or why it is refused; one without a date gets one."""
+    """A log's format, and its content or why it cannot be read; one without a date gets one."""
     try:
         recognised = Recognised.of(path)
     except InputError as error:
-        return "–", f"refused: {error.lines[0]}"
+        return "–", f"error: {error.lines[0]}"
     try:
         reader = recognised.open(options)
         assert isinstance(reader, GivesTrack)
@@ -160,8 +160,8 @@ def told(path: Path, options: ReadOptions | None = None) -> tuple[str, str]:
     except InputError as error:
         if error.code == "no-date" and options is None:
             kind, words = told(path, ReadOptions(date=A_TUESDAY))
-            return kind, f"asks for the date; with one: {words.replace(A_TUESDAY, '…')}"
-        return recognised.reader.format, f"refused: {error.lines[0]}"
+            return kind, f"needs the date; with it: {words.replace(A_TUESDAY, '…')}"
+        return recognised.reader.format, f"error: {error.lines[0]}"
     kinds = Counter(Fix(fix).label for fix in track.fix.tolist()).most_common()
     counts = ", ".join(f"{count:,} {label}" for label, count in kinds)
     return recognised.reader.format, f"{counts}; {iso_utc(float(track.t_s[0]))}, {track.t_s[-1] - track.t_s[0]:,.1f} s"

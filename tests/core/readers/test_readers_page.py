@@ -1,27 +1,30 @@
-"""The reference page names every reader, with what it gives."""
+"""The reference page lists every reader with the data that it provides."""
 
 from __future__ import annotations
 
-import re
+import runpy
 from pathlib import Path
 
-from furrowmap.core.readers.reader import Reader, readers
+from furrowmap.core.readers.reader import readers
 from furrowmap.core.readers.rosbag.clouds import FIELD_NAMES
 from furrowmap.core.readers.rosbag.messages import FIXED_SIGMA_M
 
-PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "readers.md").read_text(encoding="utf-8")
-GIVES = ("scans", "track", "poses", "states")
+CHECKOUT = Path(__file__).resolve().parents[3]
+PAGE = (CHECKOUT / "docs" / "reference" / "readers.md").read_text(encoding="utf-8")
 
 
-def row(reader: type[Reader]) -> str:
-    gives = " | ".join("yes" if hasattr(reader, method) else "–" for method in GIVES)
-    return f"| `{reader.format}` | {reader.title} | {gives} |"
+def test_page__is_what_the_script_writes() -> None:
+    script = runpy.run_path(str(CHECKOUT / "scripts" / "reader_reference.py"))
+    assert script["page"](PAGE) == PAGE, "run scripts/reader_reference.py"
+    assert script["table"]() in PAGE
 
 
-def test_page__lists_every_reader_and_what_it_gives() -> None:
+def test_page__has_every_reader() -> None:
     ours = [reader for reader in readers() if reader.__module__.startswith("furrowmap.")]
-    listed = re.findall(r"^\| `[\w-]+` \|.*(?:yes|–) \|$", PAGE, re.MULTILINE)
-    assert sorted(listed) == sorted(row(reader) for reader in ours)
+    for reader in ours:
+        gives = [hasattr(reader, method) for method in ("scans", "track", "poses", "states")]
+        row = f"| `{reader.format}` | {reader.title} | {' | '.join('yes' if given else '–' for given in gives)} |"
+        assert row in PAGE.splitlines()
 
 
 def test_page__names_the_fields_of_a_cloud_and_the_bound_of_a_fix() -> None:

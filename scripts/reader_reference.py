@@ -1,0 +1,39 @@
+"""Writes the table of readers in docs/reference/readers.md: ``python scripts/reader_reference.py``."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.reader import Reader, readers
+
+PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "readers.md"
+GIVES: Final = {"scans": "laser scans", "track": "positions", "poses": "poses", "states": "implement states"}
+"""Methods of readers, and the data that they return."""
+_TABLE: Final = re.compile(r"(?<=<!-- Written by scripts/reader_reference\.py -->\n\n)(?:\|.*\n)+")
+
+
+def table() -> str:
+    """The table of furrowmap's own readers, those with laser scans first."""
+    ours = [reader for reader in readers() if reader.__module__.startswith("furrowmap.")]
+    head = f"| format | title | {' | '.join(GIVES.values())} |\n| --- | --- | {' | '.join(['---'] * len(GIVES))} |\n"
+    return head + "".join(map(_row, sorted(ours, key=_order)))
+
+
+def page(text: str) -> str:
+    """The page with its table as it should be."""
+    return _TABLE.sub(lambda _: table(), text, count=1)
+
+
+def _row(reader: type[Reader]) -> str:
+    gives = " | ".join("yes" if hasattr(reader, method) else "–" for method in GIVES)
+    return f"| `{reader.format}` | {reader.title} | {gives} |\n"
+
+
+def _order(reader: type[Reader]) -> tuple[list[bool], str]:
+    return [not hasattr(reader, method) for method in GIVES], reader.format
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
