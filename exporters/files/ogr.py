@@ -1,7 +1,6 @@
-"""pyogrio, kept from writing a file beside a GeoPackage that it only reads.
+"""pyogrio without `.aux.xml` files: GDAL would write one with a GeoPackage's metadata after reading it.
 
-GDAL takes metadata that it has read from a GeoPackage for its own, and writes them once more into `.aux.xml` when it
-closes the file. Import pyogrio from here.
+Import pyogrio from here.
 """
 
 from __future__ import annotations

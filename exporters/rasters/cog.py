@@ -26,12 +26,11 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.windows import common
 
 Bands = Sequence[NDArray[Any]]
-"""One array for each band, of the shape of the grid that they are over; written as float32, nan where unknown."""
+"""An array for each band, of the grid's shape; written as float32, nan where unknown."""
 
 BLOCK: Final = 512
 STEPS_PER_M: Final = 8192
-"""Heights are written in whole eighths of a thousandth of about a metre, 0.12 mm: the random digits below take a third
-of the file, and tell nothing of ground."""
+"""Heights are rounded to 2^-13 m (0.12 mm): the digits below are noise that takes a third of the file."""
 _OPTIONS: Final = {
     "driver": "COG",
     "BLOCKSIZE": str(BLOCK),
@@ -46,12 +45,12 @@ _CACHE_BYTES: Final = 64 << 20
 
 @dataclass(frozen=True)
 class Band:
-    """What a band of a raster holds.
+    """A band of a raster.
 
     Attributes:
-        description: a word or two that a GIS shows.
-        unit: such as "m"; "1" for numbers and shades, as an empty one is taken for that of the heights.
-        steps_per_unit: values are rounded to whole ones of so many steps; 0 for none.
+        description: shown by a GIS.
+        unit: such as "m"; "1" for numbers and shades, as GDAL takes an empty one for that of the heights.
+        steps_per_unit: values are rounded to multiples of 1 / steps_per_unit; 0 for no rounding.
     """
 
     description: str
@@ -64,9 +63,9 @@ COUNT: Final = Band("returns", "1", 0)
 SPREAD: Final = Band("spread")
 STANDARD_ERROR: Final = Band("standard error")
 FILLED: Final = Band("filled", "1", 0)
-"""1 where the height is from the cells around, else 0."""
+"""1 where the height is interpolated, else 0."""
 SURFACE_BANDS: Final = (HEIGHT, COUNT, SPREAD, STANDARD_ERROR)
-"""What the bands of :func:`surface_arrays` hold."""
+"""The bands of :func:`surface_arrays`."""
 
 
 def surface_arrays(surface: Surface) -> Bands:
@@ -78,20 +77,20 @@ def surface_arrays(surface: Surface) -> Bands:
 def cog_output(
     path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], origin: Origin
 ) -> Iterator[Callable[[Grid, Bands], None]]:
-    """Write a raster tile by tile; at the end the file is there whole, or not at all.
+    """Write a raster tile by tile, as a whole or not at all.
 
-    The tiles wait uncompressed in a scratch file beside `path`, from which GDAL's own driver makes the file with its
-    overviews; memory is a hundred megabytes, however large the raster.
+    The tiles are kept uncompressed in a scratch file beside `path`, from which GDAL's COG driver writes the file with
+    overviews; memory is a hundred megabytes, regardless of the raster's size.
 
     Args:
         path: of the file; an older one is replaced.
         grid: of the raster.
-        crs: of the map, with or without heights; GDAL then tells :func:`reported_crs` of it.
-        bands: what they hold.
-        origin: where the raster comes from.
+        crs: of the map, with or without heights; GDAL reports :func:`reported_crs` of it.
+        bands: of the raster.
+        origin: its provenance.
 
     Yields:
-        Takes the bands of a tile, whose grid has the same cells; what reaches beyond the raster is left out.
+        A function that takes the bands of a tile with the same cells; parts outside the raster are ignored.
 
     Raises:
         OSError: if the file cannot be written.
@@ -144,7 +143,7 @@ def cog_output(
 
 
 def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
-    """Write a raster that memory holds.
+    """Write a raster from arrays.
 
     Raises:
         OSError: if the file cannot be written.
@@ -154,11 +153,11 @@ def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: B
 
 
 def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
-    """The map's CRS with the heights that a raster's values are.
+    """The map's CRS with the heights of a raster's values.
 
-    ISO 19111 knows ellipsoidal heights only as an axis of a CRS of three dimensions, and a GeoTIFF has no room for a
-    projected one: GDAL would put it into a file beside. So they are a vertical CRS whose name says what they are, in a
-    compound with the map's. Other heights than "ellipsoidal", and what WKT 1 has no words for, leave the CRS as it is.
+    ISO 19111 has ellipsoidal heights only as an axis of a three-dimensional CRS, and a GeoTIFF cannot store a projected
+    one: GDAL would write it to a second file. So they become a vertical CRS with a telling name, in a compound with the
+    map's. For other heights than "ellipsoidal", and where WKT 1 cannot express the CRS, it is returned unchanged.
     """
     if heights != "ellipsoidal" or crs.is_compound:
         return crs
@@ -170,10 +169,10 @@ def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:
 
 
 def reported_crs(crs: CRS) -> CRS:
-    """What GDAL tells of a raster in `crs`: the map's part of a compound that has no code of its own, else the whole.
+    """The CRS that GDAL reports for a raster in `crs`: the horizontal part of a compound without a code, else `crs`.
 
-    QGIS takes a compound without a code for a CRS that it does not know. Of GeoTIFF 1.0 GDAL tells the map's part by
-    its code, and the whole if asked to (`GTIFF_REPORT_COMPD_CS=YES`); both are in the file.
+    QGIS takes a compound without a code for an unknown CRS. For GeoTIFF 1.0 GDAL reports the horizontal part by its
+    code, and the compound with `GTIFF_REPORT_COMPD_CS=YES`; both are in the file.
     """
     return crs.sub_crs_list[0] if crs.is_compound and crs.to_epsg() is None else crs
 
@@ -185,7 +184,7 @@ _COMPOUND: Final = (
 
 
 def _tags(origin: Origin) -> dict[str, str]:
-    """As a GeoTIFF's metadata; TIFF has tags of its own for some."""
+    """GeoTIFF metadata, with TIFF's own tags for some."""
     tags = origin.metadata
     own = {"TIFFTAG_SOFTWARE": tags.pop("SOFTWARE"), "TIFFTAG_IMAGEDESCRIPTION": tags.pop("TITLE")}
     if "TIME_END" in tags:
@@ -194,12 +193,12 @@ def _tags(origin: Origin) -> dict[str, str]:
 
 
 def _quoted(name: str) -> str:
-    """As it stands between a WKT's quotation marks."""
+    """A name between the quotation marks of WKT."""
     return name.replace('"', '""')
 
 
 def _raster_crs(crs: CRS) -> rasterio.CRS:
-    """As GDAL takes it: WKT 1 where that has words for it."""
+    """The CRS for GDAL: as WKT 1 where that can express it."""
     try:
         return rasterio.CRS.from_wkt(crs.to_wkt("WKT1_GDAL"))
     except (ProjError, CRSError):
@@ -207,19 +206,19 @@ def _raster_crs(crs: CRS) -> rasterio.CRS:
 
 
 class _Statistics:
-    """What GDAL and QGIS look up of a band instead of reading it through."""
+    """Statistics of a band, which GDAL and QGIS use instead of reading all of it."""
 
     def __init__(self) -> None:
         self._count, self._sum, self._square = 0, 0.0, 0.0
         self._base = self._least = self._greatest = math.nan
 
     def add(self, values: NDArray[np.float32]) -> None:
-        """Take note of a tile's values."""
+        """Add the values of a tile."""
         known = values[np.isfinite(values)]
         if not len(known):
             return
         if not self._count:
-            self._base = float(known[0])  # sums of what differs from it keep their digits
+            self._base = float(known[0])  # sums of differences keep their digits
         apart = known.astype(np.float64) - self._base
         self._count += len(known)
         self._sum += float(apart.sum())
@@ -228,7 +227,7 @@ class _Statistics:
         self._greatest = float(np.fmax(self._greatest, known.max()))
 
     def tags(self, cells: int) -> dict[str, str]:
-        """As GDAL names them; none where no value is known."""
+        """GDAL's tags; empty for a band without values."""
         if not self._count:
             return {}
         mean = self._sum / self._count

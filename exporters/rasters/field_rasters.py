@@ -1,4 +1,4 @@
-"""The surfaces of a run as rasters: `dsm.tif`, of work `dsm_before.tif` and `change.tif`, of swaths `swaths.tif`."""
+"""The rasters of a run: `dsm.tif`, `dsm_before.tif`, `change.tif`, `swaths.tif`."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ _TITLES: Final = {
 
 @dataclass(frozen=True)
 class RasterFigures:
-    """What the report tells of the surfaces.
+    """Figures of the surfaces for the report.
 
     Attributes:
         cell_m: length of a cell's sides.
         seen_m2: area with a height in `dsm.tif`.
-        moved: soil; None where no work is known.
-        swaths: how well they agree; None where no ground was seen twice.
+        moved: soil moved; None where work is unknown.
+        swaths: differences between swaths; None where no ground was seen twice.
     """
 
     cell_m: float
@@ -55,7 +55,7 @@ class RasterFigures:
     swaths: SwathDifferences | None
 
     def plain(self) -> dict[str, Any]:
-        """As `report.json` has it."""
+        """As in `report.json`."""
         figures: dict[str, Any] = {"dsm_cell_m": self.cell_m, "dsm_area_m2": round(self.seen_m2, 1)}
         if self.moved is None:
             return figures
@@ -67,14 +67,14 @@ class RasterFigures:
 def write_rasters(
     folder: Path, land: FieldPoints, found: RunResult, origin: Origin, progress: Progress
 ) -> RasterFigures | None:
-    """Write the rasters of a run into a folder; None, and no file, where no point lies on the land.
+    """Write the rasters of a run; None, and no file, where there are no points on the ground.
 
     Args:
         folder: to write to.
         land: the points.
-        found: by the run.
-        origin: of its products.
-        progress: is told of the stage "making surfaces".
+        found: result of the run.
+        origin: provenance of its products.
+        progress: receives the stage "making surfaces".
 
     Raises:
         OSError: if they cannot be written.
@@ -93,7 +93,7 @@ def write_rasters(
             for name, held in bands.items()
         }
         put_swaths = stack.enter_context(cog_output(folder / SWATHS, blocks, crs, SWATH_BANDS, _of(origin, SWATHS)))
-        for tile in _told(land, land.tiles(passages, MEDIAN), progress):
+        for tile in _with_progress(land, land.tiles(passages, MEDIAN), progress):
             arrays = _arrays(tile)
             for name, put in write.items():
                 put(tile.grid, arrays[name])
@@ -118,8 +118,8 @@ def _arrays(tile: FieldTile) -> dict[str, Bands]:
     }
 
 
-def _told(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
-    """The tiles; tells `progress` how many of them are done."""
+def _with_progress(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
+    """The tiles, with their progress."""
     count = max(land.tile_count, 1)
     for number, tile in enumerate(tiles, start=1):
         yield tile

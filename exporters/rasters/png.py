@@ -1,4 +1,4 @@
-"""Small pictures as PNG (ISO/IEC 15948), to stand inside a page."""
+"""Small images as PNG (ISO/IEC 15948), to embed in a page."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _COLOUR_TYPES: Final = {1: 0, 2: 4, 3: 2, 4: 6}
 
 
 def data_uri(picture: NDArray[np.uint8]) -> str:
-    """A picture (rows, columns, channels), its first row on top, as the address of itself."""
+    """An image (rows, columns, channels), first row on top, as a data URI."""
     return "data:image/png;base64," + base64.b64encode(png(picture)).decode("ascii")
 
 
 def png(picture: NDArray[np.uint8]) -> bytes:
-    """A picture (rows, columns, channels) with 1 to 4 channels, its first row on top, as a PNG file."""
+    """An image (rows, columns, channels) with 1 to 4 channels, first row on top, as a PNG file."""
     rows, columns, channels = picture.shape
     head = struct.pack(">IIBBBBB", columns, rows, 8, _COLOUR_TYPES[channels], 0, 0, 0)
     lines = np.zeros((rows, 1 + columns * channels), np.uint8)  # each line begins with its filter: none

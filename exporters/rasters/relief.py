@@ -1,4 +1,4 @@
-"""The ground in light shades, from the coarse levels of a cloud: a backdrop for a map."""
+"""Shaded relief from the coarse levels of a cloud, as the background of a map."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ MOST_POINTS: Final = 250_000
 POINTS_A_CELL: Final = 6
 LONGEST_SIDE: Final = 500
 REACH_CELLS: Final = 3
-"""Cells without a point are drawn up to so many cells away from one."""
+"""Cells without a point are drawn up to this distance from one."""
 EXAGGERATION: Final = 3.0
 DARKEST: Final = 150.0
 
 
 @dataclass(frozen=True)
 class Relief:
-    """A shaded picture of the ground.
+    """Shaded relief of the ground.
 
     Attributes:
         picture: (rows, columns, 2) uint8 grey and alpha, north on top.
-        box_m: what it covers.
+        box_m: its bounds.
     """
 
     picture: NDArray[np.uint8]
@@ -39,11 +39,11 @@ class Relief:
 
 
 def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> Relief | None:
-    """The ground within a box, as far as the coarse levels of a COPC file show it; None where they show none.
+    """The relief within a box, from the coarse levels of a COPC file; None for no points.
 
     Args:
         cloud: a COPC file.
-        points_by_level: how many points each of its levels has.
+        points_by_level: number of points of each level.
         box_m: in the cloud's coordinates.
     """
     enough = int(np.searchsorted(np.cumsum(points_by_level), MOST_POINTS, side="right"))
@@ -64,7 +64,7 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
 
 
 def _lowest(cell: NDArray[np.intp], z: FloatArray, cells: int) -> FloatArray:
-    """The least height in each cell; nan where there is none."""
+    """The least height in each cell; nan for none."""
     order = np.lexsort((z, cell))
     there, first = np.unique(cell[order], return_index=True)
     out = np.full(cells, np.nan)
@@ -73,7 +73,7 @@ def _lowest(cell: NDArray[np.intp], z: FloatArray, cells: int) -> FloatArray:
 
 
 def _shaded(height_m: FloatArray, cell_m: float) -> NDArray[np.uint8]:
-    """Lit from the north-west, 45 degrees high; clear where nothing is near."""
+    """Lit from the north-west at 45 degrees; transparent far from any point."""
     away, (row, column) = ndimage.distance_transform_edt(np.isnan(height_m), return_indices=True)
     ground = ndimage.median_filter(height_m[row, column], 3)
     down, right = np.gradient(ground * EXAGGERATION, cell_m)

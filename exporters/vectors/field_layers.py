@@ -1,4 +1,4 @@
-"""What a run knows about the field, as the layers of `field.gpkg`."""
+"""The layers of `field.gpkg`."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ _TRAJECTORY: Final = "The vehicle frame's origin (on the ground below the rear a
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of vectors.
+    """A vector layer.
 
     Attributes:
-        name: of the layer, and of its style.
-        kind: of geometry, as OGR calls it.
-        description: for its readers.
-        shapes: (n,) geometries; None where there is none.
+        name: of the layer and its style.
+        kind: geometry type, as OGR calls it; empty for a table.
+        description: for users.
+        shapes: (n,) geometries or None.
         columns: (n,) values of each field; times as datetime64[ms] in UTC; masked values and nan become NULL.
     """
 
@@ -69,10 +69,7 @@ def geometry_array(shapes: Any) -> ObjectArray:
 
 
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
-    """All layers there are: `trajectory` always, the others where ground worked is known.
-
-    Those that a map shows on top come first.
-    """
+    """All layers, the topmost of a map first: `trajectory` always, the others where the worked ground is known."""
     trajectory = Layer(
         "trajectory", "2.5D Point", _TRAJECTORY, geometry_array(shapely.points(poses.xyz_m)), _of_scans(poses, work)
     )
@@ -172,7 +169,7 @@ def _of_paths(paths: Sequence[ToolPath]) -> Layer:
     return Layer(
         "tool_path",
         "2.5D LineString",
-        "The way of the middle of the tool's line, a line for each state of the tool",
+        "The path of the middle of the tool's line, a line for each state of the tool",
         geometry_array([path.line for path in paths]),
         {
             "implement": _words(path.state.label for path in paths),
@@ -209,7 +206,7 @@ def _areas(areas: Sequence[Area]) -> Columns:
 
 
 def _labels(codes: NDArray[np.int8], words: Mapping[int, str]) -> ObjectArray:
-    """The word of each code; None (NULL in the file) where it has none."""
+    """The word of each code; None (NULL in the file) for unknown codes."""
     known, index = np.unique(codes, return_inverse=True)
     return np.array([words.get(int(code)) for code in known], dtype=object)[index]
 
@@ -223,7 +220,7 @@ def _floats(values: Iterable[float]) -> NDArray[np.float64]:
 
 
 def _numbers(passes: ArrayLike) -> NDArray[Any]:
-    """Numbers of passes; masked where it is 0, between passes."""
+    """Numbers of passes; 0 (between passes) is masked."""
     return np.ma.masked_equal(np.asarray(passes, np.int64), 0)
 
 

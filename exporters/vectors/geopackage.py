@@ -1,4 +1,4 @@
-"""`field.gpkg`: what a run knows about the field as vector layers, each with its style stored inside."""
+"""Writing and reading layers of a GeoPackage, and `field.gpkg` with its styles."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 
 _UTC_OFFSET: Final = 100
-"""How OGR spells UTC among its time zones (0 unknown, 1 local, 100 UTC)."""
+"""OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
 PAGE_BYTES: Final = 1024
-"""Of the file: large enough for a few rows of `trajectory`."""
+"""Page size of the file: a few rows of `trajectory`."""
 INDEXED_FROM: Final = 1000
-"""Fewer features are found as fast without a spatial index, which takes more room than they do."""
+"""With fewer features a spatial index takes more room than it saves time."""
 GEOMETRY: Final = "geom"
 _NOTHING: Final = FieldWork()
 
@@ -43,12 +43,12 @@ def write_field(
     """Write `field.gpkg` with its layers and their styles.
 
     Args:
-        path: of the file; an old one is replaced when the new one is whole.
+        path: of the file; an old one is replaced at the end.
         poses: the rows of the layer `trajectory`.
-        crs: of all coordinates; as WKT 2 it may tell their epoch.
-        work: what the implement did.
+        crs: of all coordinates; WKT 2 may include their epoch.
+        work: states of the implement and worked ground.
         words: on the coordinates, added to each layer's description.
-        origin: where it comes from, told in the file's metadata.
+        origin: provenance, for the file's metadata.
 
     Raises:
         OSError: if the file cannot be written there.
@@ -59,8 +59,8 @@ def write_field(
     ]
     with atomic_output(path) as unfinished:
         for layer in layers:
-            told = None if unfinished.exists() else origin
-            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=told)
+            first = None if unfinished.exists() else origin
+            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
         write_styles(unfinished, [layer.name for layer in layers])
         _pack(unfinished)
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
@@ -75,15 +75,15 @@ def write_layer(
     append: bool = False,
     origin: Origin | None = None,
 ) -> None:
-    """Write a layer into a GeoPackage, or its features into one that is there.
+    """Write a layer to a GeoPackage, or append its features to an existing layer.
 
     Args:
-        path: of the GeoPackage; made where it is not there.
-        layer: without a kind it is a table of attributes.
+        path: of the GeoPackage; created where missing.
+        layer: to write.
         crs: of its coordinates.
         indexed: whether a new layer gets a spatial index.
-        append: add to the layer of that name, which has these columns.
-        origin: told in the metadata of the file.
+        append: to the layer of that name, which has these columns.
+        origin: provenance, for the file's metadata.
 
     Raises:
         OSError: if the file cannot be written there.
@@ -139,23 +139,23 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
 
 
 def write_styles(path: Path, layers: Sequence[str]) -> None:
-    """Store each layer's style in the table where QGIS looks for it, as the one to open the layer with.
+    """Store the packaged style of each layer as its default style in QGIS.
 
     Args:
         path: of the GeoPackage.
-        layers: the name of each, one of those of `field.gpkg`.
+        layers: names of layers of `field.gpkg`.
     """
     folder = files("furrowmap.exporters").joinpath("styles")
     store_styles(path, {name: folder.joinpath(f"{name}.qml").read_text("utf-8") for name in layers})
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
-    """Store styles, each in QGIS's own form, as the ones to open their layers with.
+    """Store styles as the default styles of their layers in QGIS.
 
     Args:
         path: of the GeoPackage.
-        styles: by the name of the layer.
-        append: add to the styles that are there.
+        styles: QML by the name of the layer.
+        append: to existing styles.
     """
     n = len(styles)
     empty = np.full(n, "", dtype=object)
@@ -188,21 +188,21 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
 
 
 def _pack(path: Path) -> None:
-    """Lay the file out anew in small pages: an outline fills its last page by half, and an empty table takes a page."""
+    """Rewrite the file in small pages, of which outlines and empty tables leave less unused."""
     with closing(sqlite3.connect(path)) as database:
         database.execute(f"PRAGMA page_size={PAGE_BYTES}")
         database.execute("VACUUM")
 
 
 def _check(path: Path, counts: Mapping[str, int]) -> None:
-    """See that the file is sound and holds the features it was given.
+    """Check the file and its number of features.
 
     Raises:
-        OSError: if it does not: the disk kept something else than what was written.
+        OSError: if they differ from what was written.
     """
     with closing(sqlite3.connect(path)) as database:
         verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
         found = {name: database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0] for name in counts}  # noqa: S608
         journal = database.execute("PRAGMA journal_mode").fetchone()[0]
     if verdict != "ok" or found != counts or journal != "delete":
-        raise OSError(f"{path} is not as it was written ({verdict}; {found} features, journal {journal})")
+        raise OSError(f"{path} differs from what was written ({verdict}; {found} features, journal {journal})")

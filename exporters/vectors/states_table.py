@@ -1,4 +1,4 @@
-"""`states.csv`: when the tool went down and up, as a table that a run reads again."""
+"""`states.csv`: times at which the tool was lowered and lifted, in the format that a session can read."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
 
 
 def write_states(path: Path, states: ToolStates) -> None:
-    """Write a row for each change of state; `t_s` has all its digits, so that reading gives the same times.
+    """Write a row for each change of state, with all digits of `t_s`.
 
     Raises:
-        OSError: if the file cannot be written there.
+        OSError: if the file cannot be written.
     """
     with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""The ground worked in the tasks of task data: a table of figures, and a GeoPackage of all fields."""
+"""The worked ground of the tasks of task data: a table of figures, and a GeoPackage of all fields."""
 
 from __future__ import annotations
 
@@ -20,22 +20,14 @@ from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, wr
 
 FIELDS: Final = "fields"
 FIGURES: Final = (
-    "worked_area_m2",
-    "worked_area_sigma_m2",
-    "overlap_area_m2",
-    "missed_area_m2",
-    "swept_area_m2",
-    "logged_swept_area_m2",
-    "counted_area_m2",
-    "boundary_area_m2",
-    "worked_length_m",
-    "work_rate_ha_h",
-)
-"""The figures of a field; areas are on the ellipsoid, but `swept_area_m2`, which is in the map's plane."""
+    "worked_area_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2",
+    "logged_swept_area_m2", "counted_area_m2", "boundary_area_m2", "worked_length_m", "work_rate_ha_h",
+)  # fmt: skip
+"""The figures of a field; areas are on the ellipsoid, except `swept_area_m2` in the map's plane."""
 
 
 def task_figures(work: TaskWork) -> dict[str, Any]:
-    """What is told of one task; None where a figure is unknown."""
+    """The figures of a task; None where unknown."""
     task, ground = work.task, work.work.ground
     figures = ground.figures if ground is not None else None
     row: dict[str, Any] = {
@@ -68,10 +60,10 @@ def task_figures(work: TaskWork) -> dict[str, Any]:
 
 
 def write_fields(path: Path, works: TaskWorks) -> None:
-    """Write the layers of `field.gpkg`, the fields of all tasks in each, and a layer of the fields themselves.
+    """Write the layers of `field.gpkg` for all tasks, and a layer of the fields.
 
     Args:
-        path: of the GeoPackage; an old one is replaced when the new one is whole.
+        path: of the GeoPackage; an old one is replaced at the end.
         works: of the tasks.
 
     Raises:
@@ -111,7 +103,7 @@ def _fields(works: Sequence[TaskWork]) -> Layer:
 
 
 def _outline(work: TaskWork) -> shapely.MultiPolygon | None:
-    """The field's boundary as a geometry of many parts; None where there is none."""
+    """The field's boundary; None where unknown."""
     if work.work.boundary is None:
         return None
     polygons = [part for part in shapely.get_parts(work.work.boundary) if isinstance(part, shapely.Polygon)]
