@@ -1,1 +1,157 @@
-"""Georeferenced point clouds, surfaces and worked ground from a vehicle's LiDAR and GNSS."""
+"""Georeferenced point clouds, surfaces and worked ground from a vehicle's LiDAR and GNSS.
+
+Every workflow of the command line is a function here, for notebooks and other software:
+
+>>> import furrowmap
+>>> result = furrowmap.run("session.toml", "result")
+>>> result.passes[["start", "end", "area_m2"]]
+
+Lengths are in metres, angles in degrees, times in seconds of UTC since 1970, each named by its unit. The names in
+``__all__`` keep their meaning within a major version (https://semver.org); everything else may change with any version.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.metadata import version
+
+    from furrowmap.core.checking.check import Check as Check
+    from furrowmap.core.evaluation.evaluation import Evaluation as Evaluation
+    from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
+    from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
+    from furrowmap.core.readers.reader import Inspection as Inspection
+    from furrowmap.core.session.examination import Examined as Examined
+    from furrowmap.core.session.examination import time_matches as time_matches
+    from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
+    from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
+    from furrowmap.core.simulator.simulate import Simulated as Simulated
+    from furrowmap.core.values.errors import FurrowmapError as FurrowmapError
+    from furrowmap.core.values.errors import InputError as InputError
+    from furrowmap.core.values.errors import Notice as Notice
+    from furrowmap.core.values.errors import RefusedError as RefusedError
+    from furrowmap.core.values.errors import UsageError as UsageError
+    from furrowmap.core.values.scan import Scan as Scan
+    from furrowmap.core.values.threads import using_threads as using_threads
+    from furrowmap.exporters.farm.edit import KnownSession as KnownSession
+    from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
+    from furrowmap.exporters.farm.mosaic import MosaicSettings as MosaicSettings
+    from furrowmap.exporters.reports.evaluation_figures import evaluation_figures as evaluation_figures
+    from furrowmap.points import POINT as POINT
+    from furrowmap.points import Points as Points
+    from furrowmap.points import open_points as open_points
+    from furrowmap.recordings import open_recording as open_recording
+    from furrowmap.recordings import range_image as range_image
+    from furrowmap.results import Raster as Raster
+    from furrowmap.results import Result as Result
+    from furrowmap.results import open_result as open_result
+    from furrowmap.workflows.calibrate import Calibration as Calibration
+    from furrowmap.workflows.calibrate import calibrate as calibrate
+    from furrowmap.workflows.check import CheckSettings as CheckSettings
+    from furrowmap.workflows.check import check as check
+    from furrowmap.workflows.clean import CleanSettings as CleanSettings
+    from furrowmap.workflows.clean import clean as clean
+    from furrowmap.workflows.evaluate_gnss import EvaluationSettings as EvaluationSettings
+    from furrowmap.workflows.evaluate_gnss import evaluate_gnss as evaluate_gnss
+    from furrowmap.workflows.evaluate_gnss import evaluate_log as evaluate_log
+    from furrowmap.workflows.export import Exported as Exported
+    from furrowmap.workflows.export import export as export
+    from furrowmap.workflows.farm import FarmMapChange as FarmMapChange
+    from furrowmap.workflows.farm import add_to_farm_map as add_to_farm_map
+    from furrowmap.workflows.farm import farm_map_sessions as farm_map_sessions
+    from furrowmap.workflows.farm import remove_from_farm_map as remove_from_farm_map
+    from furrowmap.workflows.fields import Fields as Fields
+    from furrowmap.workflows.fields import fields as fields
+    from furrowmap.workflows.inspect import inspect as inspect
+    from furrowmap.workflows.mosaic import mosaic as mosaic
+    from furrowmap.workflows.preview import preview as preview
+    from furrowmap.workflows.propose import ProposedSession as ProposedSession
+    from furrowmap.workflows.propose import propose_session as propose_session
+    from furrowmap.workflows.run import run as run
+    from furrowmap.workflows.simulate import simulate as simulate
+    from furrowmap.workflows.surface import surface as surface
+
+    __version__ = version("furrowmap")
+
+_HOMES = {
+    "Calibration": "workflows.calibrate",
+    "Check": "core.checking.check",
+    "CheckSettings": "workflows.check",
+    "CleanSettings": "workflows.clean",
+    "Cleaning": "core.pointclouds.cleaning",
+    "Evaluation": "core.evaluation.evaluation",
+    "EvaluationSettings": "workflows.evaluate_gnss",
+    "Examined": "core.session.examination",
+    "Exported": "workflows.export",
+    "FarmMapChange": "workflows.farm",
+    "Fields": "workflows.fields",
+    "FurrowmapError": "core.values.errors",
+    "InputError": "core.values.errors",
+    "Inspection": "core.readers.reader",
+    "KnownSession": "exporters.farm.edit",
+    "Mosaic": "exporters.farm.mosaic",
+    "MosaicSettings": "exporters.farm.mosaic",
+    "Notice": "core.values.errors",
+    "POINT": "points",
+    "Points": "points",
+    "ProposedSession": "workflows.propose",
+    "Raster": "results",
+    "RefusedError": "core.values.errors",
+    "Result": "results",
+    "Scan": "core.values.scan",
+    "Simulated": "core.simulator.simulate",
+    "SiteCoordinates": "core.session.site_coordinates",
+    "SurfaceSettings": "core.pointclouds.surface_settings",
+    "UsageError": "core.values.errors",
+    "add_to_farm_map": "workflows.farm",
+    "calibrate": "workflows.calibrate",
+    "check": "workflows.check",
+    "clean": "workflows.clean",
+    "evaluate_gnss": "workflows.evaluate_gnss",
+    "evaluate_log": "workflows.evaluate_gnss",
+    "evaluation_figures": "exporters.reports.evaluation_figures",
+    "export": "workflows.export",
+    "farm_map_sessions": "workflows.farm",
+    "fields": "workflows.fields",
+    "inspect": "workflows.inspect",
+    "mosaic": "workflows.mosaic",
+    "open_points": "points",
+    "open_recording": "recordings",
+    "open_result": "results",
+    "preview": "workflows.preview",
+    "propose_session": "workflows.propose",
+    "range_image": "recordings",
+    "remove_from_farm_map": "workflows.farm",
+    "run": "workflows.run",
+    "simulate": "workflows.simulate",
+    "site_coordinates": "core.session.site_coordinates",
+    "surface": "workflows.surface",
+    "time_matches": "core.session.examination",
+    "using_threads": "core.values.threads",
+}
+"""The module of each public name. They are imported on first use, so that `import furrowmap` takes no time."""
+
+__all__ = ["__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported on first use."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        value: Any = version("furrowmap")
+    elif name in _HOMES:
+        from furrowmap.process import prepare_process
+
+        prepare_process()
+        value = getattr(import_module(f"furrowmap.{_HOMES[name]}"), name)
+    else:
+        raise AttributeError(f"module 'furrowmap' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -20,8 +21,9 @@ _M_ARENA_MAX: Final = -8
 COMPILING: Final = "Compiling kernels for this machine. This takes one to two minutes, once."
 
 
+@cache
 def prepare_process() -> None:
-    """Set up this process for furrowmap's work; call it before numpy and numba are imported, or it has less effect."""
+    """Set up this process for furrowmap's work, once; after numpy and numba are imported it has less effect."""
     keep_kernels()
     keep_blas_single()
     keep_freed_memory()

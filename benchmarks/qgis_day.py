@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from pyproj import CRS
 
+import furrowmap
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
@@ -25,7 +26,6 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import style_of
 from furrowmap.exporters.rasters.cog import HEIGHT, Band, cog_output
-from furrowmap.workflows.run import write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DAY = Path.home() / ".cache" / "furrowmap" / "benchmarks" / "qgis_day"
@@ -94,7 +94,7 @@ def make_day(folder: Path) -> None:
     states = "".join(f"{begin:.2f},down\n{end:.2f},up\n" for begin, end in passes_s)
     (DAY / "states.csv").write_text(f"t_s,state\n{t_s[0]:.2f},up\n{states}")
     (DAY / "session.toml").write_text(SESSION)
-    write_products(DAY / "session.toml", folder, overwrite=True)
+    furrowmap.run(DAY / "session.toml", folder, overwrite=True)
     write_cloud(folder / "cloud.copc.laz", t_s, en_m)
     styles = CHECKOUT / "exporters" / "styles"
     for name, band in (("dsm", HEIGHT), ("dsm_before", HEIGHT), ("change", Band("change"))):

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import table
+from furrowmap.cli.tables import table
 
 if TYPE_CHECKING:
-    from furrowmap.workflows.calibrate import Calibration
+    from furrowmap import Calibration
 
 
 @click.command(
@@ -28,17 +29,9 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
     Assumes that the ground under the vehicle is level on average over the session and that the vehicle drives straight
     ahead; ground scanned on passes in opposite directions must coincide.
     """
-    from furrowmap.workflows.calibrate import calibrate as estimate
-    from furrowmap.workflows.calibrate import calibrated_text
-
     with console.work() as progress:
-        found = estimate(session, progress)
-    changed = found.mounting_differs or found.clock_differs
-    if write and changed:
-        text = session.read_bytes().decode("utf-8")
-        unfinished = session.with_name(f".{session.name}.new")
-        unfinished.write_bytes(calibrated_text(text, found).encode("utf-8"))
-        unfinished.replace(session)
+        found = furrowmap.calibrate(session, write=write, progress=progress)
+    written = write and found.differs
     console.answer(
         {
             "session": session,
@@ -46,9 +39,9 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
             "sigma_deg": found.sigma_deg,
             "height_above_ground_m": found.height_m,
             "lidar_minus_gnss_s": {"stated": found.stated_offset_s, "found": found.offset_s},
-            "written": write and changed,
+            "written": written,
         },
-        _words(found, written=write and changed),
+        _words(found, written=written),
     )
 
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console, put_error
-from furrowmap.cli.options import FILE, common_options, named_crs
-from furrowmap.cli.words import table
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import RefusedError, printable
 
 if TYPE_CHECKING:
-    from furrowmap.core.checking.check import Check
-    from furrowmap.core.checking.positional_accuracy import Component
+    from furrowmap import Check
 
 CLASS = click.FloatRange(0.0, min_open=True)
 
@@ -67,28 +67,14 @@ def check(
     including the error of the survey, and the precision within and between swaths. The exit status is 4 if a required
     RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
-    from furrowmap.core.checking.check import check_product
-    from furrowmap.exporters.files.atomic import refuse_existing
-    from furrowmap.exporters.reports.check_table import point_rows, write_check_table
-
-    if table_file is not None:
-        refuse_existing(table_file, overwrite=overwrite)
+    settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical)
     with console.work() as progress:
-        found = check_product(
-            product,
-            points,
-            points_crs=named_crs(crs),
-            targets=targets,
-            diameter_m=diameter,
-            sigma_m=points_sigma,
-            class_m=require_vertical,
-            progress=progress,
+        found = furrowmap.check(
+            product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
         )
     for notice in found.notices:
         console.warn(notice)
-    if table_file is not None:
-        write_check_table(table_file, found)
-    accuracy = found.accuracy
+    accuracy, rows = found.accuracy, [point.row() for point in found.points]
     asked = (
         ("vertical", accuracy.vertical.rmse_m if accuracy.vertical is not None else None, require_vertical),
         ("horizontal", accuracy.horizontal_m, require_horizontal),
@@ -106,10 +92,10 @@ def check(
         "accuracy": accuracy.plain(),
         "verdicts": verdicts,
         "precision": precision,
-        "points": point_rows(found),
+        "points": rows,
         "warnings": found.notices,
     }
-    console.answer(answer, _words(found, point_rows(found), precision))
+    console.answer(answer, _words(found, rows, precision))
     for name, verdict in verdicts.items():
         if not verdict["met"]:
             put_error(_unmet(name, verdict["rmse_m"], verdict["required_m"]))
@@ -156,7 +142,7 @@ def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) 
     return table(lines)
 
 
-def _component(part: Component) -> str:
+def _component(part: Any) -> str:
     return (
         f"{part.n} points: mean {part.mean_m:+.4f} m, standard deviation {part.sigma_m:.4f} m, "
         f"RMSE {part.rmse_m:.4f} m, 95 % within {part.p95_m:.4f} m, maximum {part.greatest_m:.4f} m"

@@ -7,10 +7,11 @@ from typing import Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options, named_crs
+from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import box_of, classes_of
-from furrowmap.cli.words import figures, file_size, table
+from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
 
@@ -77,13 +78,10 @@ def cloud(
     classes, every N-th point, outliers, ground, voxels. False statements in a file header are reported as warnings.
     """
     box, without = box_of(bbox), classes_of(without_class, "--without-class")
-    from furrowmap.core.pointclouds.cleaning import Cleaning
-    from furrowmap.workflows.clean import CleanSettings, write_clean_cloud
-
-    cleaning = Cleaning(box, without or frozenset(), every, outliers, drop_noise, ground, voxel)
-    settings = CleanSettings(cleaning, named_crs(bbox_crs), named_crs(crs), named_crs(dst_crs))
+    cleaning = furrowmap.Cleaning(box, without or frozenset(), every, outliers, drop_noise, ground, voxel)
+    settings = furrowmap.CleanSettings(cleaning, bbox_crs, crs, dst_crs)
     with console.work() as progress:
-        account = write_clean_cloud(clouds, output, settings, overwrite=overwrite, progress=progress)
+        account = furrowmap.clean(clouds, output, settings, overwrite=overwrite, progress=progress)
     console.warn_of(account)
     words = table([*figures(account["figures"]), ("crs", account["crs"])])
     console.answer({"output": output, **account}, f"{words}\n{printable(str(output))}: {file_size(output)}")

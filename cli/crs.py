@@ -6,9 +6,10 @@ from pathlib import Path
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import table
+from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import printable
 
 
@@ -24,11 +25,9 @@ def crs(console: Console, session: Path) -> None:
     Frame and epoch, displacement of the positions, geoid height, easting and northing, grid convergence and scale, and
     areas on the map and on the ellipsoid.
     """
-    from furrowmap.core.session.site_coordinates import site_coordinates
-
     with console.work() as progress:
         progress("reading positions", 0.0)
-        site = site_coordinates(session)
+        site = furrowmap.site_coordinates(session)
     for notice in site.brought.notices:
         console.warn(notice)
     console.answer(site.plain(), table((subject, printable(sentence)) for subject, sentence in site.sentences))

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options, named_crs
+from furrowmap.cli.options import FILE, common_options
 from furrowmap.core.values.errors import printable
 
 FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
@@ -44,11 +45,8 @@ def export(
     terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
     them. GeoJSON and KML are always in WGS 84.
     """
-    from furrowmap.workflows.export import export as write
-
-    crs = named_crs(dst_crs)
     with console.work() as progress:
-        done = write(results, to, output, layers=layers, crs=crs, overwrite=overwrite, progress=progress)
+        done = furrowmap.export(results, to, output, layers=layers, crs=dst_crs, overwrite=overwrite, progress=progress)
     for notice in done.notices:
         console.warn(notice)
     console.answer(

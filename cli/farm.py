@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.deeds import Deeds
+from furrowmap.cli.groups import CommandGroup
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import table
+from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import UsageError, printable
 
 if TYPE_CHECKING:
@@ -18,14 +19,13 @@ if TYPE_CHECKING:
 
     from pyproj import CRS
 
-    from furrowmap.exporters.farm.edit import KnownSession
-    from furrowmap.workflows.farm import Change
+    from furrowmap import FarmMapChange, KnownSession
 
 _DB_SCHEMA: Final = "furrowmap"
 
 
 @click.group(
-    cls=Deeds,
+    cls=CommandGroup,
     short_help="Collect the sessions of a farm in a farm map.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
@@ -63,11 +63,9 @@ def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any
     MAP is created if it does not exist. A session that it already holds is replaced. Either all DIRs are added or none;
     an interruption leaves MAP unchanged.
     """
-    from furrowmap.workflows.farm import add_results
-
     options |= {"crs": _crs(options["crs"]), "zone": _zone(options["zone"])}
     with console.work(passing=True) as progress:
-        change = add_results(target, folders, **options, progress=progress)
+        change = furrowmap.add_to_farm_map(target, folders, **options, progress=progress)
     for notice in change.notices:
         console.warn(notice)
     console.answer(change, _words(change))
@@ -83,7 +81,6 @@ def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any
 @common_options
 def list_sessions(console: Console, target: str, *, schema: str) -> None:
     """List the sessions in MAP: identifier, date, worked area, name."""
-    from furrowmap.workflows.farm import known_sessions
 
     def row(session: KnownSession) -> tuple[str, str]:
         area_m2 = session.worked_area_m2
@@ -91,7 +88,7 @@ def list_sessions(console: Console, target: str, *, schema: str) -> None:
         return session.session, f"{session.date}  {area}  {printable(session.name)}"
 
     with console.work(passing=True) as progress:
-        name, crs, sessions = known_sessions(target, schema=schema, progress=progress)
+        name, crs, sessions = furrowmap.farm_map_sessions(target, schema=schema, progress=progress)
     answer = {"farm_map": name, "crs": crs and crs.to_string(), "sessions": [session.plain() for session in sessions]}
     console.answer(answer, table(row(session) for session in sessions) if sessions else "No sessions.")
 
@@ -109,10 +106,8 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
 
     The result folders are not touched.
     """
-    from furrowmap.workflows.farm import remove_sessions
-
     with console.work(passing=True) as progress:
-        change = remove_sessions(target, sessions, schema=schema, progress=progress)
+        change = furrowmap.remove_from_farm_map(target, sessions, schema=schema, progress=progress)
     console.answer(change, _words(change))
 
 
@@ -136,19 +131,18 @@ def mosaic(console: Console, sources: tuple[str, ...], output: Path, **options: 
     Where sessions overlap, the latest is used. A .vrt is a small file that refers to the heights in the surfaces'
     files; a .tif is a Cloud Optimized GeoTIFF with all bands.
     """
-    from furrowmap.exporters.farm.mosaic import MosaicSettings
-    from furrowmap.workflows.mosaic import mosaic as merge
-
-    settings = MosaicSettings(_crs(options.pop("crs"), "--dst-crs"), options.pop("cell_m"), options.pop("mean"))
+    settings = furrowmap.MosaicSettings(
+        _crs(options.pop("crs"), "--dst-crs"), options.pop("cell_m"), options.pop("mean")
+    )
     with console.work(passing=True) as progress:
-        made = merge(sources, output, settings, **options, progress=progress)
+        made = furrowmap.mosaic(sources, output, settings, **options, progress=progress)
     for notice in made.notices:
         console.warn(notice)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
     console.answer(made, f"{printable(str(output))}: {made.surfaces} surfaces, {size}, {made.crs}.")
 
 
-def _words(change: Change) -> str:
+def _words(change: FarmMapChange) -> str:
     counts = [(len(getattr(change, verb)), verb) for verb in ("added", "replaced", "unchanged", "removed")]
     done = ", ".join(f"{count} {verb}" for count, verb in counts if count)
     number = "1 session" if change.sessions == 1 else f"{change.sessions} sessions"

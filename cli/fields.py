@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.core.values.errors import printable
@@ -51,22 +52,14 @@ def fields(
     No scanner is needed: the time logs hold position, working state and width. "length × width" is what the machine's
     area counter should show; it counts ground worked twice twice.
     """
-    from furrowmap.core.work.task_work import task_works
-    from furrowmap.exporters.files.atomic import refuse_existing
-    from furrowmap.exporters.vectors.task_fields import task_figures, write_fields
-
-    if output is not None:
-        refuse_existing(output, overwrite=overwrite)
     with console.work() as progress:
-        found = task_works(taskdata, crs=crs, width_m=width, only=task, progress=progress)
-        if output is not None:
-            write_fields(output, found)
-    notices = tuple(dict.fromkeys([*found.notices, *(notice for work in found.works for notice in work.notices)]))
-    for notice in notices:
+        found = furrowmap.fields(
+            taskdata, output, crs=crs, width_m=width, task=task, overwrite=overwrite, progress=progress
+        )
+    for notice in found.warnings:
         console.warn(notice)
-    rows = [task_figures(work) for work in found.works]
-    answer = {"crs": found.frame.name, "output": output, "fields": rows, "warnings": notices}
-    console.answer(answer, _table(rows))
+    answer = {"crs": found.crs, "output": output, "fields": found.rows, "warnings": found.warnings}
+    console.answer(answer, _table(found.rows))
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:

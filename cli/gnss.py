@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.deeds import Deeds
+from furrowmap.cli.groups import CommandGroup
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import table
+from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import UsageError, printable
 
 if TYPE_CHECKING:
-    from furrowmap.core.evaluation.evaluation import Evaluation
-    from furrowmap.core.evaluation.statistics import Row, Table
+    from furrowmap import Evaluation
 
 
 @click.group(
-    cls=Deeds,
+    cls=CommandGroup,
     short_help="Evaluate GNSS logs.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
@@ -86,25 +87,12 @@ def evaluate(
     those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, over all epochs and by fix
     type.
     """
-    from furrowmap.core.evaluation.receivers import evaluate_logs
-    from furrowmap.exporters.reports.evaluation_figures import figures
-    from furrowmap.exporters.reports.evaluation_page import write_evaluation
-
+    settings = furrowmap.EvaluationSettings(_offset(offset), reference_fix == "fixed", max_gap, date)
     with console.work(passing=True) as progress:
-        found = evaluate_logs(
-            test,
-            reference,
-            date=date,
-            antenna_offset_m=_offset(offset),
-            max_gap_s=max_gap,
-            fixed_reference_only=reference_fix == "fixed",
-            progress=progress,
-        )
-        if output is not None:
-            write_evaluation(output, found, overwrite=overwrite)
+        found = furrowmap.evaluate_log(test, reference, output, settings, overwrite=overwrite, progress=progress)
     for notice in found.notices:
         console.warn(notice)
-    console.answer(figures(found) | {"output": output}, _words(found))
+    console.answer(furrowmap.evaluation_figures(found) | {"output": output}, _words(found))
 
 
 def _offset(text: str) -> tuple[float, float, float]:
@@ -152,11 +140,11 @@ def _words(found: Evaluation) -> str:
     return "\n\n".join(parts)
 
 
-def _table(kind: str, rows: Table) -> str:
+def _table(kind: str, rows: Mapping[str, Any]) -> str:
     def line(title: str, values: list[float]) -> str:
         return f"  {title:<20}" + "".join(f"{value:>10.4f}" if isfinite(value) else f"{'–':>10}" for value in values)
 
-    shown: dict[str, Row] = {name: row for name, row in rows.items() if row.n or name not in ("along", "across")}
+    shown = {name: row for name, row in rows.items() if row.n or name not in ("along", "across")}
     return "\n".join(
         [
             f"{kind} ({rows['2D'].n:,} epochs)",

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console, error_value, put_error
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import figures, table
+from furrowmap.cli.tables import figures, table
 from furrowmap.core.values.errors import InputError, printable
 
 if TYPE_CHECKING:
-    from furrowmap.core.readers.reader import Inspection
+    from furrowmap import Examined, Inspection
 
 
 @click.command(
@@ -28,8 +29,6 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
     A file that cannot be read is reported on standard error; the others are still described, and the exit status is
     3.
     """
-    from furrowmap.core.session.examination import Examined, time_matches
-
     examined: list[Examined] = []
     answers: list[dict[str, Any]] = []
     refused = False
@@ -37,7 +36,7 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
         for path in files:
             progress(f"Reading {printable(path.name)}", 0.0)
             try:
-                recording = Examined.of(path)
+                recording = furrowmap.inspect(path)
             except InputError as error:
                 refused = True
                 put_error(error)
@@ -45,7 +44,7 @@ def inspect(console: Console, files: tuple[Path, ...]) -> None:
             else:
                 examined.append(recording)
                 answers.append(_value(recording.inspection))
-    matches = list(time_matches(examined))
+    matches = list(furrowmap.time_matches(examined))
     parts = [_words(recording.inspection) for recording in examined]
     parts += ["\n".join(printable(match.text) for match in matches)] if matches else []
     console.answer({"files": answers, "time_matches": matches}, "\n\n".join(parts))

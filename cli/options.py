@@ -6,16 +6,13 @@ import logging
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from furrowmap.cli.console import Console
 from furrowmap.core.values.threads import using_threads
 from furrowmap.process import prepare_process
-
-if TYPE_CHECKING:
-    from pyproj import CRS
 
 FILE = click.Path(path_type=Path)
 """A path as typed. Readers and writers check it, so that their errors have three parts."""
@@ -53,17 +50,6 @@ def common_options(command: Callable[..., None]) -> Callable[..., None]:
             command(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 
     return called
-
-
-def named_crs(text: str | None) -> CRS | None:
-    """The CRS given by an option; None without one.
-
-    Raises:
-        InputError: if the text is not a CRS.
-    """
-    from furrowmap.core.geodesy.crs_change import crs_of  # imports pyproj, which --help must not wait for
-
-    return crs_of(text) if text is not None else None
 
 
 def _start_log(verbose: int, log_file: Path | None) -> None:

@@ -7,9 +7,10 @@ from typing import Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import figures, file_size, table
+from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
 
@@ -39,25 +40,15 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
     Writes cloud.copc.laz, field.gpkg with the trajectory and the worked ground, rasters, report.html, report.json and
     session.toml as it was interpreted.
     """
-    if preview:
-        _preview(console, session, output or session.resolve().parent / f"{session.stem}_preview")
-        return
-    from furrowmap.workflows.run import write_products
-
-    folder = output or session.resolve().parent / f"{session.stem}_result"
     with console.work() as progress:
-        report = write_products(session, folder, overwrite=overwrite, progress=progress)
+        if preview:
+            folder = output or session.resolve().parent / f"{session.stem}_preview"
+            report = furrowmap.preview(session, folder, progress=progress)
+        else:
+            result = furrowmap.run(session, output, overwrite=overwrite, progress=progress)
+            folder, report = result.path, result.report
     console.warn_of(report)
     console.answer({"folder": folder, **report}, _words(report, folder))
-
-
-def _preview(console: Console, session: Path, folder: Path) -> None:
-    from furrowmap.workflows.preview import write_preview
-
-    with console.work() as progress:
-        account = write_preview(session, folder, progress)
-    console.warn_of(account)
-    console.answer({"folder": folder, **account}, _words(account, folder))
 
 
 def _words(report: dict[str, Any], folder: Path) -> str:

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.words import figures, table
-from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.cli.tables import figures, table
+from furrowmap.core.values.errors import printable
 
 
 @click.command(
@@ -25,19 +26,8 @@ def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool)
 
     Writes the LiDAR recording, the GNSS log, a session file, the field boundary, and the ground truth in truth/.
     """
-    from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
-    from furrowmap.core.simulator.simulate import simulate as write_recording
-
-    if not overwrite and output.is_dir() and any(output.iterdir()):
-        raise RefusedError(
-            f"{output} is not empty.",
-            "A simulation would replace files in it.",
-            "Give another folder with -o, or replace them with --overwrite.",
-            code="exists",
-        )
-    described = demo_scenario() if str(scenario) == "demo" else load_scenario(scenario)
     with console.work() as progress:
-        simulated = write_recording(described, output, progress)
+        simulated = furrowmap.simulate(scenario, output, overwrite=overwrite, progress=progress)
     session = printable(str(simulated.session))
     shown = {name: value for name, value in simulated.figures.items() if not isinstance(value, dict)}
     words = f"{table(figures(shown))}\nWrote {session} and its files. Next: furrowmap run {session}"

@@ -7,10 +7,11 @@ from typing import Any
 
 import click
 
+import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options, named_crs
+from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import box_of, classes_of
-from furrowmap.cli.words import figures, file_size, table
+from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
 
@@ -98,28 +99,22 @@ def surface(
     low_spots.tif, low_spots.gpkg and surfaces.json. False statements in a file header are reported as warnings.
     """
     box, kept = box_of(bbox), classes_of(classes, "--class")
-    from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
-    from furrowmap.core.surfaces.statistic import Statistic
-    from furrowmap.workflows.surface import write_cloud_surfaces
-
-    settings = SurfaceSettings(
+    settings = furrowmap.SurfaceSettings(
         cell_m=cell,
         box=box,
-        box_crs=named_crs(bbox_crs),
+        box_crs=bbox_crs,
         classes=kept,
-        statistic=Statistic.parse(statistic),
+        statistic=statistic,
         ground=ground_method,
         outliers=outliers,
         every=every,
         fill_m=fill,
         tillage_heading_deg=tillage,
-        crs=named_crs(crs),
-        dst_crs=named_crs(dst_crs),
+        crs=crs,
+        dst_crs=dst_crs,
     )
     with console.work() as progress:
-        account = write_cloud_surfaces(
-            clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
-        )
+        account = furrowmap.surface(clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn)
     console.answer({"folder": output, **account}, _words(account, output))
 
 

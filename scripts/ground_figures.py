@@ -15,12 +15,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+import furrowmap
 from furrowmap.core.surfaces.depressions import find_depressions
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.terrain import hillshade
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.exporters.files.result_folder import CLOUD
-from furrowmap.workflows.run import write_products
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SAMPLE = CHECKOUT.parent / "shared" / "data" / "tractor_loop"
@@ -42,7 +42,7 @@ SPOT_AREA_M2: Final = 0.25
 def draw() -> None:
     """The points of a moment from the side, by class; and the low spots of the ground as it was left."""
     with TemporaryDirectory() as folder:
-        write_products(SAMPLE / "session.toml", Path(folder) / "result")
+        furrowmap.run(SAMPLE / "session.toml", Path(folder) / "result")
         cloud = laspy.read(Path(folder) / "result" / CLOUD)
     figure, (side, map_) = plt.subplots(2, 1, figsize=(9.0, 8.0), height_ratios=(1.0, 1.9), layout="constrained")
     _side_view(side, cloud)

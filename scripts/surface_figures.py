@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LightSource
 from numpy.typing import NDArray
 
-from furrowmap.workflows.run import write_products
+import furrowmap
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DATA = CHECKOUT.parent / "shared" / "data"
@@ -68,7 +68,7 @@ def main() -> None:
     """Run the sample and draw."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder, "result")
-        write_products(DATA / "tractor_loop" / "session.toml", result)
+        furrowmap.run(DATA / "tractor_loop" / "session.toml", result)
         before_after_change(result, IMAGES / "surfaces-before-after.png")
 
 

@@ -18,12 +18,12 @@ import laspy
 import numpy as np
 import pytest
 
+import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.workflows.run import write_products
 
 TRACTORS = ("tractor_loop", "tractor_fishtail")
 COUNTED = {"tractor_loop": (7_977_874, 599, 597), "tractor_fishtail": (7_807_777, 627, 625)}
@@ -106,7 +106,7 @@ def test_with_the_true_trajectory_the_ground_is_as_sharp_as_the_sensor(
     shared_data: Path, tmp_path: Path, name: str
 ) -> None:
     session = session_folder(shared_data, name, tmp_path / "recording", truth=True)
-    report = write_products(session, tmp_path / "result")
+    report = furrowmap.run(session, tmp_path / "result").report
     judge = Judge(shared_data, name)
     cloud = judge.cloud(tmp_path / "result")
 
@@ -205,7 +205,7 @@ def judged(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
     def run_of(name: str) -> Judged:
         folder = tmp_path_factory.mktemp(name)
         session = session_folder(shared_data, name, folder / "recording", truth=False)
-        report = write_products(session, folder / "result")
+        report = furrowmap.run(session, folder / "result").report
         judge = Judge(shared_data, name)
         result = folder / "result"
         return Judged(judge.trajectory(result), judge.cloud(result), judge.surfaces(result), report)
@@ -239,7 +239,7 @@ def test_matching__leaves_the_absolute_to_the_positions(judged: Callable[[str], 
 def test_matching__with_better_positions_is_absolutely_better(shared_data: Path, tmp_path: Path, name: str) -> None:
     session = session_folder(shared_data, name, tmp_path / "recording", truth=False)
     shutil.copy(shared_data / name / "reference.nmea", session.with_name("gnss.nmea"))
-    write_products(session, tmp_path / "result")
+    furrowmap.run(session, tmp_path / "result")
     judge = Judge(shared_data, name)
     absolute = judge.trajectory(tmp_path / "result")["absolute"]
     assert abs(absolute["offset_m"]) <= 0.010
@@ -298,7 +298,7 @@ def test_a_scanner_stated_half_a_turn_wrong_comes_out_as_the_right_one(shared_da
     text = session.read_text()
     assert "rpy_deg = [-0.6, 38.7, 181.2]" in text
     session.write_text(text.replace("rpy_deg = [-0.6, 38.7, 181.2]", "rpy_deg = [-0.6, 38.7, 1.2]"))
-    report = write_products(session, tmp_path / "out")
+    report = furrowmap.run(session, tmp_path / "out").report
     shape = Judge(shared_data, "tractor_fishtail").trajectory(tmp_path / "out")["shape"]
     assert shape["roll_rms_moving_deg"] <= 0.05
     assert shape["pitch_rms_moving_deg"] <= 0.07
@@ -324,7 +324,7 @@ def rover_session(shared_data: Path, folder: Path, *, poses: bool) -> Path:
 def rover(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The products and the report of the real drive by its GNSS log alone."""
     folder = tmp_path_factory.mktemp("rover")
-    return folder / "out", write_products(rover_session(shared_data, folder / "in", poses=False), folder / "out")
+    return folder / "out", furrowmap.run(rover_session(shared_data, folder / "in", poses=False), folder / "out").report
 
 
 def rover_spread(shared_data: Path, products: Path) -> tuple[float, int]:
@@ -354,7 +354,7 @@ def test_a_real_drive(shared_data: Path, rover: tuple[Path, dict[str, Any]]) -> 
 
 def test_a_real_drive_by_its_reference_poses(shared_data: Path, tmp_path: Path) -> None:
     """As it stands the ground is 3.3 cm thick, with the scanner turned round and levelled to them 0.8 cm."""
-    report = write_products(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out")
+    report = furrowmap.run(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out").report
     median, cells = rover_spread(shared_data, tmp_path / "out")
     assert median <= 0.035
     assert cells > 10_000

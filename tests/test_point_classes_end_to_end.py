@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import furrowmap
 from furrowmap.core.simulator import recording
 from furrowmap.core.simulator.rays import Met
 from furrowmap.core.simulator.scenario import Drive, Field, Implement, Scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.workflows.run import write_products
 
 SCENARIO = Scenario(
     name="classes",
@@ -67,7 +67,7 @@ def classified(tmp_path_factory: pytest.TempPathFactory) -> Classified:
     met = np.concatenate([part for _, part in sorted(noted, key=lambda of: of[0])])
     session = folder / "drive" / "session.toml"
     session.write_text(session.read_text() + '\n[trajectory]\nfiles = ["truth/trajectory.csv"]\n')
-    report = write_products(session, folder / "result")
+    report = furrowmap.run(session, folder / "result").report
     cloud = laspy.read(folder / "result" / "cloud.copc.laz")
     order = np.argsort(np.asarray(cloud.gps_time), kind="stable")
     return Classified(np.asarray(cloud.classification)[order], met, report)

@@ -21,8 +21,8 @@ import pytest
 import rasterio
 from playwright.sync_api import Browser, sync_playwright
 
+import furrowmap
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.workflows.run import write_products
 from tests.test_end_to_end import TRACTORS, rover_session, session_folder, tool_module
 
 AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")
@@ -45,7 +45,7 @@ def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
     @cache
     def run_of(name: str) -> Result:
         folder = tmp_path_factory.mktemp(name)
-        report = write_products(session_folder(shared_data, name, folder / "in", truth=False), folder / "out")
+        report = furrowmap.run(session_folder(shared_data, name, folder / "in", truth=False), folder / "out").report
         tool = tool_module(shared_data, "evaluate")
         truth = tool.Truth(shared_data / name)
         track = tool.read_layer(folder / "out", "trajectory", truth.session["crs"]["map"])
@@ -197,7 +197,7 @@ def test_page__in_a_browser_asks_for_nothing_fits_its_width_and_prints(
 def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path, tmp_path: Path) -> None:
     session = session_folder(shared_data, "tractor_loop", tmp_path / "in", truth=True)
     session.write_text(re.sub(r"(?ms)^\[implement\].*?(?=^\[)", "", session.read_text()))
-    report = write_products(session, tmp_path / "out")
+    report = furrowmap.run(session, tmp_path / "out").report
     assert report["session"]["implement"] is None
     assert "implement-not-stated" in {warning["code"] for warning in report["warnings"]}
     assert report["figures"]["implement"]["transitions"] == 6
@@ -209,7 +209,7 @@ def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path,
 
 
 def test_a_rover_has_no_implement_and_a_page_all_the_same(shared_data: Path, tmp_path: Path) -> None:
-    report = write_products(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out")
+    report = furrowmap.run(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out").report
     assert report["figures"]["implement"] is None
     assert "implement-never-moves" in {warning["code"] for warning in report["warnings"]}
     track = pyogrio.read_dataframe(tmp_path / "out" / "field.gpkg", layer="trajectory", read_geometry=False)

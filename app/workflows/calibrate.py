@@ -10,12 +10,14 @@ import numpy as np
 
 from furrowmap.core.adjustment.matched import CLOCK_CERTAIN, Matched
 from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.threads import using_threads
+from furrowmap.exporters.files.atomic import atomic_output
 
 ROUNDS: Final = 6
 LARGEST_SHARE: Final = 0.85
@@ -49,22 +51,43 @@ class Calibration:
         return self.found != self.stated
 
     @property
+    def differs(self) -> bool:
+        """Whether the recording shows anything else than the session states."""
+        return self.mounting_differs or self.clock_differs
+
+    @property
     def clock_differs(self) -> bool:
         """Whether the recording shows another clock offset than the session states."""
         return bool(abs(self.offset_s[0] - self.stated_offset_s) > CLOCK_CERTAIN * self.offset_s[1])
 
 
-def calibrate(session_file: Path, progress: Progress = silent) -> Calibration:
+def calibrate(session: str | Path, *, write: bool = False, progress: Progress = silent) -> Calibration:
     """Estimate mounting and clock offset from a session's recording.
 
-    A wrong clock hides in the positions' own errors in part, so that it is found in several rounds.
+    Args:
+        session: the session file.
+        write: write what differs from the session into the file; its other lines and comments stay.
+        progress: is called with each stage and its share.
 
     Raises:
-        RefusedError: if the scans do not show enough of the ground.
+        RefusedError: if the scans do not show enough of the ground, or the file's tables are written in a way that
+            cannot be edited.
         FurrowmapError: if the session or its files do not make a trajectory.
     """
-    opened = open_session(session_file)
-    session = opened.session
+    file = Path(session)
+    opened = open_session(file)
+    with using_threads(opened.session.run.threads, by_default=True):
+        found = _estimate(opened, progress)
+    if write and found.differs:
+        text = calibrated_text(file.read_bytes().decode("utf-8"), found)
+        with atomic_output(file) as unfinished:
+            unfinished.write_bytes(text.encode("utf-8"))
+    return found
+
+
+def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
+    """Estimate in several rounds, because the errors of the positions absorb a part of a clock offset."""
+    session_file, session = opened.file, opened.session
     located = locate(opened.positions(), session, opened.frame)
     stated = session.recording.lidar_minus_gnss_s
     offset, sigma, matched = stated, float("nan"), None

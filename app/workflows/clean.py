@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from pyproj import CRS
 
+from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
 from furrowmap.core.readers.las.gps_time import TimeKind
@@ -25,10 +27,11 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import RecordArray
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
-from furrowmap.exporters.cloud.writer import CopcWriter
+from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.workflows.cloud_inputs import input_records, input_rows
 
 FINEST_M: Final = 1e-4
 """Steps of coordinates; in a 32-bit number they reach 214 km."""
@@ -39,106 +42,108 @@ NO_TIME: Final = float(las_time_to_utc(0.0))
 
 @dataclass(frozen=True)
 class CleanSettings:
-    """What is asked for.
+    """How clouds are cleaned.
 
     Attributes:
-        cleaning: of the points.
-        box_crs: of its box, if that is another one than the cloud's.
-        crs: of files that state none.
-        dst_crs: of the cloud; None for the files' own.
+        cleaning: box, filters, thinning.
+        box_crs: CRS of the box; None for that of the cloud.
+        crs: CRS of files that state none.
+        dst_crs: CRS of the cloud; None for that of the files.
     """
 
     cleaning: Cleaning = field(default_factory=Cleaning)
-    box_crs: CRS | None = None
-    crs: CRS | None = None
-    dst_crs: CRS | None = None
+    box_crs: CRS | str | None = None
+    crs: CRS | str | None = None
+    dst_crs: CRS | str | None = None
 
 
-def write_clean_cloud(
-    paths: Sequence[Path],
-    target: Path,
-    settings: CleanSettings,
+def clean(
+    clouds: Sequence[str | Path],
+    out: str | Path,
+    settings: CleanSettings = CleanSettings(),
     *,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> dict[str, Any]:
-    """Make one COPC file of clouds, whole or not at all.
+    """Merge, clean, classify and thin clouds into one COPC file.
 
     Args:
-        paths: of LAS, LAZ or COPC files.
-        target: the file.
-        settings: what is asked for.
-        overwrite: replace what is there.
-        progress: is told of the stages.
+        clouds: LAS, LAZ or COPC files.
+        out: the file to write, whole or not at all.
+        settings: box, outlier and ground filters, thinning, CRS.
+        overwrite: replace the file.
+        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
-        Inputs, CRS, parameters, figures and warnings, as they are told with --json.
+        Inputs, CRS, parameters, figures and warnings: the answer of `furrowmap cloud --json`.
 
     Raises:
-        UsageError: if the target is no name of a COPC file.
-        InputError: if a cloud cannot be read, their CRS do not fit, or no point is left.
-        RefusedError: if there is a file already, or it is one of the clouds.
+        UsageError: if `out` does not end in .laz.
+        InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
+        RefusedError: if the file exists, or is one of the clouds.
         OSError: if the file cannot be written.
     """
+    paths, target = [Path(path) for path in clouds], Path(out)
     _refuse_target(target, paths, overwrite=overwrite)
     if settings.cleaning.ground == "csf":
         require_cloth()
-    clouds = open_clouds(paths, settings.crs, settings.dst_crs)
-    box = box_in(clouds, settings.cleaning.box, settings.box_crs)
-    cleaning = Cleaning(**{**vars(settings.cleaning), "box": box})
-    inputs = [file_records([path], path.parent, progress)[0] for path in paths]
-    surveys: list[Survey] = []
-    told = _Told()
+    opened = open_clouds(paths, optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    cleaning = replace(settings.cleaning, box=box_in(opened, settings.cleaning.box, optional_crs(settings.box_crs)))
+    inputs = input_records(opened, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
+    summary, notices = _write_cleaned(opened, cleaning, target, inputs, progress)
+    account = {
+        "furrowmap": version("furrowmap"),
+        "inputs": input_rows(opened, inputs),
+        "crs": name_of(opened.crs),
+        "parameters": _parameters(cleaning),
+        "figures": {
+            "points_read": opened.points,
+            "points": summary.points,
+            "points_by_class": {str(number): count for number, count in summary.points_by_class.items()},
+        },
+        "low_m": summary.low_m,
+        "high_m": summary.high_m,
+        "warnings": list(dict.fromkeys(notices)),
+    }
+    return dict(plain(account))
+
+
+def _write_cleaned(
+    clouds: Clouds, cleaning: Cleaning, target: Path, inputs: Sequence[FileRecord], progress: Progress
+) -> tuple[CopcSummary, list[Notice]]:
+    """Write the cleaned points; a summary of the file, and what to know about the points."""
+    surveys: list[Survey] = []
+    lost = _Lost()
     points = cleaned(clouds, cleaning, target.parent, surveys.append, progress)
     with closing(points):
         first = next((records for records in points if len(records)), None)
         if first is None:
-            raise no_points_error(clouds, box)
+            raise no_points_error(clouds, cleaning.box)
         east, north, up = (np.floor(first["xyz_m"][0] / 1000.0) * 1000.0).tolist()
         coloured = any("red" in file.dimensions for file in clouds.files)
+        no_time = 0.0 if clouds.week_times else NO_TIME
         kind = CopcFormat(
             las_wkt(clouds.crs), (east, north, up), _scale_m(clouds), colour=coloured, week_time=clouds.week_times
         )
         with CopcWriter(target, kind) as writer:
-            for records in _rest(first, points):
-                told.see(records)
-                no_time = 0.0 if clouds.week_times else NO_TIME
+            for records in chain([first], (more for more in points if len(more))):
+                lost.add(records)
                 writer.append(_batch(records, (east, north, up), no_time, coloured=coloured))
             origin = Origin(
                 "points of clouds, cleaned",
                 inputs=[(record.name, record.sha256) for record in inputs],
-                span_s=None if clouds.week_times else told.span_s,
+                span_s=None if clouds.week_times else lost.span_s,
                 parameters={name: str(value) for name, value in _parameters(cleaning).items() if value is not None},
             )
             summary = writer.close(progress, description=origin.text)
-    notices = [*clouds.notices, *(notice for survey in surveys for notice in survey.notices()), *told.notices(clouds)]
-    return dict(
-        plain(
-            {
-                "furrowmap": version("furrowmap"),
-                "inputs": [
-                    {"name": record.name, "format": file.format, "points": file.points, "sha256": record.sha256}
-                    for record, file in zip(inputs, clouds.files, strict=True)
-                ],
-                "crs": name_of(clouds.crs),
-                "parameters": _parameters(cleaning),
-                "figures": {
-                    "points_read": clouds.points,
-                    "points": summary.points,
-                    "points_by_class": {str(number): count for number, count in summary.points_by_class.items()},
-                },
-                "low_m": summary.low_m,
-                "high_m": summary.high_m,
-                "warnings": list(dict.fromkeys(notices)),
-            }
-        )
-    )
+    notices = [notice for survey in surveys for notice in survey.notices()]
+    return summary, [*clouds.notices, *notices, *lost.notices(clouds)]
 
 
 @dataclass
-class _Told:
-    """What is to be said of the points that went by.
+class _Lost:
+    """Counts of what points lose in the file.
 
     Attributes:
         points: their number.
@@ -152,7 +157,7 @@ class _Told:
     unnumbered: int = 0
     span_s: tuple[float, float] | None = None
 
-    def see(self, records: RecordArray) -> None:
+    def add(self, records: RecordArray) -> None:
         self.points += len(records)
         timed = records["t_s"][np.isfinite(records["t_s"])]
         self.timeless += len(records) - len(timed)
@@ -179,11 +184,6 @@ class _Told:
         lost |= {"nir" for file in clouds.files if "nir" in file.dimensions}
         if lost:
             yield Notice("dimensions-left-out", f"The cloud written is without {', '.join(sorted(lost))}.")
-
-
-def _rest(first: RecordArray, others: Iterator[RecordArray]) -> Iterator[RecordArray]:
-    yield first
-    yield from (records for records in others if len(records))
 
 
 def _batch(records: RecordArray, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:

@@ -80,7 +80,7 @@ class CloudRasters:
         settings = self.settings
         return {
             "cell_m": self.grid.cell_m,
-            "statistic": settings.statistic.name,
+            "statistic": settings.cell_statistic.name,
             "ground": self.method,
             "outliers": settings.outliers,
             "every": settings.every,
@@ -104,7 +104,7 @@ class CloudRasters:
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
                 put_above = stack.enter_context(self._output(HEIGHT_ABOVE_GROUND, "height above ground", [above]))
-            for tile in cloud_tiles(spooled, self.method, settings.statistic, settings.outliers, progress):
+            for tile in cloud_tiles(spooled, self.method, settings.cell_statistic, settings.outliers, progress):
                 put_dsm(tile.grid, surface_arrays(tile.dsm))
                 if tile.dtm is not None and tile.above_m is not None:
                     put_dtm(tile.grid, surface_arrays(tile.dtm))
@@ -154,7 +154,7 @@ class CloudRasters:
     def _origin(self, title: str) -> Origin:
         """Provenance of a raster."""
         stated = {name: _text(value) for name, value in self.parameters.items() if value is not None}
-        statistic = self.settings.statistic if title == SURFACE or self.method == "none" else MEDIAN
+        statistic = self.settings.cell_statistic if title == SURFACE or self.method == "none" else MEDIAN
         parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
         if self.clouds.crs.is_compound:
             parameters["heights"] = self.clouds.crs.sub_crs_list[1].name

@@ -9,6 +9,7 @@ from typing import Final
 
 from pyproj import CRS
 
+from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
@@ -39,21 +40,21 @@ class Exported:
 
 
 def export(
-    folders: Sequence[Path],
+    results: Sequence[str | Path],
     to: str,
-    target: Path | None = None,
+    out: str | Path | None = None,
     *,
     layers: Sequence[str] = (),
-    crs: CRS | None = None,
+    crs: CRS | str | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Exported:
     """Export the results of runs to another format.
 
     Args:
-        folders: of the results; one, except for `STAC`.
-        to: the format's name, one of `NAMES`.
-        target: the file or folder to write; by default beside the first folder, named after it.
+        results: folders that runs wrote; one, except for "stac".
+        to: "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml" or "stac".
+        out: the file or folder to write; by default beside the first folder, named after it.
         layers: of the vectors; all if none is named.
         crs: of the vectors; None for the session's. Formats with a CRS of their own (WGS 84) always have that.
         overwrite: replace an existing target.
@@ -62,29 +63,30 @@ def export(
     Raises:
         UsageError: if the arguments cannot be combined.
         InputError: if a folder contains no result, or not that layer.
-        RefusedError: if `target` exists, or PROJ has no reliable change of CRS.
+        RefusedError: if `out` exists, or PROJ has no reliable change of CRS.
         FurrowmapError: if the format needs a package that is not installed.
     """
+    folders, wanted = [Path(folder) for folder in results], optional_crs(crs)
     if to not in FORMATS and (layers or crs is not None):
         raise _usage(f"{to} cannot be combined with layers or a CRS.", "Leave --layer and --dst-crs out.")
     if to != STAC and len(folders) != 1:
         raise _usage(f"{to} takes one result folder, not {len(folders)}.", "Export them one by one.")
-    results = [open_result(folder) for folder in folders]
+    opened = [open_result(folder) for folder in folders]
     progress("exporting", 0.0)
-    target = target or _default(folders[0], to)
+    target = Path(out) if out is not None else _default(folders[0], to)
     _refuse_existing(target, overwrite=overwrite)
     if to == STAC:
         with staged_folder(target) as staging:
-            write_collection(staging, results, target)
+            write_collection(staging, opened, target)
             names = sorted(path.name for path in staging.iterdir())
         return Exported(target, tuple(target / name for name in names), ())
     if to == TASK_DATA:
-        notices = write_task_data(results[0], target)
+        notices = write_task_data(opened[0], target)
         files = sorted(target.iterdir()) if target.is_dir() else [target]
     else:
-        chosen, result = FORMATS[to], results[0]
+        chosen, result = FORMATS[to], opened[0]
         found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
-        found, notices = changed_crs(found, chosen.crs or crs)
+        found, notices = changed_crs(found, chosen.crs or wanted)
         files, lost = write_vectors(chosen, target, found, result.origin)
         notices += lost
     return Exported(target, tuple(files), tuple(notices))

@@ -29,7 +29,7 @@ DB_SCHEMA: Final = "furrowmap"
 
 
 @dataclass(frozen=True)
-class Change:
+class FarmMapChange:
     """What a command changed in a farm map.
 
     Attributes:
@@ -81,16 +81,16 @@ def open_edit(
     return geopackage_edit(Path(farm_map), create=create, progress=progress)
 
 
-def add_results(
+def add_to_farm_map(
     farm_map: str,
-    folders: Sequence[Path],
+    folders: Sequence[str | Path],
     *,
     crs: CRS | None = None,
     same_crs: bool = False,
     zone: ZoneInfo | None = None,
     schema: str = DB_SCHEMA,
     progress: Progress = silent,
-) -> Change:
+) -> FarmMapChange:
     """Add the results of runs to a farm map: all of them, or none where one of them fails.
 
     A session that is there already (same name and recordings) is replaced by its new result, or left unchanged where
@@ -111,7 +111,7 @@ def add_results(
             another process is writing to it or to a folder.
         OSError: if the farm map cannot be written.
     """
-    results = _read_results(folders, zone, progress)
+    results = _read_results([Path(folder) for folder in folders], zone, progress)
     with open_edit(farm_map, create=True, schema=schema, progress=progress) as edit:
         progress("writing the farm map", 0.0)
         target = _target_crs(edit, crs) or next(iter(results.values())).crs
@@ -125,7 +125,7 @@ def add_results(
         if placed:
             notices += _update_project(edit)
         unchanged = tuple(session for session in results if session not in {*added, *replaced})
-        return Change(
+        return FarmMapChange(
             edit.name(),
             name_of(target),
             added=added,
@@ -136,9 +136,9 @@ def add_results(
         )
 
 
-def remove_sessions(
+def remove_from_farm_map(
     farm_map: str, wanted: Sequence[str], *, schema: str = DB_SCHEMA, progress: Progress = silent
-) -> Change:
+) -> FarmMapChange:
     """Remove sessions from a farm map; the folders of their results stay.
 
     Args:
@@ -158,10 +158,10 @@ def remove_sessions(
         _update_project(edit)
         crs = edit.crs()
         left = len(known) - len(removed)
-        return Change(edit.name(), name_of(crs) if crs else None, removed=removed, sessions=left)
+        return FarmMapChange(edit.name(), name_of(crs) if crs else None, removed=removed, sessions=left)
 
 
-def known_sessions(
+def farm_map_sessions(
     farm_map: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> tuple[str, CRS | None, list[KnownSession]]:
     """Name (without a password), CRS and sessions of a farm map, the sessions in order of time.

@@ -14,7 +14,7 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, MosaicSettings, write_mosaic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import open_result
-from furrowmap.workflows.farm import DATABASES, DB_SCHEMA, known_sessions
+from furrowmap.workflows.farm import DATABASES, DB_SCHEMA, farm_map_sessions
 
 _PRODUCT: Final = re.compile(r"\w[\w-]*")
 _DEFAULTS: Final = MosaicSettings()
@@ -22,7 +22,7 @@ _DEFAULTS: Final = MosaicSettings()
 
 def mosaic(
     sources: Sequence[str],
-    output: Path,
+    out: str | Path,
     settings: MosaicSettings = _DEFAULTS,
     *,
     product: str = "dsm",
@@ -34,7 +34,7 @@ def mosaic(
 
     Args:
         sources: farm maps, and folders of results.
-        output: `.vrt` for a virtual raster, `.tif` for a cloud-optimised GeoTIFF.
+        out: `.vrt` for a virtual raster, `.tif` for a cloud-optimised GeoTIFF.
         settings: CRS, cells and the value of overlapping cells.
         product: file name of the surfaces without its suffix.
         schema: of the tables in databases.
@@ -42,11 +42,12 @@ def mosaic(
         progress: receives the stages.
 
     Raises:
-        UsageError: if `product` is not a file name, or `output` has another suffix.
+        UsageError: if `product` is not a file name, or `out` has another suffix.
         InputError: if a farm map or folder cannot be read, or none has the product.
         RefusedError: if the file exists, or the surfaces cannot be merged.
         OSError: if the raster cannot be written.
     """
+    output = Path(out)
     if output.suffix not in SUFFIXES:
         raise UsageError(
             f"{output}: unknown format of a mosaic.",
@@ -79,7 +80,7 @@ def find_surfaces(
     folders: dict[Path, dt.datetime] = {}
     for source in sources:
         if source.startswith(DATABASES) or not Path(source).is_dir():
-            _, _, sessions = known_sessions(source, schema=schema, progress=progress)
+            _, _, sessions = farm_map_sessions(source, schema=schema, progress=progress)
             folders |= {Path(session.folder): session.end for session in sessions}
         else:
             end = open_result(Path(source)).report["figures"]["end"]

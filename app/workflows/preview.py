@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import msgspec
 
+from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import preview
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
@@ -21,6 +21,7 @@ from furrowmap.core.values.json_text import json_text
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.files.file_records import files_in
@@ -38,32 +39,40 @@ LOW: Final = Statistic.parse("p10")
 """Of a cell's returns: those of the vehicle itself, which a preview does not tell apart, lie above it."""
 
 
-def write_preview(session_file: Path, folder: Path, progress: Progress = silent) -> dict[str, Any]:
-    """Preview a session and write its track and surface into `folder`.
+def preview(session: str | Path, out: str | Path | None = None, *, progress: Progress = silent) -> dict[str, Any]:
+    """Preview a session in seconds: the GNSS track and a coarse surface of few scans.
 
-    Their names are none of a run's products, so that these stay even in the same folder. There is no surface where the
-    session does not say how the scanner is mounted.
+    Products of a run in the same folder stay, because no names are shared. Where the session does not state the
+    mounting of the scanner, no surface is written.
+
+    Args:
+        session: the session file.
+        out: the folder, made if it does not exist; by default SESSION_preview beside the session file.
+        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
         The content of `preview.json`.
 
     Raises:
-        FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
+        FurrowmapError: if the session does not make a track, or the folder cannot be written to.
     """
-    with staged_folder(folder) as staging:
+    file = Path(session)
+    folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_preview"
+    opened = open_session(file)
+    with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
         with FieldPoints(staging, CELL_M) as land:
-            found = preview(open_session(session_file), _Sink(land), progress)
+            found = pipeline.preview(opened, _Sink(land), progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
             figures = _figures(found)
-            if found.session.lidar.mounting != Mounting():  # at the origin and upright: nobody has said
+            if found.session.lidar.mounting != Mounting():  # at the origin and upright: not stated
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
         write_field(staging / PREVIEW_TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
-            "inputs": _sizes(found.inputs, session_file.resolve().parent),
+            "inputs": _sizes(found.inputs, file.resolve().parent),
             "figures": figures,
             "positions": found.located.positions,
             "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],

@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any
 
 import msgspec
-import numpy as np
 import tomli_w
 
 from furrowmap.core import pipeline
-from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import save_implement
-from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.surfaces.local_ground import GroundSampler
-from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import FieldPoints
-from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.core.work.sweep import pass_numbers
-from furrowmap.exporters.cloud.chunk import Columns
-from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
-from furrowmap.exporters.cloud.points import PointBatch
-from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
+from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import (
@@ -54,57 +43,60 @@ from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
-
-SCALE_M: Final = 0.001
-"""Resolution of the cloud's coordinates."""
-MOST_PASSES: Final = 65_535
-"""What a LAS file has numbers for."""
+from furrowmap.results import Result, open_result
+from furrowmap.workflows.run_cloud import RunCloud, RunSink
 
 
-def write_products(
-    session_file: Path, folder: Path, *, overwrite: bool = False, progress: Progress = silent
-) -> dict[str, Any]:
-    """Run a session and write its products into `folder`.
+def run(
+    session: str | Path, out: str | Path | None = None, *, overwrite: bool = False, progress: Progress = silent
+) -> Result:
+    """Run a session and write its products into a folder.
+
+    Products of the same session in the folder are replaced: a session of the same name with the same recordings, byte
+    for byte, whatever its other settings are.
 
     Args:
-        session_file: the session.
-        folder: made if it is not there; products of the same session in it are replaced. That is a session of the
-            same name with the same files, byte for byte: whoever tunes the mounting, the clock offset or the CRS and
-            runs again replaces the earlier result.
-        overwrite: replace products of another session, too.
-        progress: is told of the stages.
-
-    Returns:
-        The content of `report.json`.
+        session: the session file.
+        out: the folder, made if it does not exist; by default SESSION_result beside the session file.
+        overwrite: replace the products of another session, too.
+        progress: is called with each stage and its share, 0 to 1.
 
     Raises:
-        FurrowmapError: if the session does not make a cloud, or the folder may not be written to.
+        FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
     """
-    start = perf_counter()
-    opened = open_session(session_file)
-    origin = _way_to(session_file, folder)
-    _refuse_original(folder, session_file)
+    file = Path(session)
+    folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_result"
+    opened = open_session(file)
+    _refuse_original(folder, file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
     with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
-        made = _made(opened, staging, inputs, progress)
-        found, summary = made.found, made.cloud
-        told = run_origin(found, made.inputs)
-        progress("writing layers", 0.0)
-        laid_out = perf_counter()
-        write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words, told)
-        if found.work.states is not None:
-            write_states(staging / STATES, found.work.states)
-        if found.work.seen is not None:
-            save_implement(staging / LEARNED, found.work.seen)
-        write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters.swaths if made.rasters else None)
-        laid_out = perf_counter() - laid_out
-        (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
-        seconds = {**made.seconds, "layers": laid_out, "whole": perf_counter() - start}
-        timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-        content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
-        report = write_report(staging / REPORT, content)
-        write_item(staging / ITEM, report)
-        return report
+        _write_products(opened, folder, staging, inputs, progress)
+    return open_result(folder)
+
+
+def _write_products(
+    opened: OpenSession, folder: Path, staging: Path, inputs: list[FileRecord] | None, progress: Progress
+) -> None:
+    """Write all products into `staging`; `inputs` are the records of the session's files, where they are known."""
+    start = perf_counter()
+    origin = _path_from(opened.file, folder)
+    made = _made(opened, staging, inputs, progress)
+    found, summary = made.found, made.cloud
+    progress("writing layers", 0.0)
+    layers = perf_counter()
+    provenance = run_origin(found, made.inputs)
+    write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words, provenance)
+    if found.work.states is not None:
+        write_states(staging / STATES, found.work.states)
+    if found.work.seen is not None:
+        save_implement(staging / LEARNED, found.work.seen)
+    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters.swaths if made.rasters else None)
+    layers = perf_counter() - layers
+    (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
+    seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
+    timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
+    content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
+    write_item(staging / ITEM, write_report(staging / REPORT, content))
 
 
 @dataclass(frozen=True)
@@ -120,8 +112,8 @@ class _Made:
 
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
-    with _Cloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
-        found = pipeline.run(opened, _Both(cloud, land), progress)
+    with RunCloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
+        found = pipeline.run(opened, RunSink(cloud, land), progress)
         inputs = inputs or file_records(found.inputs, opened.file.resolve().parent, progress)
         if not found.session.recording.lidar:
             return _Made(found, inputs)
@@ -137,83 +129,6 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
 def _names(staging: Path) -> list[str]:
     """The products that there are, or are about to be written beside them."""
     return [name for name in RUN_PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
-
-
-class _Both:
-    """The sink of a run whose points go into its cloud and its surfaces."""
-
-    def __init__(self, cloud: _Cloud, land: FieldPoints) -> None:
-        self._cloud, self._land = cloud, land
-
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Tell both the local origin."""
-        self._cloud.begin(frame, origin_m)
-        self._land.begin(origin_m)
-
-    def add(self, placed: PlacedScan) -> None:
-        """Give both the points of a scan."""
-        self._cloud.add(placed)
-        self._land.add(placed)
-
-
-class _Cloud:
-    """Writes the cloud of a run."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._writer: CopcWriter | None = None
-        self._watch = GroundSampler()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Open the file, now that its CRS and local origin are known."""
-        extra = (("scan", "uint32", "scan (revolution) number"),)
-        kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra)
-        self._writer = CopcWriter(self._path, kind).__enter__()
-
-    def add(self, placed: PlacedScan) -> None:
-        """Take the points of one scan."""
-        assert self._writer is not None
-        scan = placed.scan
-        self._watch.add(placed.xyz_m, placed.kept)
-        self._writer.append(
-            PointBatch(
-                placed.xyz_m,
-                scan.t_s,
-                intensity=scan.intensity,
-                return_number=scan.return_number,
-                returns=scan.returns,
-                classification=placed.classification,
-                extra={"scan": scan.number},
-            )
-        )
-
-    def finish(self, progress: Progress, work: FieldWork, description: str) -> CopcSummary:
-        """Sort, compress and write the points, each with its class and the pass in which it was measured."""
-        assert self._writer is not None
-        ground = self._watch.ground()
-
-        # The few passes are turned into the points' time, not the many points into the passes'.
-        passes = [replace(when, begin_s=_las(when.begin_s), end_s=_las(when.end_s)) for when in work.passes]
-
-        def mark(points: Columns) -> None:
-            ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
-            if passes:
-                points.point_source_id[:] = np.minimum(pass_numbers(passes, points.gps_time), MOST_PASSES)
-
-        return self._writer.close(progress, mark, description)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._writer is not None:
-            self._writer.__exit__(kind, error, trace)
-
-
-def _las(t_s: float) -> float:
-    return float(utc_to_las_time(t_s))
 
 
 def session_text(session: Session, session_file: str) -> str:
@@ -232,7 +147,7 @@ def session_text(session: Session, session_file: str) -> str:
     return head + tomli_w.dumps(tables)
 
 
-def _way_to(session_file: Path, folder: Path) -> str:
+def _path_from(session_file: Path, folder: Path) -> str:
     """The session file as seen from the products' folder; its name alone where no relative path leads there."""
     try:
         return Path(os.path.relpath(session_file.resolve(), folder.resolve())).as_posix()

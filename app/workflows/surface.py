@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import rasterio
 
-from furrowmap.core.pointclouds.clouds import box_in, no_points_error, open_clouds
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
@@ -19,9 +20,9 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.result_folder import REPORT, SURFACE_PRODUCTS, SURFACES_REPORT
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.workflows.cloud_inputs import input_records, input_rows
 from furrowmap.workflows.cloud_rasters import CloudRasters
 
 CACHE_BYTES: Final = 64 << 20
@@ -31,85 +32,89 @@ SPARSE_SHARE: Final = 0.05
 """Points a cell below which most of a grid stays empty: cells of a fair size hold four points where there are any."""
 
 
-def unheard(notice: Notice) -> None:
-    """A listener to warnings who does not listen."""
+def no_warning(notice: Notice) -> None:
+    """Takes a warning and does nothing with it."""
 
 
-def write_cloud_surfaces(
-    paths: Sequence[Path],
-    folder: Path,
-    settings: SurfaceSettings,
+def surface(
+    clouds: Sequence[str | Path],
+    out: str | Path,
+    settings: SurfaceSettings = SurfaceSettings(),
     *,
     overwrite: bool = False,
     progress: Progress = silent,
-    warn: Callable[[Notice], None] = unheard,
+    warn: Callable[[Notice], None] = no_warning,
 ) -> dict[str, Any]:
-    """Make the surfaces of clouds and put them into a folder, all together or none.
+    """Make DSM, DTM, height above ground, hillshade, slope, roughness and low spots of clouds.
 
     Args:
-        paths: of LAS, LAZ or COPC files.
-        folder: made if it is not there.
-        settings: what is asked for.
+        clouds: LAS, LAZ or COPC files, which are gridded together.
+        out: folder for the surfaces, made if it does not exist; all of them are written or none.
+        settings: cell size, statistic, ground filter, box, CRS and more.
         overwrite: replace earlier surfaces in the folder.
-        progress: is told of the stages.
-        warn: is told each warning once, those of the clouds and of long work before that begins.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
 
     Returns:
-        The content of `surfaces.json`.
+        The content of `surfaces.json`: inputs, CRS, parameters, figures, warnings, names of the products.
 
     Raises:
-        InputError: if a cloud cannot be read, their CRS do not fit, or no point is left.
-        RefusedError: if there are surfaces in the folder already, or it is that of a run.
+        InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
+        RefusedError: if the folder holds surfaces, or the result of a run.
         OSError: if the folder cannot be written to.
     """
+    folder = Path(out)
     _refuse_occupied(folder, overwrite=overwrite)
-    clouds = open_clouds(paths, settings.crs, settings.dst_crs)
-    box = box_in(clouds, settings.box, settings.box_crs)
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    # Without a limit GDAL caches up to a twentieth of the memory.
+    with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
+        account = _write_surfaces(opened, staging, settings, progress, warn)
+        (staging / SURFACES_REPORT).write_text(json_text(account), encoding="utf-8")
+    return dict(plain(account))
+
+
+def _write_surfaces(
+    clouds: Clouds,
+    staging: Path,
+    settings: SurfaceSettings,
+    progress: Progress,
+    warn: Callable[[Notice], None],
+) -> dict[str, Any]:
+    """Write the surfaces into `staging`; the content of `surfaces.json`."""
     warnings: list[Notice] = []
 
-    def tell(notices: Sequence[Notice]) -> None:
+    def report(notices: Sequence[Notice]) -> None:
         for notice in notices:
             if notice not in warnings:
                 warnings.append(notice)
                 warn(notice)
 
-    # GDAL would keep a twentieth of the computer's memory of what it has read.
-    with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
-        cell_m = settings.cell_m
-        if cell_m is None:
-            cell_m = cell_for(clouds, box, settings.classes, progress)
-        with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
-            spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
-            grid = points.grid
-            if grid is None:
-                raise no_points_error(clouds, box)
-            method = _method(settings, spooled)
-            tell([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
-            records = [file_records([path], path.parent, progress)[0] for path in paths]
-            rasters = CloudRasters(staging, clouds, grid, settings, box, method, records, spooled.span_s)
-            rasters.surfaces(spooled, progress)
-        figures, notices = rasters.derived(progress)
-        tell(notices)
-        account = {
-            "furrowmap": version("furrowmap"),
-            "inputs": [
-                {"name": record.name, "format": file.format, "points": file.points, "sha256": record.sha256}
-                for record, file in zip(records, clouds.files, strict=True)
-            ],
-            "crs": name_of(clouds.crs),
-            "parameters": rasters.parameters,
-            "figures": {
-                "points": spooled.count,
-                "cell_m": cell_m,
-                "columns": grid.columns,
-                "rows": grid.rows,
-                **figures,
-            },
-            "warnings": warnings,
-            "products": sorted([*(path.name for path in staging.iterdir()), SURFACES_REPORT]),
-        }
-        (staging / SURFACES_REPORT).write_text(json_text(account), encoding="utf-8")
-    return dict(plain(account))
+    box = box_in(clouds, settings.box, optional_crs(settings.box_crs))
+    cell_m = settings.cell_m
+    if cell_m is None:
+        cell_m = cell_for(clouds, box, settings.classes, progress)
+    with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
+        spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
+        grid = points.grid
+        if grid is None:
+            raise no_points_error(clouds, box)
+        method = _method(settings, spooled)
+        report([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
+        records = input_records(clouds, progress)
+        rasters = CloudRasters(staging, clouds, grid, settings, box, method, records, spooled.span_s)
+        rasters.surfaces(spooled, progress)
+    figures, notices = rasters.derived(progress)
+    report(notices)
+    size = {"points": spooled.count, "cell_m": cell_m, "columns": grid.columns, "rows": grid.rows}
+    return {
+        "furrowmap": version("furrowmap"),
+        "inputs": input_rows(clouds, records),
+        "crs": name_of(clouds.crs),
+        "parameters": rasters.parameters,
+        "figures": {**size, **figures},
+        "warnings": warnings,
+        "products": sorted([*(path.name for path in staging.iterdir()), SURFACES_REPORT]),
+    }
 
 
 def _method(settings: SurfaceSettings, spooled: SpooledClouds) -> GroundMethod:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 import pyproj
@@ -15,6 +16,10 @@ from furrowmap.core.values.errors import Notice
 FloatArray = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """West, south, east, north."""
+COLUMNS: Final = (
+    "name", "e_m", "n_m", "h_m", "error_e_m", "error_n_m", "error_h_m", "returns", "slope", "spread_m", "swaths",
+    "why_not",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,15 @@ class PointCheck:
         """Product less survey (3,); nan where there is none."""
         return np.asarray(np.subtract(self.found_m, self.surveyed_m), np.float64)
 
+    def row(self) -> dict[str, Any]:
+        """The point as a row of a table; None where something is unknown."""
+        error = [_known(value, 4) for value in self.error_m.tolist()]
+        values = (
+            self.name, *(round(value, 4) for value in self.surveyed_m), *error, self.returns, _known(self.slope, 3),
+            _known(self.swaths.spread_m, 4), len(self.swaths.height_m), self.why_not,
+        )  # fmt: skip
+        return dict(zip(COLUMNS, values, strict=True))
+
 
 @dataclass(frozen=True)
 class ProductAtPoints:
@@ -68,3 +82,7 @@ class ProductAtPoints:
 def three(xyz: FloatArray) -> tuple[float, float, float]:
     """Coordinates (3,) as a tuple."""
     return float(xyz[0]), float(xyz[1]), float(xyz[2])
+
+
+def _known(value: float, digits: int) -> float | None:
+    return round(value, digits) if np.isfinite(value) else None

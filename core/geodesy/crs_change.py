@@ -114,7 +114,12 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     return CrsChange(source, target, accuracy_m, ", then ".join(steps) or "no change", best)
 
 
-def crs_of(text: str) -> CRS:
+def optional_crs(text: str | CRS | None) -> CRS | None:
+    """As :func:`crs_of`; None for None."""
+    return crs_of(text) if text is not None else None
+
+
+def crs_of(text: str | CRS) -> CRS:
     """The horizontal CRS of a text in any form that PROJ reads.
 
     Raises:

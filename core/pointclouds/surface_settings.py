@@ -1,4 +1,4 @@
-"""Settings of surfaces from clouds."""
+"""How surfaces of clouds are made."""
 
 from __future__ import annotations
 
@@ -10,37 +10,48 @@ from pyproj import CRS
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.surfaces.outlier_filter import Outliers
-from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
+from furrowmap.core.surfaces.statistic import Statistic
 
 
 @dataclass(frozen=True)
 class SurfaceSettings:
-    """Settings of surfaces.
+    """How surfaces of clouds are made.
 
     Attributes:
-        cell_m: cell size; None to choose it by point density.
-        box: west, south, east, north in the CRS of the surfaces; None for all.
-        box_crs: of the box, if different.
-        classes: of the points used; None for all but noise and, in furrowmap's own clouds, vehicle and implement.
-        statistic: height of a cell.
-        ground: classification method; "auto" for the classes of the files where present, else "smrf".
-        outliers: detection method.
+        cell_m: side of a cell; None for the smallest round one with four points in it.
+        box: west, south, east, north of the points used, in the CRS of the surfaces; None for all.
+        box_crs: CRS of the box; None for that of the surfaces.
+        classes: classes of the points used; None for all but noise and, in furrowmap's own clouds, the machine.
+        statistic: height of a cell: "median", "trimmed", "mean", "min", "max", or a percentile such as "p90".
+        ground: ground filter; "auto" for the classes of the files where they have any, else "smrf".
+        outliers: outlier filter.
         every: use every n-th point.
-        fill_m: maximum interpolation gap; 0 to leave gaps.
-        tillage_heading_deg: clockwise from grid north; tillage marks are removed from random roughness.
-        crs: of files without one.
-        dst_crs: of the surfaces; None for that of the files.
+        fill_m: gaps are filled up to this distance from measured heights; 0 for none.
+        tillage_heading_deg: direction of tillage, clockwise from grid north, whose marks random roughness leaves out.
+        crs: CRS of files that state none.
+        dst_crs: CRS of the surfaces; None for that of the files.
+
+    Raises:
+        UsageError: if there is no such statistic.
     """
 
     cell_m: float | None = None
     box: Box | None = None
-    box_crs: CRS | None = None
+    box_crs: CRS | str | None = None
     classes: frozenset[int] | None = None
-    statistic: Statistic = MEDIAN
+    statistic: str = "median"
     ground: GroundMethod | Literal["auto"] = "auto"
     outliers: Outliers = "none"
     every: int = 1
     fill_m: float = 0.0
     tillage_heading_deg: float | None = None
-    crs: CRS | None = None
-    dst_crs: CRS | None = None
+    crs: CRS | str | None = None
+    dst_crs: CRS | str | None = None
+
+    def __post_init__(self) -> None:
+        Statistic.parse(self.statistic)
+
+    @property
+    def cell_statistic(self) -> Statistic:
+        """How the heights of a cell become one."""
+        return Statistic.parse(self.statistic)

@@ -21,7 +21,7 @@ HEADER: Final = (
 )  # fmt: skip
 
 
-def figures(found: Evaluation) -> dict[str, Any]:
+def evaluation_figures(found: Evaluation) -> dict[str, Any]:
     """All figures but those of the epochs; metres with four decimals."""
     matched, log = found.matched, found.continuity
     return {

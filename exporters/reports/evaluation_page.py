@@ -19,7 +19,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
-from furrowmap.exporters.reports.evaluation_figures import figures, write_epochs
+from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs
 from furrowmap.exporters.reports.page_parts import filled, key, key_figure, section
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
 
@@ -44,7 +44,7 @@ def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> Non
     """
     refuse_products(folder, PRODUCTS, overwrite=overwrite)
     with staged_folder(folder) as staging:
-        (staging / "evaluation.json").write_text(json_text(figures(found)), encoding="utf-8")
+        (staging / "evaluation.json").write_text(json_text(evaluation_figures(found)), encoding="utf-8")
         write_epochs(staging / "epochs.csv", found)
         (staging / "evaluation.html").write_text(page(found), encoding="utf-8", errors="xmlcharrefreplace")
 
@@ -73,7 +73,7 @@ def page(found: Evaluation) -> str:
         figures=_figures(found),
         sections=sections,
         provenance=escape(
-            f"furrowmap {figures(found)['furrowmap']}. Test: {found.test}. Reference: {found.reference}."
+            f"furrowmap {evaluation_figures(found)['furrowmap']}. Test: {found.test}. Reference: {found.reference}."
         ),
     )
 

@@ -13,10 +13,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import furrowmap
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.workflows.export import export
-from furrowmap.workflows.run import write_products
-from furrowmap.workflows.surface import write_cloud_surfaces
 
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.link", "os.symlink"}
 
@@ -24,11 +23,11 @@ CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.
 def work(deed: str, source: str, target: str) -> None:
     """Do what a command of that name does, replacing what is there."""
     if deed == "surface":
-        write_cloud_surfaces([Path(source)], Path(target), SurfaceSettings(cell_m=0.5), overwrite=True)
+        furrowmap.surface([Path(source)], Path(target), SurfaceSettings(cell_m=0.5), overwrite=True)
     elif deed == "export":
         export([Path(source)], "csv", Path(target), overwrite=True)
     elif deed == "run":
-        write_products(Path(source), Path(target), overwrite=True)
+        furrowmap.run(Path(source), Path(target), overwrite=True)
     else:
         raise ValueError(deed)
 

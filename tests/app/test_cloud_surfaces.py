@@ -10,6 +10,7 @@ import pyproj
 import pytest
 import rasterio
 
+import furrowmap
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
@@ -18,7 +19,6 @@ from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.errors import Cancelled, InputError, Notice, RefusedError
-from furrowmap.workflows.surface import write_cloud_surfaces
 
 UTM = pyproj.CRS.from_epsg(32633)
 WEST, SOUTH = 500_000.0, 5_300_000.0
@@ -82,7 +82,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture(scope="module")
 def made(clouds: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "surfaces"
-    write_cloud_surfaces(clouds, folder, SurfaceSettings(cell_m=0.2))
+    furrowmap.surface(clouds, folder, SurfaceSettings(cell_m=0.2))
     return folder
 
 
@@ -127,7 +127,7 @@ def test_dtm__is_the_ground_below_the_tree_where_it_is_seen(clouds: list[Path], 
 
 
 def test_ground_by_smrf__finds_the_tree_by_itself(clouds: list[Path], tmp_path: Path) -> None:
-    account = write_cloud_surfaces(clouds, tmp_path, SurfaceSettings(cell_m=0.2, ground="smrf"))
+    account = furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2, ground="smrf"))
     assert account["parameters"]["ground"] == "smrf"
     xyz, classes = written(clouds)
     height, grid = raster(tmp_path / "dtm.tif")
@@ -179,7 +179,7 @@ def test_roughness__along_the_tillage_is_without_its_marks(tmp_path: Path) -> No
     rough = {}
     for tillage in (None, 30.0, 120.0):
         settings = SurfaceSettings(0.05, ground="class", tillage_heading_deg=tillage)
-        write_cloud_surfaces([cloud], tmp_path / "out", settings, overwrite=True)
+        furrowmap.surface([cloud], tmp_path / "out", settings, overwrite=True)
         rough[tillage] = float(np.nanmedian(raster(tmp_path / "out" / "roughness.tif")[0]))
     assert rough[None] == pytest.approx(0.05 / np.sqrt(2.0), rel=0.15)
     assert rough[30.0] < 0.25 * rough[None]  # strips are as wide as a cell, in which the marks rise
@@ -190,7 +190,7 @@ def test_windows__leave_no_seams(
     clouds: list[Path], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("furrowmap.exporters.rasters.windows.WINDOW", 37)
-    write_cloud_surfaces(clouds, tmp_path, SurfaceSettings(cell_m=0.2))
+    furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2))
     for name in ("hillshade.tif", "slope.tif", "roughness.tif", "low_spots.tif"):
         np.testing.assert_array_equal(raster(tmp_path / name)[0], raster(made / name)[0], err_msg=name)
 
@@ -216,7 +216,7 @@ def test_blocks__leave_no_seams_in_the_ground(clouds: list[Path], monkeypatch: p
 
 
 def test_filled__gaps_are_filled_and_flagged(clouds: list[Path], tmp_path: Path) -> None:
-    write_cloud_surfaces(clouds, tmp_path, SurfaceSettings(cell_m=0.2, fill_m=2.0))
+    furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2, fill_m=2.0))
     xyz, classes = written(clouds)
     height, grid = raster(tmp_path / "dtm.tif")
     flag, _ = raster(tmp_path / "dtm.tif", 5)
@@ -249,31 +249,25 @@ def test_bridged__fills_holes_and_grows_nothing_outside() -> None:
 def test_box_classes_statistic_and_every(clouds: list[Path], tmp_path: Path) -> None:
     xyz, classes = written(clouds)
     box = (WEST + 5.0, SOUTH + 5.0, WEST + 20.0, SOUTH + 20.0)
-    settings = SurfaceSettings(0.5, box=box, classes=frozenset({5}), statistic=settings_of("max"), ground="none")
-    account = write_cloud_surfaces(clouds, tmp_path, settings)
+    settings = SurfaceSettings(0.5, box=box, classes=frozenset({5}), statistic="max", ground="none")
+    account = furrowmap.surface(clouds, tmp_path, settings)
     height, grid = raster(tmp_path / "dsm.tif")
     kept = xyz[(classes == 5) & np.all((xyz[:, :2] >= box[:2]) & (xyz[:, :2] <= box[2:]), axis=1)]
     assert account["figures"]["points"] == len(kept)
     np.testing.assert_allclose(height, expected(kept, grid, "max"), atol=7e-4)
     assert not (tmp_path / "dtm.tif").exists()
-    thinned = write_cloud_surfaces(clouds, tmp_path, SurfaceSettings(0.5, every=10), overwrite=True)
+    thinned = furrowmap.surface(clouds, tmp_path, SurfaceSettings(0.5, every=10), overwrite=True)
     assert thinned["figures"]["points"] == pytest.approx(6000, abs=3)
-
-
-def settings_of(name: str):  # type: ignore[no-untyped-def]
-    from furrowmap.core.surfaces.statistic import Statistic
-
-    return Statistic.parse(name)
 
 
 def test_outliers__points_that_are_alone_do_not_count(tmp_path: Path) -> None:
     xyz, _ = field(2, 20_000)
     path = write(tmp_path / "cloud.las", xyz)  # noise is not called so here
     for kind in ("radius", "statistical"):
-        write_cloud_surfaces([path], tmp_path / kind, SurfaceSettings(0.5, statistic=settings_of("max"), outliers=kind))
+        furrowmap.surface([path], tmp_path / kind, SurfaceSettings(0.5, statistic="max", outliers=kind))
         height, _ = raster(tmp_path / kind / "dsm.tif")
         assert np.nanmax(height) < 110.0
-    write_cloud_surfaces([path], tmp_path / "all", SurfaceSettings(0.5, statistic=settings_of("max")))
+    furrowmap.surface([path], tmp_path / "all", SurfaceSettings(0.5, statistic="max"))
     assert np.nanmax(raster(tmp_path / "all" / "dsm.tif")[0]) > 170.0
 
 
@@ -326,18 +320,18 @@ def test_cell__is_chosen_by_the_density_where_there_are_points(tmp_path: Path) -
 def test_folder__is_not_overwritten_unasked(made: Path, clouds: list[Path], tmp_path: Path) -> None:
     before = {path.name: path.read_bytes() for path in made.iterdir()}
     with pytest.raises(RefusedError, match=r"dsm\.tif"):
-        write_cloud_surfaces(clouds, made, SurfaceSettings(cell_m=0.2))
+        furrowmap.surface(clouds, made, SurfaceSettings(cell_m=0.2))
     assert {path.name: path.read_bytes() for path in made.iterdir()} == before
     (tmp_path / "report.json").write_text('{"products": ["cloud.copc.laz"]}')
     (tmp_path / "cloud.copc.laz").write_bytes(b"the run's")
     with pytest.raises(RefusedError, match="products of a run"):
-        write_cloud_surfaces(clouds, tmp_path, SurfaceSettings(cell_m=0.2), overwrite=True)
+        furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2), overwrite=True)
     assert (tmp_path / "cloud.copc.laz").read_bytes() == b"the run's"
 
 
 def test_nothing_left__is_told_and_leaves_nothing(clouds: list[Path], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is selected"):
-        write_cloud_surfaces(clouds, tmp_path / "out", SurfaceSettings(0.2, box=(0.0, 0.0, 1.0, 1.0)))
+        furrowmap.surface(clouds, tmp_path / "out", SurfaceSettings(0.2, box=(0.0, 0.0, 1.0, 1.0)))
     assert not (tmp_path / "out").exists()
 
 
@@ -356,7 +350,7 @@ def test_grid__that_stays_mostly_empty_is_told_before_the_wait(tmp_path: Path) -
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        write_cloud_surfaces([path], tmp_path / "out", SurfaceSettings(0.5), progress=nobody_waits, warn=warned.append)
+        furrowmap.surface([path], tmp_path / "out", SurfaceSettings(0.5), progress=nobody_waits, warn=warned.append)
     (notice,) = (notice for notice in warned if notice.code == "cells-mostly-empty")
     cells = 6415 * 6415
     assert all(words in notice.text for words in ("128 points", f"{cells:,} cells of 0.5 m", "--cell", "--bbox"))
@@ -366,7 +360,7 @@ def test_grid__that_stays_mostly_empty_is_told_before_the_wait(tmp_path: Path) -
 def test_grid__mostly_empty_has_the_surfaces_of_its_heaps_and_the_warning_in_its_account(tmp_path: Path) -> None:
     path, warned = two_heaps(tmp_path / "heaps.las"), []
     settings = SurfaceSettings(1.0, ground="none")
-    account = write_cloud_surfaces([path], tmp_path / "out", settings, warn=warned.append)
+    account = furrowmap.surface([path], tmp_path / "out", settings, warn=warned.append)
     assert account["warnings"] == [{"code": notice.code, "text": notice.text} for notice in warned]
     assert "cells-mostly-empty" in {notice.code for notice in warned}
     height, grid = raster(tmp_path / "out" / "dsm.tif")
@@ -381,15 +375,15 @@ def test_grid__mostly_empty_has_the_surfaces_of_its_heaps_and_the_warning_in_its
 
 def test_grid__full_of_points_or_small_is_not_called_empty(clouds: list[Path], tmp_path: Path) -> None:
     warned: list[Notice] = []
-    write_cloud_surfaces(clouds, tmp_path / "full", SurfaceSettings(0.2, ground="none"), warn=warned.append)
-    write_cloud_surfaces([two_heaps(tmp_path / "h.las")], tmp_path / "s", SurfaceSettings(5.0), warn=warned.append)
+    furrowmap.surface(clouds, tmp_path / "full", SurfaceSettings(0.2, ground="none"), warn=warned.append)
+    furrowmap.surface([two_heaps(tmp_path / "h.las")], tmp_path / "s", SurfaceSettings(5.0), warn=warned.append)
     assert "cells-mostly-empty" not in {notice.code for notice in warned}
 
 
 def test_account__tells_files_and_lies(clouds: list[Path], tmp_path: Path) -> None:
     data = bytearray(clouds[0].read_bytes())
     (tmp_path / "cut.las").write_bytes(data[:-1000])
-    account = write_cloud_surfaces([tmp_path / "cut.las"], tmp_path / "out", SurfaceSettings(0.5, ground="none"))
+    account = furrowmap.surface([tmp_path / "cut.las"], tmp_path / "out", SurfaceSettings(0.5, ground="none"))
     assert [warning["code"] for warning in account["warnings"] if warning["code"] != "roughness-too-coarse"][:1] == [
         "points-missing"
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.values.errors import InputError, RefusedError, UsageError
-from furrowmap.workflows.farm import add_results
+from furrowmap.workflows.farm import add_to_farm_map
 from furrowmap.workflows.mosaic import find_surfaces, mosaic
 from tests.exporters.farm.result_folders import write_result
 
@@ -17,7 +17,7 @@ def test_surfaces__are_those_of_the_sessions_in_their_order(tmp_path: Path) -> N
     earlier, bare = write_result(tmp_path / "earlier"), write_result(tmp_path / "bare", name="Bare", day=5)
     for folder in (later, earlier):
         (folder / "dsm.tif").touch()
-    add_results(str(tmp_path / "farm.gpkg"), [later, earlier, bare])
+    add_to_farm_map(str(tmp_path / "farm.gpkg"), [later, earlier, bare])
     for sources in ([str(tmp_path / "farm.gpkg")], [str(later), str(bare), str(earlier)]):
         paths, notices = find_surfaces(sources, "dsm")
         assert paths == [earlier / "dsm.tif", later / "dsm.tif"]

@@ -12,9 +12,9 @@ import pytest
 import rasterio
 from numpy.typing import NDArray
 
+import furrowmap
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, RUN_PRODUCTS
-from furrowmap.workflows.preview import write_preview
 
 _EN = ("e_m", "n_m")
 
@@ -27,7 +27,7 @@ def loop(shared_data: Path) -> Path:
 @pytest.fixture(scope="module")
 def folder(loop: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("preview")
-    write_preview(loop / "session.toml", folder)
+    furrowmap.preview(loop / "session.toml", folder)
     return folder
 
 
@@ -74,7 +74,7 @@ def test_surface__is_the_soils_within_decimetres(folder: Path, loop: Path) -> No
 def test_preview__leaves_what_else_is_in_the_folder(loop: Path, tmp_path: Path) -> None:
     for name in RUN_PRODUCTS:
         (tmp_path / name).write_text(f"of a run: {name}")
-    write_preview(loop / "session.toml", tmp_path)
+    furrowmap.preview(loop / "session.toml", tmp_path)
     assert [name for name in RUN_PRODUCTS if (tmp_path / name).read_text() != f"of a run: {name}"] == []
 
 
@@ -89,7 +89,7 @@ def test_preview__of_a_session_without_a_scanner_is_its_track(shared_data: Path,
     folder.mkdir()
     (folder / PREVIEW_REPORT).write_text(json.dumps({"products": [PREVIEW_REPORT, PREVIEW_DSM]}))
     (folder / PREVIEW_DSM).touch()
-    account = write_preview(tmp_path / "session.toml", folder)
+    account = furrowmap.preview(tmp_path / "session.toml", folder)
     assert account["products"] == [PREVIEW_REPORT, PREVIEW_TRACK] == sorted(path.name for path in folder.iterdir())
 
 
@@ -103,6 +103,6 @@ def test_preview__fails_where_the_run_would(loop: Path, tmp_path: Path) -> None:
         text.replace("lidar_minus_gnss_s = 0.0", "lidar_minus_gnss_s = 3600.0"), encoding="utf-8"
     )
     with pytest.raises(InputError) as refused:
-        write_preview(tmp_path / "session.toml", tmp_path / "preview")
+        furrowmap.preview(tmp_path / "session.toml", tmp_path / "preview")
     assert refused.value.code == "no-common-time"
     assert not (tmp_path / "preview").exists()

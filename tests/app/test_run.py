@@ -16,10 +16,10 @@ import pytest
 import rasterio
 from pyproj import CRS
 
+import furrowmap
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.cloud.file import las_wkt
-from furrowmap.workflows.run import write_products
 
 SCANS_S = 1_453_364_282.341
 """The capture's first return by its GPS time."""
@@ -55,21 +55,21 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
 def test_write_products__replaces_those_of_the_same_files_run_otherwise(
     session: Path, tmp_path: Path, addition: str
 ) -> None:
-    write_products(session, tmp_path / "result")
+    furrowmap.run(session, tmp_path / "result")
     session.write_text(SESSION + addition)
     table, key, *_ = addition.replace("[", "").replace("]", "").split()
-    assert key in write_products(session, tmp_path / "result")["session"][table]
+    assert key in furrowmap.run(session, tmp_path / "result").report["session"][table]
 
 
 def test_write_products__keeps_those_of_other_files_with_the_same_names(session: Path, tmp_path: Path) -> None:
-    before = write_products(session, tmp_path / "result")
+    before = furrowmap.run(session, tmp_path / "result").report
     drive = session.with_name("drive.csv")
     drive.write_text(drive.read_text().replace(",271,", ",272,"))
     cloud = (tmp_path / "result" / "cloud.copc.laz").read_bytes()
     with pytest.raises(RefusedError, match="another session"):
-        write_products(session, tmp_path / "result")
+        furrowmap.run(session, tmp_path / "result")
     assert (tmp_path / "result" / "cloud.copc.laz").read_bytes() == cloud
-    after = write_products(session, tmp_path / "result", overwrite=True)
+    after = furrowmap.run(session, tmp_path / "result", overwrite=True).report
     assert [file["name"] for file in after["inputs"]] == [file["name"] for file in before["inputs"]]
     assert [a == b for a, b in zip(after["inputs"], before["inputs"], strict=True)] == [True, False]
 
@@ -77,16 +77,16 @@ def test_write_products__keeps_those_of_other_files_with_the_same_names(session:
 @pytest.mark.parametrize("again", [False, True])
 def test_write_products__hashes_the_inputs_once_and_says_so(session: Path, tmp_path: Path, again: bool) -> None:
     if again:
-        write_products(session, tmp_path / "result")
+        furrowmap.run(session, tmp_path / "result")
     told: list[tuple[str, float]] = []
-    write_products(session, tmp_path / "result", progress=lambda stage, share: told.append((stage, share)))
+    furrowmap.run(session, tmp_path / "result", progress=lambda stage, share: told.append((stage, share)))
     assert [share for stage, share in told if stage == "hashing inputs"].count(1.0) == 1
 
 
 def test_products__tell_inside_where_they_come_from(session: Path, tmp_path: Path) -> None:
     result = tmp_path / "result"
     session.write_text(SESSION.replace("[recording]", 'name = "Acker ä"\n[recording]', 1))
-    report = write_products(session, result)
+    report = furrowmap.run(session, result).report
     with laspy.open(result / "cloud.copc.laz") as cloud:
         (words,) = [vlr.record_data for vlr in cloud.header.vlrs if vlr.record_id == 3 and vlr.user_id == "LASF_Spec"]
     with rasterio.open(result / "dsm.tif") as dsm:
@@ -106,7 +106,7 @@ def test_products__tell_inside_where_they_come_from(session: Path, tmp_path: Pat
 
 def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path) -> None:
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 0.5\n[crs]"))
-    figures = write_products(session, tmp_path / "result")["figures"]
+    figures = furrowmap.run(session, tmp_path / "result").report["figures"]
     cloud = laspy.read(tmp_path / "result" / "cloud.copc.laz")
     np.testing.assert_allclose(figures["bounds_m"], [cloud.xyz.min(0), cloud.xyz.max(0)], atol=1e-9)
     for name, gps_s in (("start", cloud.gps_time.min()), ("end", cloud.gps_time.max())):
@@ -119,7 +119,7 @@ def test_page__shows_any_name_as_text(session: Path, tmp_path: Path) -> None:
     session.write_text(
         SESSION.replace("[recording]", "name = '<script>alert($title)</script> & \"圃場\"'\n[recording]", 1)
     )
-    write_products(session, tmp_path / "result")
+    furrowmap.run(session, tmp_path / "result")
     page = (tmp_path / "result" / "report.html").read_text(encoding="utf-8")
     assert "<script" not in page
     assert "<h1>&lt;script&gt;alert($title)&lt;/script&gt; &amp; &quot;圃場&quot;</h1>" in page
@@ -132,7 +132,7 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
     (tmp_path / "session.toml").write_text(
         SESSION[: SESSION.index("[trajectory]")].replace("[crs]", 'gnss = ["gnss.nmea"]\n[crs]')
     )
-    accuracy = write_products(tmp_path / "session.toml", tmp_path / "result")["accuracy"]
+    accuracy = furrowmap.run(tmp_path / "session.toml", tmp_path / "result").report["accuracy"]
     assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]
     assert accuracy.pop("matching") is None
     assert accuracy.pop("swaths") is None
@@ -144,7 +144,7 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
 
 
 def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(session: Path, tmp_path: Path) -> None:
-    accuracy = write_products(session, tmp_path / "result")["accuracy"]
+    accuracy = furrowmap.run(session, tmp_path / "result").report["accuracy"]
     assert accuracy.pop("assumed") == []
     assert accuracy.pop("matching") is None
     assert accuracy.pop("swaths") is None
@@ -153,7 +153,7 @@ def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(sessio
 
 def test_session_toml__beside_the_original_runs_to_the_same_cloud(session: Path, tmp_path: Path) -> None:
     result = tmp_path / "some where" / "result"
-    report = write_products(session, result)
+    report = furrowmap.run(session, result).report
     assert report["session_file"] == "../../drive/session.toml"
     assert (result / report["session_file"]).samefile(session)
     head = (result / "session.toml").read_text(encoding="utf-8").splitlines()[:3]
@@ -161,7 +161,7 @@ def test_session_toml__beside_the_original_runs_to_the_same_cloud(session: Path,
     assert all(line.startswith("#") for line in head)
     again = session.with_name("understood.toml")
     shutil.copy(result / "session.toml", again)
-    repeated = write_products(again, tmp_path / "again")
+    repeated = furrowmap.run(again, tmp_path / "again").report
     assert repeated["session"] == report["session"]
     assert (tmp_path / "again" / "cloud.copc.laz").read_bytes() == (result / "cloud.copc.laz").read_bytes()
 
@@ -169,7 +169,7 @@ def test_session_toml__beside_the_original_runs_to_the_same_cloud(session: Path,
 @pytest.mark.skipif(os.name == "nt", reason="Windows knows no such file names")
 def test_session_toml__cannot_be_added_to_by_the_name_of_the_original(session: Path, tmp_path: Path) -> None:
     odd = session.rename(session.with_name("a\n[run]\nstanding = false\udcff.toml"))
-    write_products(odd, tmp_path / "result")
+    furrowmap.run(odd, tmp_path / "result")
     assert load_session(tmp_path / "result" / "session.toml").run.standing is True
 
 
@@ -178,7 +178,7 @@ def test_session_toml__cannot_be_added_to_by_the_name_of_the_original(session: P
 )
 def test_cloud__states_the_horizontal_crs_of_one_with_heights(session: Path, tmp_path: Path, crs: str) -> None:
     session.write_text(SESSION.replace('"EPSG:6677"', json.dumps(crs)))
-    write_products(session, tmp_path / "result")
+    furrowmap.run(session, tmp_path / "result")
     with laspy.open(tmp_path / "result" / "cloud.copc.laz") as cloud:
         assert cloud.header.parse_crs().to_epsg(min_confidence=20) == 6677
 

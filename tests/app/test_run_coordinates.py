@@ -16,7 +16,7 @@ import pytest
 import rasterio
 from pyproj import CRS, Transformer
 
-from furrowmap.workflows.run import write_products
+import furrowmap
 
 SCANS_S = 1_453_364_282.341
 COLUMNS = "time_unix_s,lon_deg,lat_deg,h_m,roll_deg,pitch_deg,heading_deg\n"
@@ -46,7 +46,7 @@ def drive(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def products(drive: Path, name: str, crs: str) -> tuple[Path, dict[str, Any]]:
     session = drive / f"{name}.toml"
     session.write_text(SESSION.format(crs=crs))
-    return drive / name, write_products(session, drive / name)
+    return drive / name, furrowmap.run(session, drive / name).report
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,13 @@ from pathlib import Path
 import pyogrio
 import pytest
 
+import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.work.run_result import RunResult
-from furrowmap.workflows.run import write_products
 
 SESSION = """furrowmap = 1
 name = "Harvest"
@@ -54,7 +54,7 @@ def folder(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("TASKDATA.XML", "TLG00026.xml", "TLG00026.bin"):
         shutil.copyfile(shared_data / "isoxml/field_days/harvest_21_fields" / name, data / name)
     (folder / "session.toml").write_text(SESSION.format(states="TASKDATA"))
-    write_products(folder / "session.toml", folder / "result")
+    furrowmap.run(folder / "session.toml", folder / "result")
     return folder
 
 

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.cli.main import command_line
-from furrowmap.cli.qgis_profiles import find_profiles, install_plugin, with_setting
 from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.workflows.qgis_plugin import find_profiles, install_plugin, with_setting
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

@@ -10,14 +10,14 @@ import os
 import sys
 from pathlib import Path
 
-from furrowmap.workflows.farm import add_results
+from furrowmap.workflows.farm import add_to_farm_map
 
 for line in sys.stdin:
     base, *folders = json.loads(line)
     process = os.fork()
     if process == 0:
         try:
-            add_results(base, [Path(folder) for folder in folders])
+            add_to_farm_map(base, [Path(folder) for folder in folders])
         except BaseException as error:  # noqa: BLE001 (the end of a process)
             sys.stderr.write(f"{error}\n")
             os._exit(1)

@@ -28,7 +28,7 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.farm import lock
-from furrowmap.workflows.farm import add_results, known_sessions, remove_sessions
+from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result
 
@@ -67,7 +67,7 @@ def base(tmp_path: Path) -> Path:
 def two(results: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A base of two sessions; not to be changed."""
     path = tmp_path_factory.mktemp("two") / "farm.gpkg"
-    add_results(str(path), [results["a"], results["b"]])
+    add_to_farm_map(str(path), [results["a"], results["b"]])
     return path
 
 
@@ -121,9 +121,9 @@ def test_whole_numbers__stay_whole_and_unknown_ones_null(two: Path) -> None:
 
 
 def test_day__is_that_of_the_place(results: dict[str, Path], tmp_path: Path) -> None:
-    add_results(str(tmp_path / "by_place.gpkg"), [results["a"]])
-    add_results(str(tmp_path / "utc.gpkg"), [results["a"]], zone=ZoneInfo("UTC"))
-    days = [str(known_sessions(str(tmp_path / name))[2][0].date) for name in ("by_place.gpkg", "utc.gpkg")]
+    add_to_farm_map(str(tmp_path / "by_place.gpkg"), [results["a"]])
+    add_to_farm_map(str(tmp_path / "utc.gpkg"), [results["a"]], zone=ZoneInfo("UTC"))
+    days = [str(farm_map_sessions(str(tmp_path / name))[2][0].date) for name in ("by_place.gpkg", "utc.gpkg")]
     assert days == ["2026-06-12", "2026-06-11"]  # it begins at 15:00 UTC, midnight in Japan
 
 
@@ -135,32 +135,32 @@ def test_provenance__keeps_the_report_and_the_session_word_by_word(two: Path, re
 
 
 def test_same_result_again__leaves_the_file_untouched(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["a"], results["b"]])
+    add_to_farm_map(str(base), [results["a"], results["b"]])
     before = (base.read_bytes(), base.stat().st_ino)
-    change = add_results(str(base), [results["b"], results["a"]])
+    change = add_to_farm_map(str(base), [results["b"], results["a"]])
     assert (base.read_bytes(), base.stat().st_ino) == before
     assert (len(change.unchanged), change.added, change.replaced, change.sessions) == (2, (), (), 2)
 
 
 def test_new_result__replaces_the_sessions_old_one_and_nothing_else(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["a"], results["b"]])
+    add_to_farm_map(str(base), [results["a"], results["b"]])
     before = content(base)
-    change = add_results(str(base), [results["b2"]])
+    change = add_to_farm_map(str(base), [results["b2"]])
     after = content(base)
     assert (len(change.replaced), change.added, change.sessions) == (1, (), 2)
     assert {name: len(rows) for name, rows in after.items()} == {name: len(rows) for name, rows in before.items()}
-    assert [s.worked_area_m2 for s in known_sessions(str(base))[2]] == [75.5, 80.0]
+    assert [s.worked_area_m2 for s in farm_map_sessions(str(base))[2]] == [75.5, 80.0]
     assert after["passes"] == before["passes"]
 
 
 def test_remove__takes_out_what_belongs_to_the_session(base: Path, two: Path, results: dict[str, Path]) -> None:
     shutil.copyfile(two, base)
-    change = remove_sessions(str(base), ["South field"])
+    change = remove_from_farm_map(str(base), ["South field"])
     alone = base.with_name("alone.gpkg")
-    add_results(str(alone), [results["a"]])
+    add_to_farm_map(str(alone), [results["a"]])
     assert change.sessions == 1
     assert content(base) == content(alone)
-    remove_sessions(str(base), [known_sessions(str(base))[2][0].session[:6]])
+    remove_from_farm_map(str(base), [farm_map_sessions(str(base))[2][0].session[:6]])
     assert {name: len(rows) for name, rows in content(base).items()} == dict.fromkeys(content(alone), 0)
 
 
@@ -168,13 +168,13 @@ def test_remove__takes_out_what_belongs_to_the_session(base: Path, two: Path, re
 def test_remove__of_what_is_not_there_is_refused(base: Path, two: Path, word: str) -> None:
     shutil.copyfile(two, base)
     with pytest.raises(InputError) as refused:
-        remove_sessions(str(base), [word])
+        remove_from_farm_map(str(base), [word])
     assert refused.value.code == "no-such-session"
     assert base.read_bytes() == two.read_bytes()
 
 
 def test_other_crs__is_transformed_as_by_geopandas_and_areas_stay(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["a"]], crs=UTM)
+    add_to_farm_map(str(base), [results["a"]], crs=UTM)
     for name in DETAILS:
         expected = gpd.read_file(results["a"] / "field.gpkg", layer=name).to_crs(UTM)
         found = gpd.read_file(base, layer=name)
@@ -189,20 +189,20 @@ def test_other_crs__is_refused_when_asked(base: Path, two: Path, results: dict[s
     foreign = write_result(tmp_path / "foreign", name="West field", recording="e" * 64, crs=CRS.from_epsg(6691))
     for options in ({"same_crs": True}, {"crs": UTM}):
         with pytest.raises(RefusedError) as refused:
-            add_results(str(base), [foreign], **options)
+            add_to_farm_map(str(base), [foreign], **options)
         assert refused.value.code == "base-crs"
     assert base.read_bytes() == two.read_bytes()
 
 
 def test_doubts__are_told(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["a"]])
-    change = add_results(str(base), [results["renamed"], results["geoid"]])
+    add_to_farm_map(str(base), [results["a"]])
+    change = add_to_farm_map(str(base), [results["renamed"], results["geoid"]])
     assert [notice.code for notice in change.notices] == ["session-renamed", "heights-mixed"]
 
 
 def test_two_results_of_one_session__are_refused(base: Path, results: dict[str, Path]) -> None:
     with pytest.raises(InputError) as refused:
-        add_results(str(base), [results["b"], results["b2"]])
+        add_to_farm_map(str(base), [results["b"], results["b2"]])
     assert refused.value.code == "session-twice"
     assert list(base.parent.iterdir()) == []
 
@@ -229,7 +229,7 @@ def test_bad_folder__is_told_and_the_base_stays(
     if damage is not None:
         (bad / name).write_bytes(damage)
     with pytest.raises(InputError) as refused:
-        add_results(str(base), [results["b2"], bad])
+        add_to_farm_map(str(base), [results["b2"], bad])
     assert refused.value.code == code
     assert base.read_bytes() == two.read_bytes()
     assert sorted(path.name for path in base.parent.iterdir()) == ["bad", "farm.gpkg"]
@@ -243,14 +243,14 @@ def test_what_is_no_base__is_refused_and_left_as_it_is(base: Path, results: dict
             base.write_bytes(text)
         before = base.read_bytes()
         with pytest.raises(InputError) as refused:
-            add_results(str(base), [results["b"]])
+            add_to_farm_map(str(base), [results["b"]])
         assert refused.value.code == "not-a-base"
         assert base.read_bytes() == before
     with pytest.raises(InputError) as refused:
-        known_sessions(str(base.with_name("none.gpkg")))
+        farm_map_sessions(str(base.with_name("none.gpkg")))
     assert refused.value.code == "base-missing"
     with pytest.raises(InputError) as refused:
-        add_results(str(base.parent / "none" / "farm.gpkg"), [results["b"]])
+        add_to_farm_map(str(base.parent / "none" / "farm.gpkg"), [results["b"]])
     assert refused.value.code == "base-unreachable"
 
 
@@ -261,8 +261,8 @@ def test_what_a_user_put_into_the_base__stays(base: Path, two: Path, results: di
         database.execute("UPDATE layer_styles SET styleQML = '<qgis/>' WHERE f_table_name = 'coverage'")
         database.execute("UPDATE qgis_projects SET content = 'abcd'")
         database.execute("INSERT INTO qgis_projects VALUES ('mine', '{}', '00')")
-    add_results(str(base), [results["c"]])
-    remove_sessions(str(base), ["North field"])
+    add_to_farm_map(str(base), [results["c"]])
+    remove_from_farm_map(str(base), ["North field"])
     with closing(sqlite3.connect(base)) as database:
         styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles"))
         projects = dict(database.execute("SELECT name, content FROM qgis_projects"))
@@ -272,11 +272,11 @@ def test_what_a_user_put_into_the_base__stays(base: Path, two: Path, results: di
 
 
 def test_layer_of_somebody_elses__is_not_overwritten(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["c"]])
+    add_to_farm_map(str(base), [results["c"]])
     gpd.GeoDataFrame({"a": [1]}, geometry=[shapely.Point(1, 2)], crs=6677).to_file(base, layer="zones")
     before = base.read_bytes()
     with pytest.raises(RefusedError) as refused:
-        add_results(str(base), [results["a"]])
+        add_to_farm_map(str(base), [results["a"]])
     assert refused.value.code == "base-clash"
     assert base.read_bytes() == before
 
@@ -284,7 +284,7 @@ def test_layer_of_somebody_elses__is_not_overwritten(base: Path, results: dict[s
 def test_new_columns_and_layers_of_a_later_version__find_their_place(
     base: Path, results: dict[str, Path], tmp_path: Path
 ) -> None:
-    add_results(str(base), [results["a"]])
+    add_to_farm_map(str(base), [results["a"]])
     later = tmp_path / "later"
     shutil.copytree(results["b"], later)
     with closing(sqlite3.connect(later / "field.gpkg")) as database, database:
@@ -293,15 +293,15 @@ def test_new_columns_and_layers_of_a_later_version__find_their_place(
     gpd.GeoDataFrame({"volume_m3": [2.0]}, geometry=[shapely.box(0, 0, 1, 1)], crs=6677).to_file(
         later / "field.gpkg", layer="low_spots"
     )
-    add_results(str(base), [later])
+    add_to_farm_map(str(base), [later])
     passes = gpd.read_file(base, layer="passes")
     assert passes['soil "moved"_m3'].isna().tolist() == [True] * 3 + [False] * 3
     assert gpd.read_file(base, layer="low_spots")["volume_m3"].tolist() == [2.0]
 
 
 def test_extent__is_that_of_what_is_left(base: Path, results: dict[str, Path], tmp_path: Path) -> None:
-    add_results(str(base), [results["a"], results["b"]])
-    remove_sessions(str(base), ["North field"])
+    add_to_farm_map(str(base), [results["a"], results["b"]])
+    remove_from_farm_map(str(base), ["North field"])
     bounds = gpd.read_file(base, layer="passes").total_bounds
     with closing(sqlite3.connect(base)) as database:
         told = database.execute(
@@ -312,8 +312,8 @@ def test_extent__is_that_of_what_is_left(base: Path, results: dict[str, Path], t
 
 
 def test_project__is_the_same_for_the_same_sessions(two: Path, base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["b"]])
-    add_results(str(base), [results["a"]])
+    add_to_farm_map(str(base), [results["b"]])
+    add_to_farm_map(str(base), [results["a"]])
     archives = []
     for path in (two, base):
         with closing(sqlite3.connect(path)) as database:
@@ -331,10 +331,10 @@ def test_program_that_edits_the_base__is_not_overrun(base: Path, two: Path, resu
         editor.execute("BEGIN")
         editor.execute("UPDATE provenance SET furrowmap = 'edited'")
         with pytest.raises(RefusedError) as refused:
-            add_results(str(base), [results["c"]])
+            add_to_farm_map(str(base), [results["c"]])
         assert refused.value.code == "base-open"
         editor.execute("COMMIT")
-    add_results(str(base), [results["c"]])
+    add_to_farm_map(str(base), [results["c"]])
     assert pyogrio.read_dataframe(base, layer="provenance")["furrowmap"].tolist() == ["edited", "edited", "0.1.0"]
 
 
@@ -356,11 +356,11 @@ def test_other_process__is_waited_for_and_refused_in_the_end(base: Path, two: Pa
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_kill__leaves_the_old_base_or_the_new_one(base: Path, results: dict[str, Path]) -> None:
-    add_results(str(base), [results["a"], results["b"]])
+    add_to_farm_map(str(base), [results["a"], results["b"]])
     old = content(base)
     new_path = base.with_name("new.gpkg")
     shutil.copyfile(base, new_path)
-    add_results(str(new_path), [results["b2"], results["c"]])
+    add_to_farm_map(str(new_path), [results["b2"], results["c"]])
     new = content(new_path)
     new_path.unlink()
     kept = base.read_bytes()
@@ -382,7 +382,7 @@ def test_kill__leaves_the_old_base_or_the_new_one(base: Path, results: dict[str,
             assert found in (old, new)
             seen.append(found == new)
     assert False in seen
-    add_results(str(base), [results["b2"], results["c"]])
+    add_to_farm_map(str(base), [results["b2"], results["c"]])
     assert content(base) == new
     assert [path.name for path in base.parent.iterdir()] == ["farm.gpkg"]  # what killed ones left is gone
 
@@ -395,7 +395,7 @@ def test_two_at_once__lose_nothing(base: Path, results: dict[str, Path], tmp_pat
             for helper, names in zip(helpers, (("a", "c"), ("b", "geoid")), strict=True):
                 ask(helper, base, *(results[name] for name in names))
             assert [ended(helper) for helper in helpers] == [0, 0]
-            assert len(known_sessions(str(base))[2]) == 4
+            assert len(farm_map_sessions(str(base))[2]) == 4
 
 
 @settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -413,25 +413,25 @@ def test_any_sequence__ends_as_a_table_of_sessions_would(
     expected: dict[str, str] = {}
     for deed, which in deeds:
         if deed == "add":
-            add_results(str(path), [results[which]])
+            add_to_farm_map(str(path), [results[which]])
             expected[names[which]] = which
         elif names[which] in expected:
-            remove_sessions(str(path), [names[which]])
+            remove_from_farm_map(str(path), [names[which]])
             del expected[names[which]]
         else:
             with pytest.raises(FurrowmapError):
-                remove_sessions(str(path), [names[which]])
+                remove_from_farm_map(str(path), [names[which]])
     if expected:
         again = tmp_path / "again.gpkg"
         again.unlink(missing_ok=True)
-        add_results(str(again), [results[which] for which in expected.values()])
+        add_to_farm_map(str(again), [results[which] for which in expected.values()])
         mine, theirs = content(path), content(again)
         assert {name: rows for name, rows in mine.items() if rows} == {name: r for name, r in theirs.items() if r}
 
 
 def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dict[str, Path], qgis: QgisRoot) -> None:
     shutil.copyfile(two, base)
-    add_results(str(base), [results["c"]])
+    add_to_farm_map(str(base), [results["c"]])
     script = Path(__file__).with_name("project_in_qgis.py")
     told = json.loads(qgis.run("python3", script, f"geopackage:{base}?projectName=furrowmap").splitlines()[-1])
     assert (told["opened"], told["error"], told["crs"]) == (True, "", "EPSG:6677")

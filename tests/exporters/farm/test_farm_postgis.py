@@ -23,7 +23,7 @@ from pyproj import CRS
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm import postgis
-from furrowmap.workflows.farm import add_results, known_sessions, remove_sessions
+from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ended
 from tests.exporters.farm.processes import ask as order
 from tests.exporters.farm.result_folders import write_result
@@ -65,7 +65,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def two(server: Server, results: dict[str, Path]) -> str:
     """The address of a base of two sessions, not to be changed."""
     address = server.new_database("two")
-    add_results(address, [results["a"], results["hostile"]])
+    add_to_farm_map(address, [results["a"], results["hostile"]])
     return address
 
 
@@ -80,7 +80,7 @@ def ask(address: str, query: str) -> list[tuple]:
 
 
 def test_layers__hold_what_the_run_found(two: str, results: dict[str, Path]) -> None:
-    assert [session.name for session in known_sessions(two)[2]] == ["North field", HOSTILE]
+    assert [session.name for session in farm_map_sessions(two)[2]] == ["North field", HOSTILE]
     for name in DETAILS:
         expected = gpd.read_file(results["a"] / "field.gpkg", layer=name)
         rows = ask(two, f"SELECT ST_AsEWKB(geom), ST_SRID(geom), ST_IsValid(geom) FROM furrowmap.{name} ORDER BY fid")
@@ -112,12 +112,12 @@ def test_tables__have_types_indexes_and_comments(two: str) -> None:
 
 
 def test_new_result__replaces_the_old_one_and_removing_takes_all(new_database: str, results: dict[str, Path]) -> None:
-    add_results(new_database, [results["a"], results["hostile"]])
-    change = add_results(new_database, [results["a2"], results["hostile"]])
+    add_to_farm_map(new_database, [results["a"], results["hostile"]])
+    change = add_to_farm_map(new_database, [results["a2"], results["hostile"]])
     assert (len(change.replaced), len(change.unchanged), change.sessions) == (1, 1, 2)
     assert ask(new_database, "SELECT count(*) FROM furrowmap.passes") == [(3,)]
-    assert [s.worked_area_m2 for s in known_sessions(new_database)[2]] == [80.0, 75.5]
-    assert remove_sessions(new_database, ["North field", HOSTILE]).sessions == 0
+    assert [s.worked_area_m2 for s in farm_map_sessions(new_database)[2]] == [80.0, 75.5]
+    assert remove_from_farm_map(new_database, ["North field", HOSTILE]).sessions == 0
     for name in (*DETAILS, "sessions", "provenance", "tracks"):
         assert ask(new_database, f"SELECT count(*) FROM furrowmap.{name}") == [(0,)]
 
@@ -127,7 +127,7 @@ def test_interruption__leaves_the_base_as_it_was(
     server: Server, results: dict[str, Path], monkeypatch: pytest.MonkeyPatch, broken: str
 ) -> None:
     address = server.new_database(f"broken_{broken}")
-    add_results(address, [results["a"]])
+    add_to_farm_map(address, [results["a"]])
     before = [ask(address, f"SELECT * FROM furrowmap.{name} ORDER BY fid") for name in ("sessions", *DETAILS)]
     whole: Callable[..., object] = getattr(postgis.PostgisEdit, broken)
 
@@ -137,7 +137,7 @@ def test_interruption__leaves_the_base_as_it_was(
 
     monkeypatch.setattr(postgis.PostgisEdit, broken, stopped)
     with pytest.raises(KeyboardInterrupt):
-        add_results(address, [results["a2"], results["hostile"]])
+        add_to_farm_map(address, [results["a2"], results["hostile"]])
     monkeypatch.undo()
     assert [ask(address, f"SELECT * FROM furrowmap.{n} ORDER BY fid") for n in ("sessions", *DETAILS)] == before
 
@@ -149,7 +149,7 @@ def test_kill__leaves_the_old_base_or_the_new_one(new_database: str, results: di
         areas = ask(new_database, "SELECT worked_area_m2 FROM furrowmap.sessions ORDER BY session")
         return (areas, *(ask(new_database, query.format(name)) for name in ("provenance", "tracks", *DETAILS)))
 
-    add_results(new_database, [results["a"]])
+    add_to_farm_map(new_database, [results["a"]])
     old = content()
     chance = random.Random(7)
     with adders(1) as (helper,):
@@ -158,15 +158,15 @@ def test_kill__leaves_the_old_base_or_the_new_one(new_database: str, results: di
         assert ended(helper) == 0
         whole_s, new = time.monotonic() - begun, content()
         for _ in range(KILLS):
-            remove_sessions(new_database, [HOSTILE])
-            add_results(new_database, [results["a"]])
+            remove_from_farm_map(new_database, [HOSTILE])
+            add_to_farm_map(new_database, [results["a"]])
             process = order(helper, new_database, results["a2"], results["hostile"])
             time.sleep(chance.uniform(0.2, 1.0) * whole_s)
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
             ended(helper)
             assert content() in (old, new)
-            add_results(new_database, [results["a2"], results["hostile"]])
+            add_to_farm_map(new_database, [results["a2"], results["hostile"]])
             assert content() == new
 
 
@@ -175,7 +175,7 @@ def test_two_at_once__lose_nothing(new_database: str, results: dict[str, Path]) 
 
     def add(name: str) -> None:
         try:
-            add_results(new_database, [results[name]])
+            add_to_farm_map(new_database, [results[name]])
         except BaseException as error:  # noqa: BLE001 (told below)
             errors.append(error)
 
@@ -185,22 +185,22 @@ def test_two_at_once__lose_nothing(new_database: str, results: dict[str, Path]) 
     for thread in threads:
         thread.join()
     assert errors == []
-    assert len(known_sessions(new_database)[2]) == 2
+    assert len(farm_map_sessions(new_database)[2]) == 2
 
 
 def test_schema__of_any_name_is_quoted(new_database: str, results: dict[str, Path]) -> None:
     name = 'Farm "1"; DROP SCHEMA public; --'
-    add_results(new_database, [results["a"]], schema=name)
-    assert len(known_sessions(new_database, schema=name)[2]) == 1
+    add_to_farm_map(new_database, [results["a"]], schema=name)
+    assert len(farm_map_sessions(new_database, schema=name)[2]) == 1
     with pytest.raises(InputError) as refused:
-        known_sessions(new_database)
+        farm_map_sessions(new_database)
     assert refused.value.code == "base-missing"
 
 
 def test_crs_without_a_code__is_refused(new_database: str, results: dict[str, Path]) -> None:
     own = CRS.from_proj4("+proj=tmerc +lat_0=36 +lon_0=139.8 +k=1 +x_0=0 +y_0=0 +ellps=GRS80 +units=m")
     with pytest.raises(RefusedError) as refused:
-        add_results(new_database, [write_result(results["a"].parent / "own", crs=own)])
+        add_to_farm_map(new_database, [write_result(results["a"].parent / "own", crs=own)])
     assert refused.value.code == "base-crs"
     assert ask(new_database, "SELECT to_regnamespace('furrowmap')") == [(None,)]
 
@@ -220,7 +220,7 @@ def test_refusal__is_three_lines_without_the_password(
 ) -> None:
     address, kind = REFUSALS[code]
     with pytest.raises(kind) as refused:
-        add_results(address(server), [results["a"]])
+        add_to_farm_map(address(server), [results["a"]])
     assert refused.value.code == code
     assert all(refused.value.lines)
     assert "s3cret" not in str(refused.value)
@@ -228,7 +228,7 @@ def test_refusal__is_three_lines_without_the_password(
 
 def test_no_server__is_told(results: dict[str, Path]) -> None:
     with pytest.raises(InputError) as refused:
-        add_results("postgresql://farmer:s3cret@127.0.0.1:1/farm", [results["a"]])
+        add_to_farm_map("postgresql://farmer:s3cret@127.0.0.1:1/farm", [results["a"]])
     assert refused.value.code == "base-unreachable"
     assert "s3cret" not in str(refused.value)
 
@@ -236,7 +236,7 @@ def test_no_server__is_told(results: dict[str, Path]) -> None:
 def test_password__is_nowhere_in_the_base(two: str) -> None:
     (project,) = ask(two, "SELECT content FROM furrowmap.qgis_projects")
     assert b"s3cret" not in bytes(project[0])
-    assert "s3cret" not in known_sessions(two)[0]
+    assert "s3cret" not in farm_map_sessions(two)[0]
 
 
 def test_styles__need_no_right_of_their_own(server: Server, new_database: str, results: dict[str, Path]) -> None:
@@ -244,17 +244,17 @@ def test_styles__need_no_right_of_their_own(server: Server, new_database: str, r
     with server.administer(name) as connection:
         connection.execute("ALTER SCHEMA public OWNER TO admin")
         connection.execute("REVOKE CREATE ON SCHEMA public FROM PUBLIC")
-    change = add_results(new_database, [results["a"]])
+    change = add_to_farm_map(new_database, [results["a"]])
     assert [notice.code for notice in change.notices] == ["base-no-styles"]
-    assert len(known_sessions(new_database)[2]) == 1
+    assert len(farm_map_sessions(new_database)[2]) == 1
 
 
 def test_style_and_project_of_a_user__stay(new_database: str, results: dict[str, Path]) -> None:
-    add_results(new_database, [results["a"]])
+    add_to_farm_map(new_database, [results["a"]])
     with psycopg.connect(new_database) as connection:
         connection.execute("UPDATE layer_styles SET styleqml = '<qgis/>' WHERE stylename = 'coverage'")
         connection.execute("UPDATE furrowmap.qgis_projects SET content = 'mine'")
-    add_results(new_database, [results["hostile"]])
+    add_to_farm_map(new_database, [results["hostile"]])
     assert ask(new_database, "SELECT styleqml::text FROM layer_styles WHERE stylename = 'coverage'") == [("<qgis/>",)]
     assert bytes(ask(new_database, "SELECT content FROM furrowmap.qgis_projects")[0][0]) == b"mine"
 

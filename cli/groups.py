@@ -9,7 +9,7 @@ import click
 from furrowmap.core.values.errors import UsageError
 
 
-class Deeds(click.Group):
+class CommandGroup(click.Group):
     """A command group whose error for an unknown command suggests the nearest one."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.cli.words import figures, table
+from furrowmap.cli.tables import figures, table
 
 
 @pytest.mark.parametrize(

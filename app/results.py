@@ -1,0 +1,197 @@
+"""The result of a run, opened for notebooks and other software."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.files import result_folder
+from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
+from furrowmap.points import Points, open_points
+
+if TYPE_CHECKING:
+    import geopandas
+    import pyproj
+    from rasterio import Affine
+
+
+@dataclass(frozen=True)
+class Raster:
+    """The first band of a GeoTIFF, where xarray is not installed.
+
+    Attributes:
+        array: (rows, columns) float32, the northernmost row first; nan where there is no value.
+        transform: from (column, row) of a cell's upper left corner to easting and northing.
+        crs: of easting and northing.
+    """
+
+    array: NDArray[np.float32]
+    transform: Affine
+    crs: pyproj.CRS
+
+
+class Layers(Mapping[str, "geopandas.GeoDataFrame"]):
+    """The layers of `field.gpkg` by name, each read when it is asked for."""
+
+    def __init__(self, folder: ResultFolder) -> None:
+        self._folder = folder
+
+    def __getitem__(self, name: str) -> geopandas.GeoDataFrame:
+        if name not in self._folder.layer_names:
+            raise KeyError(name)
+        return self._folder.layer(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._folder.layer_names)
+
+    def __len__(self) -> int:
+        return len(self._folder.layer_names)
+
+    def __repr__(self) -> str:
+        return f"Layers({', '.join(self)})"
+
+
+class Result:
+    """The result of a run.
+
+    The properties named after layers give GeoDataFrames in the session's CRS; their fields are those of the reference
+    of products. A layer that the run did not write, such as `passes` where no implement is known, raises `InputError`.
+    """
+
+    def __init__(self, folder: ResultFolder) -> None:
+        self._folder = folder
+
+    def __repr__(self) -> str:
+        return f"Result({str(self.path)!r}, name={self._folder.name!r})"
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self._folder.folder
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The content of `report.json`."""
+        return self._folder.report
+
+    @property
+    def layers(self) -> Layers:
+        """All layers of `field.gpkg`: a mapping from their names to GeoDataFrames."""
+        return Layers(self._folder)
+
+    @property
+    def trajectory(self) -> geopandas.GeoDataFrame:
+        """Pose of the vehicle at each scan, with its standard deviations and the state of the implement."""
+        return self._folder.layer("trajectory")
+
+    @property
+    def passes(self) -> geopandas.GeoDataFrame:
+        """Ground worked by each pass."""
+        return self._folder.layer("passes")
+
+    @property
+    def coverage(self) -> geopandas.GeoDataFrame:
+        """All ground worked."""
+        return self._folder.layer("coverage")
+
+    @property
+    def overlaps(self) -> geopandas.GeoDataFrame:
+        """Ground worked by two passes."""
+        return self._folder.layer("overlaps")
+
+    @property
+    def misses(self) -> geopandas.GeoDataFrame:
+        """Ground missed."""
+        return self._folder.layer("misses")
+
+    @property
+    def zones(self) -> geopandas.GeoDataFrame:
+        """Headland and body of the field."""
+        return self._folder.layer("zones")
+
+    @property
+    def tool_path(self) -> geopandas.GeoDataFrame:
+        """Path of the implement, one line a state."""
+        return self._folder.layer("tool_path")
+
+    @property
+    def events(self) -> geopandas.GeoDataFrame:
+        """Implement down and up, stops, reversals, gaps."""
+        return self._folder.layer("events")
+
+    def points(self, bounds: Box | None = None, classes: Iterable[int] | None = None) -> Points:
+        """The points of `cloud.copc.laz`; see :func:`furrowmap.open_points`.
+
+        Raises:
+            InputError: if the result has no cloud, or it is damaged.
+        """
+        return open_points(self._file(CLOUD), bounds, classes)
+
+    @property
+    def dsm(self) -> Any:
+        """Surface as left at the end, heights in metres: an `xarray.DataArray`, or a :class:`Raster` without xarray."""
+        return read_raster(self._file(DSM))
+
+    @property
+    def dsm_before(self) -> Any:
+        """Surface before the implement passed; type as :attr:`dsm`."""
+        return read_raster(self._file(DSM_BEFORE))
+
+    @property
+    def change(self) -> Any:
+        """Change of the surface, after minus before; type as :attr:`dsm`."""
+        return read_raster(self._file(CHANGE))
+
+    def _file(self, name: str) -> Path:
+        path = self.path / name
+        if not path.is_file():
+            raise InputError(
+                f"{self.path} contains no {name}.",
+                "The run did not write it, or it was moved away.",
+                f"The report lists what the run wrote: {', '.join(self.report['products'])}.",
+                code="no-product",
+            )
+        return path
+
+
+def open_result(folder: str | Path) -> Result:
+    """Open the result that :func:`furrowmap.run` or `furrowmap run` wrote to a folder.
+
+    Raises:
+        InputError: if there is no result, or it cannot be read.
+        RefusedError: if a run is writing to the folder.
+    """
+    return Result(result_folder.open_result(Path(folder)))
+
+
+def read_raster(path: Path) -> Any:
+    """The first band of a GeoTIFF.
+
+    Returns:
+        An `xarray.DataArray` with the dimensions y and x (centres of the cells, easting and northing in metres) and the
+        attributes `crs` (WKT) and `transform`; where xarray is not installed, a :class:`Raster`.
+    """
+    import pyproj
+    import rasterio
+
+    with rasterio.open(path, driver="GTiff") as source:
+        array = source.read(1)
+        if source.nodata is not None:
+            array = np.where(array == source.nodata, np.float32(np.nan), array)
+        raster = Raster(array, source.transform, pyproj.CRS.from_wkt(source.crs.to_wkt()))
+    try:
+        import xarray
+    except ImportError:
+        return raster
+    rows, columns = array.shape
+    x = raster.transform.c + raster.transform.a * (np.arange(columns) + 0.5)
+    y = raster.transform.f + raster.transform.e * (np.arange(rows) + 0.5)
+    attributes = {"crs": raster.crs.to_wkt(), "transform": tuple(raster.transform)[:6], "units": "m"}
+    return xarray.DataArray(array, {"y": y, "x": x}, ("y", "x"), path.stem, attributes)

@@ -1,0 +1,78 @@
+"""A cloud or a surface against surveyed points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from furrowmap.core.checking.check import Check, check_product
+from furrowmap.core.checking.cloud_at_points import Targets
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.reports.check_table import write_check_table
+
+if TYPE_CHECKING:
+    import pyproj
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """How a product is checked.
+
+    Attributes:
+        targets: "intensity" or "colour" to measure the horizontal error at discs around the points.
+        diameter_m: of the discs.
+        points_sigma_m: standard deviation of the survey on each axis, where the file of points states none.
+        class_m: vertical accuracy class asked for; precision beyond it is a warning.
+    """
+
+    targets: Targets = "none"
+    diameter_m: float = 0.3
+    points_sigma_m: float | None = None
+    class_m: float | None = None
+
+
+def check(
+    product: str | Path,
+    points: str | Path,
+    settings: CheckSettings = CheckSettings(),
+    *,
+    crs: str | pyproj.CRS | None = None,
+    table: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> Check:
+    """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
+
+    RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the accuracy of the points included.
+
+    Args:
+        product: the file to check.
+        points: CSV or GeoPackage of surveyed points, in the product's height system.
+        settings: targets and accuracy classes.
+        crs: CRS of the points, and of a cloud, where their files state none; the product's by default.
+        table: CSV to write, one point a row.
+        overwrite: replace the CSV.
+        progress: is called with the share of the cloud read.
+
+    Raises:
+        InputError: if a file cannot be read, or no point lies in the product.
+        RefusedError: if the CRS cannot be changed safely, or the CSV exists.
+    """
+    if table is not None:
+        refuse_existing(Path(table), overwrite=overwrite)
+    found = check_product(
+        Path(product),
+        Path(points),
+        points_crs=optional_crs(crs),
+        targets=settings.targets,
+        diameter_m=settings.diameter_m,
+        sigma_m=settings.points_sigma_m,
+        class_m=settings.class_m,
+        progress=progress,
+    )
+    if table is not None:
+        write_check_table(Path(table), found)
+    return found

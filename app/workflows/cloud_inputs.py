@@ -1,0 +1,23 @@
+"""The files of clouds as the JSON accounts of surfaces and cleaned clouds list them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.files.file_records import FileRecord, file_records
+
+
+def input_records(clouds: Clouds, progress: Progress) -> list[FileRecord]:
+    """Name, size and SHA-256 of each file."""
+    return [file_records([file.path], file.path.parent, progress)[0] for file in clouds.files]
+
+
+def input_rows(clouds: Clouds, records: Sequence[FileRecord]) -> list[dict[str, Any]]:
+    """Name, format, points and SHA-256 of each file."""
+    return [
+        {"name": record.name, "format": file.format, "points": file.points, "sha256": record.sha256}
+        for record, file in zip(records, clouds.files, strict=True)
+    ]

@@ -1,0 +1,105 @@
+"""The cloud of a run: its points on their way to `cloud.copc.laz` and to the surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.surfaces.local_ground import GroundSampler
+from furrowmap.core.values.clock import utc_to_las_time
+from furrowmap.core.values.progress import Progress
+from furrowmap.core.work.field_surfaces import FieldPoints
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.sweep import pass_numbers
+from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
+
+SCALE_M: Final = 0.001
+"""Resolution of the cloud's coordinates."""
+MOST_PASSES: Final = 65_535
+"""What a LAS file has numbers for."""
+
+
+class RunSink:
+    """The sink of a run whose points go into its cloud and its surfaces."""
+
+    def __init__(self, cloud: RunCloud, land: FieldPoints) -> None:
+        self._cloud, self._land = cloud, land
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Tell both the local origin."""
+        self._cloud.begin(frame, origin_m)
+        self._land.begin(origin_m)
+
+    def add(self, placed: PlacedScan) -> None:
+        """Give both the points of a scan."""
+        self._cloud.add(placed)
+        self._land.add(placed)
+
+
+class RunCloud:
+    """Writes the cloud of a run."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._writer: CopcWriter | None = None
+        self._watch = GroundSampler()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Open the file, now that its CRS and local origin are known."""
+        extra = (("scan", "uint32", "scan (revolution) number"),)
+        kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra)
+        self._writer = CopcWriter(self._path, kind).__enter__()
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of one scan."""
+        assert self._writer is not None
+        scan = placed.scan
+        self._watch.add(placed.xyz_m, placed.kept)
+        self._writer.append(
+            PointBatch(
+                placed.xyz_m,
+                scan.t_s,
+                intensity=scan.intensity,
+                return_number=scan.return_number,
+                returns=scan.returns,
+                classification=placed.classification,
+                extra={"scan": scan.number},
+            )
+        )
+
+    def finish(self, progress: Progress, work: FieldWork, description: str) -> CopcSummary:
+        """Sort, compress and write the points, each with its class and the pass in which it was measured."""
+        assert self._writer is not None
+        ground = self._watch.ground()
+
+        # The few passes are turned into the points' time, not the many points into the passes'.
+        passes = [replace(when, begin_s=_las(when.begin_s), end_s=_las(when.end_s)) for when in work.passes]
+
+        def mark(points: Columns) -> None:
+            ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
+            if passes:
+                points.point_source_id[:] = np.minimum(pass_numbers(passes, points.gps_time), MOST_PASSES)
+
+        return self._writer.close(progress, mark, description)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._writer is not None:
+            self._writer.__exit__(kind, error, trace)
+
+
+def _las(t_s: float) -> float:
+    return float(utc_to_las_time(t_s))
