@@ -98,7 +98,7 @@ def test_surface__of_every_hostile_file_ends_in_surfaces_or_three_lines_and_leav
         (["--bbox", "1,2,3"], 2, "4 numbers"),
         (["--class", "two"], 2, "numbers"),
         (["--statistic", "mode"], 2, "statistic"),
-        (["--crs", "EPSG:0"], 3, "no CRS"),
+        (["--crs", "EPSG:0"], 3, "does not know the CRS"),
         (["--cell", "0"], 2, "cell"),
         (["--class", "2.5"], 2, "0 to 255"),
         (["--class", "256"], 2, "0 to 255"),
