@@ -52,7 +52,7 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
     ["[lidar]\nxyz_m = [0.0, 0.0, 2.1]\n", "[run]\nstanding = false\n"],
     ids=["mounting", "standing"],
 )
-def test_write_products__replaces_those_of_the_same_files_run_otherwise(
+def test_run__replaces_those_of_the_same_files_run_otherwise(
     session: Path, tmp_path: Path, addition: str
 ) -> None:
     furrowmap.run(session, tmp_path / "result")
@@ -61,7 +61,7 @@ def test_write_products__replaces_those_of_the_same_files_run_otherwise(
     assert key in furrowmap.run(session, tmp_path / "result").report["session"][table]
 
 
-def test_write_products__keeps_those_of_other_files_with_the_same_names(session: Path, tmp_path: Path) -> None:
+def test_run__keeps_those_of_other_files_with_the_same_names(session: Path, tmp_path: Path) -> None:
     before = furrowmap.run(session, tmp_path / "result").report
     drive = session.with_name("drive.csv")
     drive.write_text(drive.read_text().replace(",271,", ",272,"))
@@ -75,7 +75,7 @@ def test_write_products__keeps_those_of_other_files_with_the_same_names(session:
 
 
 @pytest.mark.parametrize("again", [False, True])
-def test_write_products__hashes_the_inputs_once_and_says_so(session: Path, tmp_path: Path, again: bool) -> None:
+def test_run__hashes_the_inputs_once_and_says_so(session: Path, tmp_path: Path, again: bool) -> None:
     if again:
         furrowmap.run(session, tmp_path / "result")
     told: list[tuple[str, float]] = []
