@@ -52,9 +52,7 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
     ["[lidar]\nxyz_m = [0.0, 0.0, 2.1]\n", "[run]\nstanding = false\n"],
     ids=["mounting", "standing"],
 )
-def test_run__replaces_those_of_the_same_files_run_otherwise(
-    session: Path, tmp_path: Path, addition: str
-) -> None:
+def test_run__replaces_those_of_the_same_files_run_otherwise(session: Path, tmp_path: Path, addition: str) -> None:
     furrowmap.run(session, tmp_path / "result")
     session.write_text(SESSION + addition)
     table, key, *_ = addition.replace("[", "").replace("]", "").split()
