@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from typing import Final
@@ -110,8 +111,9 @@ def driven(
         max_gap_s=1.0,
         speed_mps=speed,
         motion=np.sign(np.round(speed, 2)).astype(np.int8),
-        sigma=np.tile([np.hypot(white_m, slow_m)] * 2 + [0.02, 0.1, 0.1, heading_deg], (n, 1)),
     )
+    sigma = [np.hypot(white_m, slow_m)] * 2 + [0.02, 0.1, 0.1, heading_deg]
+    trajectory = replace(trajectory, sigma=np.tile(sigma, (n, 1)))
     height = track.tool_m - TOOL.working_depth_m
     k = np.flatnonzero((height[1:] < 0.0) != (height[:-1] < 0.0))
     cuts = track.t_s[k] + height[k] / (height[k] - height[k + 1]) / RATE_HZ + t[0] - track.t_s[0]

@@ -250,10 +250,9 @@ TOO_LONG = {
     "check",
     "cog_output",
     "place_scans",
-    "read_header",
     "trajectory_from_gnss",
 }
-TOO_WIDE = {"agree", "_agree", "agree_upright", "trajectory_from_attitude"}
+TOO_WIDE = {"agree", "_agree", "agree_upright"}
 KERNELS = {"njit", "kernel", "inlined"}
 OPTIONS = {"option", "argument"}
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
-(polynomial 1021 hexadecimal, initial value 0), which stands behind the synchronisation and covers all behind itself."""
+(polynomial 1021 hexadecimal, initial value 0), which follows the synchronisation and covers all behind itself."""
 _POLYNOMIAL: Final = 0x1021
 _LONGEST: Final = 1 << 15
 """Bytes that a CRC covers at most, in any framing."""

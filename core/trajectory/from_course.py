@@ -7,7 +7,7 @@ does not matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -89,20 +89,19 @@ def trajectory_from_course(
     sigma = np.full((len(kept), 6), np.nan)
     sigma[:, :2] = sigmas_m(kept)[:, :1]
     sigma[:, 5] = np.degrees(white_noise(en) / np.maximum(speed, CREEPING_MPS) / float(np.median(np.diff(kept.t_s))))
+    motion = np.where(speed > STANDING_MPS, Motion.FORWARD, Motion.STANDING).astype(np.int8)
+    xyz_m = np.column_stack([origin, height])
     trajectory = trajectory_from_attitude(
-        kept.t_s,
-        np.column_stack([origin, height]),
-        0.0,
-        0.0,
-        heading,
-        max_gap_s=LONGEST_GAP_S,
-        speed_mps=speed,
-        motion=np.where(speed > STANDING_MPS, Motion.FORWARD, Motion.STANDING).astype(np.int8),
+        kept.t_s, xyz_m, 0.0, 0.0, heading, max_gap_s=LONGEST_GAP_S, speed_mps=speed, motion=motion
+    )
+    trajectory = replace(
+        trajectory,
         fix=kept.fix,
         sigma=sigma,
-        heading_from="course",
-        position_from="gnss",
-        level_from="assumed",
+        heading_from=np.full(len(kept), "course"),
+        position_from=np.full(len(kept), "gnss"),
+        height_from=np.full(len(kept), "gnss"),
+        level_from=np.full(len(kept), "assumed"),
     )
     return CourseTrajectory(trajectory, used, tuple(notices))
 

@@ -6,7 +6,7 @@ lever arm. Roll and pitch are zero here and height is the antenna's less its lev
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -122,22 +122,20 @@ def trajectory_from_gnss(
                 "the antenna's lever arm may be wrong, or the receiver's positions unsteady.",
             )
         )
-    trajectory = trajectory_from_attitude(
-        grid.t_s,
-        path.xyz_m,
-        0.0,
-        0.0,
-        90.0 - np.degrees(path.yaw_rad),
-        max_gap_s=max_gap_s,
-        speed_mps=speed,
-        motion=motion,
+    heading = 90.0 - np.degrees(path.yaw_rad)
+    n = len(grid.t_s)
+    trajectory = replace(
+        trajectory_from_attitude(
+            grid.t_s, path.xyz_m, 0.0, 0.0, heading, max_gap_s=max_gap_s, speed_mps=speed, motion=motion
+        ),
         fix=gated.fix[grid.nearest],
         sigma=_with_tilt(path.sigma, lever_m),
         heading_from=np.where(
             np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "gnss")
         ),
-        position_from="gnss",
-        level_from="assumed",
+        position_from=np.full(n, "gnss"),
+        height_from=np.full(n, "gnss"),
+        level_from=np.full(n, "assumed"),
     )
     return GnssTrajectory(
         trajectory,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,7 +39,7 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
     max_gap_s = longest_gap_s(track.t_s)
     speed = _speed(track.t_s, np.column_stack([e, n]), heading, max_gap_s)
     motion = np.where(speed > STANDING_MPS, Motion.FORWARD, np.where(speed < -STANDING_MPS, Motion.REVERSE, 0))
-    return trajectory_from_attitude(
+    trajectory = trajectory_from_attitude(
         track.t_s,
         np.column_stack([e, n, track.position[:, 2]]),
         track.roll_deg,
@@ -46,9 +48,8 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
         max_gap_s=max_gap_s,
         speed_mps=np.where(motion == 0, 0.0, speed),
         motion=motion.astype(np.int8),
-        sigma=track.sigma,
-        heading_from="file",
     )
+    return replace(trajectory, sigma=track.sigma)
 
 
 def _speed(

@@ -165,13 +165,8 @@ def trajectory_from_attitude(
     max_gap_s: float,
     speed_mps: FloatArray | None = None,
     motion: NDArray[np.int8] | None = None,
-    fix: NDArray[np.int8] | None = None,
-    sigma: FloatArray | None = None,
-    heading_from: NDArray[np.str_] | str = "file",
-    position_from: str = "file",
-    level_from: str = "file",
 ) -> Trajectory:
-    """A trajectory from attitude in the conventions of files; arguments that are not given are unknown.
+    """A trajectory from attitude in the conventions of files, without fix and sigma; its sources are "file".
 
     Args:
         t_s: (n,) UTC.
@@ -179,14 +174,9 @@ def trajectory_from_attitude(
         roll_deg: (n,) or a number, as `pitch_deg` and `heading_deg`.
         pitch_deg: see `roll_deg`.
         heading_deg: see `roll_deg`; clockwise from grid north.
-        max_gap_s: see :class:`Trajectory`, as the following.
-        speed_mps: (n,).
-        motion: (n,).
-        fix: (n,).
-        sigma: (n, 6).
-        heading_from: (n,) or one word for all.
-        position_from: one word for all, as `level_from`; of positions and heights.
-        level_from: see `position_from`.
+        max_gap_s: see :class:`Trajectory`.
+        speed_mps: (n,); None if unknown.
+        motion: (n,); None if unknown.
     """
     n = len(t_s)
     roll, pitch, heading = (
@@ -199,12 +189,12 @@ def trajectory_from_attitude(
         quaternion=same_hemisphere(quaternion),
         speed_mps=np.full(n, np.nan) if speed_mps is None else speed_mps,
         motion=np.zeros(n, np.int8) if motion is None else motion.astype(np.int8),
-        fix=np.full(n, -1, np.int8) if fix is None else fix.astype(np.int8),
-        sigma=np.full((n, 6), np.nan) if sigma is None else sigma,
-        heading_from=np.full(n, heading_from) if isinstance(heading_from, str) else heading_from,
-        position_from=np.full(n, position_from),
-        height_from=np.full(n, position_from),
-        level_from=np.full(n, level_from),
+        fix=np.full(n, -1, np.int8),
+        sigma=np.full((n, 6), np.nan),
+        heading_from=np.full(n, "file"),
+        position_from=np.full(n, "file"),
+        height_from=np.full(n, "file"),
+        level_from=np.full(n, "file"),
         max_gap_s=max_gap_s,
     )
 

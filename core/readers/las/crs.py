@@ -57,9 +57,9 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
 
 def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
     """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
-    said = _key_values(records.get(_KEYS, b""))
-    if not said.get(_PROJECTED) and not said.get(_GEOGRAPHIC):
-        if said.get(_MODEL):
+    keys = _key_values(records.get(_KEYS, b""))
+    if not keys.get(_PROJECTED) and not keys.get(_GEOGRAPHIC):
+        if keys.get(_MODEL):
             notices.append(_no_keys(path))
         return None
     import rasterio

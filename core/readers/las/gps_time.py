@@ -78,19 +78,19 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasCloc
     """
     if not header.has_time:
         return LasClock(TimeKind.NONE), ()
-    said = TimeKind.STANDARD if header.is_standard_time else TimeKind.WEEK
+    declared = TimeKind.STANDARD if header.is_standard_time else TimeKind.WEEK
     known = sample[np.isfinite(sample) & (sample != 0.0)]
     if not len(known):
-        return LasClock(said), ()
+        return LasClock(declared), ()
     first, last = float(known.min()), float(known.max())
     week, standard = float(np.mean(is_week(known))), float(np.mean(is_standard(known) & ~is_week(known)))
-    if said is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(known)):
+    if declared is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(known)):
         text = (
             f"{path.name}: the header declares GPS times as seconds of a week ({WEEK_S:,} s), but they are "
             f"{first:.3f} to {last:.3f}; they are read as adjusted standard GPS time."
         )
         return LasClock(TimeKind.STANDARD), (Notice("gps-time-type", text),)
-    if said is TimeKind.STANDARD and week > 0.5 and not _made_in_2011(header):
+    if declared is TimeKind.STANDARD and week > 0.5 and not _made_in_2011(header):
         text = (
             f"{path.name}: the header declares GPS times as adjusted standard time, but {first:.3f} to {last:.3f} "
             "would "
@@ -100,10 +100,10 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasCloc
     if week + standard < 0.5:
         text = f"{path.name}: its GPS times ({first:g} to {last:g}) are neither seconds of a week nor of 1980 to 2100."
         return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
-    if said is TimeKind.WEEK and standard > 0.5:
+    if declared is TimeKind.WEEK and standard > 0.5:
         text = f"{path.name}: its GPS times ({first:g} to {last:g}) are not seconds of a week, as the header declares."
         return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
-    return LasClock(said), ()
+    return LasClock(declared), ()
 
 
 def _plausible(las_time: float) -> bool:

@@ -7,7 +7,7 @@ import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from furrowmap.core.values.errors import InputError, Notice
 
@@ -103,28 +103,10 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     Raises:
         InputError: if it is not a LAS header, or is invalid.
     """
-    if data[:4] != SIGNATURE:
-        raise InputError(
-            f"{path} does not begin with 'LASF' but with {data[:4]!r}.",
-            "It is not a LAS or LAZ file, or its first bytes are lost.",
-            "`furrowmap inspect` reports the kind of file, if it is known.",
-            code="not-las",
-        )
-    least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
-    if len(data) < least:
-        raise _bad(path, f" ends inside its header: {size_bytes} of {least} bytes", "It has no points.", "header-cut")
-    head = _HEAD.unpack_from(data)
-    (_, source, encoding, major, version, system, software, day, year, header_bytes, offset, records) = head[:12]
-    del source
+    head = _checked_head(path, data, size_bytes)
+    encoding, _, version, system, software, day, year, header_bytes, offset, records = head[2:12]
     kind, record_bytes, points = head[12:15]
     by_return, doubles = head[15:20], head[20:32]
-    if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
-        raise InputError(
-            f"{path}, byte 24: unsupported LAS version {major}.{version}.",
-            "Versions 1.0 to 1.4 are supported.",
-            "Convert the file to LAS 1.4, or check that it is a LAS file.",
-            code="las-version",
-        )
     notices = []
     waveforms_at = extended_at = extended = 0
     if version >= 3:
@@ -139,7 +121,7 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
                 )
             )
         points, by_return = whole or points, tuple(of_returns) if whole else by_return
-    _check_layout(path, header_bytes, least, offset, kind, record_bytes, size_bytes)
+    _check_layout(path, header_bytes, HEADER_BYTES[version], offset, kind, record_bytes, size_bytes)
     scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
     _check_scale(path, scale, shift)
     created = _date(year, day)
@@ -169,6 +151,30 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
         size_bytes=size_bytes,
         notices=tuple(notices),
     )
+
+
+def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
+    """The fields that all versions have, after checks of signature, length and version."""
+    if data[:4] != SIGNATURE:
+        raise InputError(
+            f"{path} does not begin with 'LASF' but with {data[:4]!r}.",
+            "It is not a LAS or LAZ file, or its first bytes are lost.",
+            "`furrowmap inspect` reports the kind of file, if it is known.",
+            code="not-las",
+        )
+    least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
+    if len(data) < least:
+        raise _bad(path, f" ends inside its header: {size_bytes} of {least} bytes", "It has no points.", "header-cut")
+    head = _HEAD.unpack_from(data)
+    major, version = head[3:5]
+    if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
+        raise InputError(
+            f"{path}, byte 24: unsupported LAS version {major}.{version}.",
+            "Versions 1.0 to 1.4 are supported.",
+            "Convert the file to LAS 1.4, or check that it is a LAS file.",
+            code="las-version",
+        )
+    return head
 
 
 def _check_layout(

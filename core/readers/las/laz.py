@@ -113,20 +113,22 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
     """
     if items > 8 or len(data) < _RECORD.size + 6 * items:
         raise _refusal(path, f"its LASzip record states {items:,} items in {len(data)} bytes", "laz-items")
-    said = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
-    kinds = tuple(kind for kind, _, _ in said if kind not in _EXTRA)
-    sizes = sum(size for _, size, _ in said)
-    fits = kinds == _ITEMS[header.point_format] and all(_ITEM_BYTES.get(kind, size) == size for kind, size, _ in said)
-    new = layered == (header.point_format >= 6) and all((version >= 3) <= layered for _, _, version in said)
+    listed_items = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
+    kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA)
+    sizes = sum(size for _, size, _ in listed_items)
+    fits = kinds == _ITEMS[header.point_format] and all(
+        _ITEM_BYTES.get(kind, size) == size for kind, size, _ in listed_items
+    )
+    new = layered == (header.point_format >= 6) and all((version >= 3) <= layered for _, _, version in listed_items)
     if not fits or not new or sizes != header.record_bytes:
-        listed = ", ".join(f"{kind} of {size} bytes (version {version})" for kind, size, version in said)
+        listed = ", ".join(f"{kind} of {size} bytes (version {version})" for kind, size, version in listed_items)
         raise _refusal(
             path,
             f"the items of its LASzip record ({listed}) do not match point format {header.point_format} with "
             f"{header.record_bytes} bytes",
             "laz-items",
         )
-    return sum(_LAYERS.get(kind, size) for kind, size, _ in said) if layered else 0
+    return sum(_LAYERS.get(kind, size) for kind, size, _ in listed_items) if layered else 0
 
 
 def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chunk_points: int) -> list[tuple[int, int]]:
@@ -262,8 +264,8 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise _refusal(path, f"{what} cannot be decoded ({said})", "laz-chunk-damaged") from error
+        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+        raise _refusal(path, f"{what} cannot be decoded ({reason})", "laz-chunk-damaged") from error
 
 
 def _signed(data: bytes) -> int:

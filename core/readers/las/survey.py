@@ -71,7 +71,7 @@ class Survey:
         wrong = ~(off <= slack)
         if not wrong.any():
             return None
-        said, true = (
+        in_header, in_points = (
             ", ".join(
                 f"{axis} {low:.10g} to {high:.10g}"
                 for axis, low, high, bad in zip("xyz", *box, wrong, strict=True)
@@ -80,17 +80,20 @@ class Survey:
             for box in ((header.low, header.high), (self.low, self.high))
         )
         text = (
-            f"{self.cloud.path.name}: the bounding box in the header ({said}) differs from that of the points ({true})."
+            f"{self.cloud.path.name}: the bounding box in the header ({in_header}) differs from that of the points "
+            f"({in_points})."
         )
         return Notice("header-box", text)
 
     def _returns(self) -> Notice | None:
-        said = np.zeros(15, np.int64)
+        in_header = np.zeros(15, np.int64)
         stated = np.minimum(np.array(self.cloud.header.by_return, np.uint64), np.iinfo(np.int64).max).astype(np.int64)
-        said[: len(stated)] = stated
-        if not self.points or not said.any() or np.array_equal(said, self.by_return[1:]):
+        in_header[: len(stated)] = stated
+        if not self.points or not in_header.any() or np.array_equal(in_header, self.by_return[1:]):
             return None
-        listed = [" + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (said, self.by_return[1:])]
+        listed = [
+            " + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (in_header, self.by_return[1:])
+        ]
         none = f" and {self.by_return[0]:,} have return number 0" if self.by_return[0] else ""
         text = (
             f"{self.cloud.path.name}: points by return number are {listed[0]} in the header, but "

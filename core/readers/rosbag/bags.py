@@ -103,13 +103,13 @@ class _RosBag(FileReader):
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
         for name, look_into in (("scans", self._scan_facts), ("positions", self._position_facts)):
             try:
-                told, clock = look_into()
+                found, clock = look_into()
             except InputError as error:
                 facts[name] = "none"
                 if error.code != "bag-nothing-usable":
                     self._add_notices(Notice(error.code, error.what))
             else:
-                facts[name] = told
+                facts[name] = found
                 clocks.append(clock)
         imu = {topic.name: topic.messages for topic in topics if topic.type == IMU}
         if imu:
@@ -233,17 +233,17 @@ class _RosBag(FileReader):
             scans += 1
             points += len(scan)
             first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
-        told = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
-        return told, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
+        facts = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
+        return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
         from furrowmap.core.readers.facts import position_facts, timing_facts
 
         chosen = self._choose("positions", NAV_SAT_FIX)
         track, log = self._positions(chosen)
-        told = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
+        facts = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
         note = f"time stamps of the positions by their driver; received {log.delay_s():.3f} s later (median)"
-        return told, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
+        return facts, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _source(self, topic: _Topic) -> str:
         return f"{self.paths[0]}, {topic.name}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import geopandas as gpd
@@ -26,7 +26,7 @@ PLACE_M = np.array([16_600.0, 96_500.0])
 def trajectory_of(drive: Drive, sigma: tuple[float, ...] | None = None) -> Trajectory:
     """The true trajectory of a level drive."""
     n = len(drive.t_s)
-    return trajectory_from_attitude(
+    trajectory = trajectory_from_attitude(
         drive.t_s,
         np.column_stack([drive.en_m + PLACE_M, np.full(n, 250.0)]),
         0.0,
@@ -35,8 +35,8 @@ def trajectory_of(drive: Drive, sigma: tuple[float, ...] | None = None) -> Traje
         max_gap_s=1.0,
         speed_mps=drive.speed_mps,
         motion=np.sign(np.round(drive.speed_mps, 3)).astype(np.int8),
-        sigma=None if sigma is None else np.tile(sigma, (n, 1)),
     )
+    return trajectory if sigma is None else replace(trajectory, sigma=np.tile(sigma, (n, 1)))
 
 
 def states_of(
@@ -99,7 +99,7 @@ def disturbed(
 ) -> Trajectory:
     """The same drive with errors of position (n, 2) and heading (n,) added, and what is said of them."""
     roll, pitch, heading = drive.attitude_deg()
-    return trajectory_from_attitude(
+    trajectory = trajectory_from_attitude(
         drive.t_s,
         drive.xyz_m + np.column_stack([en_m, np.zeros(len(en_m))]),
         roll,
@@ -108,8 +108,8 @@ def disturbed(
         max_gap_s=drive.max_gap_s,
         speed_mps=drive.speed_mps,
         motion=drive.motion,
-        sigma=np.tile(sigma, (len(drive), 1)),
     )
+    return replace(trajectory, sigma=np.tile(sigma, (len(drive), 1)))
 
 
 def thinned(path: Trajectory, step: int) -> Trajectory:
