@@ -41,8 +41,8 @@ ROOMS = {
     "trajectory": ["estimation", "geodesy", "readers", "values"],
     "surfaces": ["values"],
     "implement": ["values"],
-    "matching": ["estimation", "trajectory", "values"],
-    "calibration": ["estimation", "matching", "trajectory", "values"],
+    "matching": ["estimation", "values"],
+    "calibration": ["estimation", "matching", "values"],
     "adjustment": ["calibration", "estimation", "matching", "session", "trajectory", "values"],
     "pointclouds": ["geodesy", "implement", "readers", "session", "surfaces", "trajectory", "values"],
     "work": [

@@ -8,7 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.matched import CLOCK_CERTAIN, Matched
+from furrowmap.core.adjustment.match_report import CLOCK_CERTAIN
+from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.toml_edit import with_value
@@ -116,13 +117,13 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
 
 
 def _answer(matched: Matched, mounting: Mounting, stated_s: float, offset_s: float, sigma_s: float) -> Calibration:
-    stance = matched.stance
+    found = matched.calibration
     shown = (offset_s, sigma_s) if np.isfinite(sigma_s) else (float("nan"), float("nan"))
     return Calibration(
         mounting,
         matched.mounting,
-        stance.sigma_deg,
-        (stance.height_m, stance.sigma_height_m),
+        found.sigma_deg,
+        (found.height_m, found.sigma_height_m),
         stated_s,
         shown,
     )

@@ -9,18 +9,22 @@ they differ by what has added up, which is spread evenly over the gap; the adjus
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
+from furrowmap.core.adjustment.problem import Iterate, Problem
+from furrowmap.core.adjustment.steps import session_step
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
+from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.vehicle import wheeled_vehicle
+from furrowmap.core.matching.portions import Gap, in_gaps
 from furrowmap.core.trajectory.motion import longest_gap_s
-from furrowmap.core.trajectory.positions import Positions
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.positions import Positions
 
 FloatArray = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
@@ -44,24 +48,58 @@ CARRIED_M: Final = 0.004
 CARRIED_EVERY: Final = 4
 
 
-@dataclass(frozen=True)
-class Gap:
-    """A time without positions within a chain of knots.
+CARRY_CELL_M: Final = 0.2
+CARRY_THIN: Final = 2
+CARRY_STEPS: Final = 2
+"""Cells, how many returns to one, and how many steps, with which poses are carried into a gap."""
 
-    Attributes:
-        begin_s: the last position before it.
-        end_s: the first one after it.
-        chain: index of the chain.
-    """
 
-    begin_s: float
-    end_s: float
-    chain: int
+def bridged(problem: Problem, it: Iterate) -> Iterate:
+    """Take the poses in unused gaps from both of their ends; gaps in which that fails stay unused."""
+    unbridged = []
+    for gap in it.unused:
+        inside = np.flatnonzero(in_gaps(problem.knots.t_s, [gap]))
+        meet = int(inside[len(inside) // 2])
+        before, after = (carried(problem, it, gap, gap.middle_s, forward=forward) for forward in (True, False))
+        if apart(before, after)[meet] > 1.0:
+            before, after = (
+                carried(problem, it, gap, end_s, forward=forward)
+                for end_s, forward in ((gap.end_s, True), (gap.begin_s, False))
+            )
+            meet = int(inside[np.argmin(apart(before, after)[inside])])
+        if apart(before, after)[meet] > LOST:
+            unbridged.append(gap)
+        else:
+            it = replace(it, state=joined_in_gap(problem.knots, it.state, gap, before, after, meet))
+    return replace(it, unused=tuple(unbridged))
 
-    @property
-    def middle_s(self) -> float:
-        """Where what comes from both ends meets."""
-        return 0.5 * (self.begin_s + self.end_s)
+
+def carried(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bool) -> State:
+    """The state with poses carried into a gap from its begin, or from its end, to a time in it and somewhat beyond."""
+    p, state = problem, it.state
+    length_s = to_s - gap.begin_s if forward else gap.end_s - to_s
+    for number in range(1, int(np.ceil(length_s / STEP_IN_S)) + 2):
+        reach_s = number * STEP_IN_S
+        if forward:
+            begin_s, end_s = gap.begin_s + reach_s - LEAD_S, gap.begin_s + reach_s
+            part, knots = part_of(p.knots, gap.chain, begin_s, end_s + AHEAD_S)
+            rest = gap.begin_s, end_s - HOLD_S
+        else:
+            begin_s, end_s = gap.end_s - reach_s, gap.end_s - reach_s + LEAD_S
+            part, knots = part_of(p.knots, gap.chain, begin_s - AHEAD_S, end_s)
+            rest = begin_s + HOLD_S, gap.end_s
+        ends = np.clip((begin_s, end_s), knots.t_s[0], knots.t_s[-1])
+        within = slice(*np.searchsorted(p.returns.t_s, ends).tolist())
+        positions = with_carried(p.positions, p.knots, state, (p.origin_m, p.lever_m), *rest)
+        observations = wheeled_vehicle(positions, p.origin_m, p.lever_m)
+        small = replace(p, returns=p.returns.part(within), positions=positions, knots=knots, observations=observations)
+        weight = it.return_weight[within].copy()
+        there = replace(it, state=state.part(part), observations=observations, return_weight=weight, unused=())
+        for _ in range(CARRY_STEPS):
+            there, _ = session_step(small, there, CARRY_CELL_M, CARRY_THIN, free=False)
+        state = state.put(part, there.state)
+    border = (gap.begin_s - ALIKE_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + ALIKE_S)
+    return continued(p.knots, it.state, state, *border)
 
 
 def gaps_between(t_s: FloatArray, knots: Knots) -> tuple[Gap, ...]:
@@ -78,25 +116,6 @@ def gaps_between(t_s: FloatArray, knots: Knots) -> tuple[Gap, ...]:
     )
 
 
-def in_gaps(t_s: FloatArray, gaps: Sequence[Gap]) -> NDArray[np.bool_]:
-    """(n,) which of the times lie in a gap."""
-    out = np.zeros(len(t_s), np.bool_)
-    for gap in gaps:
-        out |= (t_s > gap.begin_s) & (t_s < gap.end_s)
-    return out
-
-
-def outside(windows: Sequence[slice], t_s: NDArray[np.float64], gaps: Sequence[Gap]) -> list[slice]:
-    """The windows without what lies in a gap; one that a gap cuts in two is two."""
-    out = list(windows)
-    for gap in gaps:
-        first, last = (int(i) for i in np.searchsorted(t_s, (gap.begin_s, gap.end_s)))
-        parts = [(w, slice(w.start, min(w.stop, first), w.step)) for w in out]
-        parts += [(w, slice(max(w.start, last), w.stop, w.step)) for w in out if w.stop > first]
-        out = [part for _, part in sorted(parts, key=lambda p: p[1].start) if part.stop > part.start]
-    return out
-
-
 def part_of(knots: Knots, chain: int, begin_s: float, end_s: float) -> tuple[slice, Knots]:
     """Which of all knots lie between two times, and they as a chain of their own."""
     whole = knots.chains[chain]
@@ -110,8 +129,7 @@ def with_carried(
     positions: Positions,
     knots: Knots,
     state: State,
-    origin_m: FloatArray,
-    lever_m: FloatArray,
+    origin_and_lever_m: tuple[FloatArray, FloatArray],
     begin_s: float,
     end_s: float,
 ) -> Positions:
@@ -121,11 +139,11 @@ def with_carried(
         positions: of the antenna.
         knots: times of the poses.
         state: the poses.
-        origin_m: local origin.
-        lever_m: (3,) the antenna in the vehicle frame.
+        origin_and_lever_m: the local origin, and the antenna in the vehicle frame, (3,) each.
         begin_s: from here on poses count, which must lie in a gap.
         end_s: up to here.
     """
+    origin_m, lever_m = origin_and_lever_m
     chosen = np.flatnonzero((knots.t_s > begin_s) & (knots.t_s < end_s))[::CARRIED_EVERY]
     if not len(chosen):
         return positions
@@ -162,7 +180,7 @@ def continued(knots: Knots, state: State, carried: State, begin_s: float, end_s:
     turn = Rotation.from_matrix(state.rotation[at] @ carried.rotation[at].transpose(0, 2, 1)).mean()
     here, there = carried.xyz_m[at].mean(axis=0), state.xyz_m[at].mean(axis=0)
     rotation = turn.as_matrix() @ carried.rotation
-    return State(there + turn.apply(carried.xyz_m - here), rotation, carried.drift_m)
+    return replace(carried, xyz_m=there + turn.apply(carried.xyz_m - here), rotation=rotation)
 
 
 def apart(before: State, after: State) -> FloatArray:
@@ -194,4 +212,4 @@ def joined_in_gap(knots: Knots, state: State, gap: Gap, before: State, after: St
     xyz = np.where(early[:, None], before.xyz_m[inside], after.xyz_m[inside])
     rotation = np.where(early[:, None, None], before.rotation[inside], after.rotation[inside])
     turned = (Rotation.from_rotvec(weight * turn) * Rotation.from_matrix(rotation)).as_matrix()
-    return state.put(inside, State(xyz + weight * shift, turned, state.drift_m[inside]))
+    return state.put(inside, replace(state.part(inside), xyz_m=xyz + weight * shift, rotation=turned))

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.adjustment.matched import Matched, match
-from furrowmap.core.adjustment.solve import Tool
+from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.session.opened import LidarRecording, watched
 from furrowmap.core.trajectory.located import Located, lever_arm_m

@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import STEP_S, Knots, State
-from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.states import State
+from furrowmap.core.values.positions import Positions
 
 FloatArray = NDArray[np.float64]
 

@@ -1,29 +1,33 @@
-"""What each laser of a scanner measures too long, from how the ground comes out at it and at the others.
+"""Range constants of the lasers, from their residuals on the common ground.
 
-Every laser of a spinning scanner has a constant of its own by which its ranges are off, a few millimetres within the
-maker's tolerance. All of them see the same ground, each from somewhere else in turn, so that their residuals show what
-they have of their own. What is alike in all of them is the vehicle's height, and what grows evenly with their
-elevation looks like its pitch, and like the tops of clods that hide what is behind them: neither is told from that,
-so both are left out.
+Every laser of a spinning scanner has a range constant of its own, a few millimetres within the maker's tolerance. All
+of them see the same ground, each from somewhere else in turn, so that the residuals of each show its own constant. A
+constant common to all is the vehicle's height; one that grows evenly with elevation looks like its pitch, and like the
+tops of clods that hide what is behind them. Neither can be separated from these, so both are left out.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.agreement import CORRELATED, GATE, HUBER, LEAST_WEIGHT, NOISE_M
+from furrowmap.core.matching.ground import CORRELATED, GATE, HUBER, LEAST_WEIGHT, NOISE_M, PlacedReturns
+from furrowmap.core.matching.ground_registration import session_surface
+from furrowmap.core.matching.placing import Placing
+from furrowmap.core.matching.portions import Portion, blocks, in_threads
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.laser_ranges import LASERS, LaserRanges
 
 FloatArray = NDArray[np.float64]
 
-LASERS: Final = 256
-"""As many as a laser's number can tell apart."""
+CELL_M: Final = 0.15
+THIN: Final = 3
+"""Cells, and how many returns to one, from which the constants are estimated."""
 USUAL_M: Final = 0.003
 """Standard deviation of the constants before anything was seen; the maker allows 3 cm."""
 LEAST_RETURNS: Final = 1000
@@ -33,25 +37,8 @@ LEAST_LASERS: Final = 4
 
 
 @dataclass(frozen=True)
-class LaserRanges:
-    """Constants of the lasers.
-
-    Attributes:
-        offset_m: (256,) by which each laser's ranges are too long, 0 where the ground does not show it.
-        sigma_m: (256,) standard deviations, nan where the ground does not show it.
-    """
-
-    offset_m: FloatArray
-    sigma_m: FloatArray
-
-    def corrected(self, scan: Scan) -> Scan:
-        """The scan as it is without these errors."""
-        return replace(scan, xyz_m=shortened(scan.xyz_m, scan.laser, np.zeros(3), self.offset_m))
-
-
-@dataclass(frozen=True)
 class LaserSums:
-    """What returns say about the lasers' constants, each on its own.
+    """Sums over returns, for each laser by itself.
 
     Attributes:
         normal: (256,) Σ w a², with a = ∂ residual / ∂ range, which is the height of the ray's direction.
@@ -96,21 +83,41 @@ class LaserSums:
         return LaserRanges(offset, sigma)
 
 
-def laser_sums(
-    xyz_m: FloatArray,
-    layer: NDArray[np.int8],
-    half: NDArray[np.uint8],
-    laser: NDArray[np.uint8],
-    surface: Surface,
-    sensor_m: FloatArray,
-    axis: FloatArray,
-) -> LaserSums:
-    """What placed returns say, each against the other half's surface.
+def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
+    """The constants by the ground of a session; None where the recording does not number its lasers.
 
     Args:
-        xyz_m: (n, 3) against the local origin.
-        layer: (n,) see :func:`~furrowmap.core.matching.surface.layers`.
-        half: (n,) 0 or 1.
+        placing: of the iterate.
+        axis: (3,) unit vector along the sensor's axis, upwards, in the vehicle frame.
+    """
+    returns, knots, state, sensor = placing.returns, placing.knots, placing.state, placing.sensor
+    if len(returns.laser) != len(returns):
+        return None
+    portions = blocks(returns.t_s, knots, THIN, placing.unused)
+    surface = session_surface(placing, portions, CELL_M)
+    sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
+
+    def work(share: Sequence[Portion]) -> LaserSums:
+        sums = LaserSums.none()
+        for c, part in share:
+            placed = placing.ground(c, part)
+            k = knots.at(placed.t_s)[0]
+            sums = sums.plus(laser_sums(placed, np.array(returns.laser[part]), surface, sensor_m[k], axes[k]))
+        return sums
+
+    sums = LaserSums.none()
+    for part in in_threads(work, portions):
+        sums = sums.plus(part)
+    return sums.ranges()
+
+
+def laser_sums(
+    placed: PlacedReturns, laser: NDArray[np.uint8], surface: Surface, sensor_m: FloatArray, axis: FloatArray
+) -> LaserSums:
+    """Sums over placed returns, each against the other half's surface.
+
+    Args:
+        placed: (n,) returns.
         laser: (n,) which laser measured them.
         surface: of these and other returns.
         sensor_m: (n, 3) where the sensor was.
@@ -118,30 +125,10 @@ def laser_sums(
     """
     sums, tiles = LaserSums.none(), surface.tiles
     _sum(
-        xyz_m, layer, half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m,
-        surface.weight, sensor_m, axis, sums.normal, sums.right, sums.elevation, sums.count,
+        placed.xyz_m, placed.layer, placed.half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number,
+        surface.height_m, surface.weight, sensor_m, axis, sums.normal, sums.right, sums.elevation, sums.count,
     )  # fmt: skip
     return sums
-
-
-def shortened(
-    xyz_m: NDArray[np.float32], laser: NDArray[np.uint8], sensor_m: FloatArray, offset_m: FloatArray
-) -> NDArray[np.float32]:
-    """Returns (n, 3) of a sensor at `sensor_m`, nearer to it by their lasers' constants."""
-    out: NDArray[np.float32] = _shortened(
-        np.ascontiguousarray(xyz_m, np.float32), np.ascontiguousarray(laser), sensor_m, offset_m
-    )
-    return out
-
-
-@numba.njit(cache=True, nogil=True)
-def _shortened(xyz_m, laser, sensor_m, offset_m):  # type: ignore[no-untyped-def]
-    out = np.empty_like(xyz_m)
-    for i in range(len(xyz_m)):
-        x, y, z = xyz_m[i, 0] - sensor_m[0], xyz_m[i, 1] - sensor_m[1], xyz_m[i, 2] - sensor_m[2]
-        share = offset_m[laser[i]] / max(np.sqrt(x * x + y * y + z * z), 0.1)
-        out[i, 0], out[i, 1], out[i, 2] = xyz_m[i, 0] - share * x, xyz_m[i, 1] - share * y, xyz_m[i, 2] - share * z
-    return out
 
 
 @numba.njit(cache=True, nogil=True)
@@ -172,10 +159,10 @@ def _sum(  # type: ignore[no-untyped-def]
             continue
         residual = xyz_m[i, 2] - ground
         variance = NOISE_M * NOISE_M * (1.0 + 1.0 / least)
-        normed = abs(residual) / np.sqrt(variance)
-        if normed > GATE:
+        normalised = abs(residual) / np.sqrt(variance)
+        if normalised > GATE:
             continue
-        w = min(1.0, HUBER / max(normed, 1e-9)) / variance
+        w = min(1.0, HUBER / max(normalised, 1e-9)) / variance
         dx, dy, dz = xyz_m[i, 0] - sensor_m[i, 0], xyz_m[i, 1] - sensor_m[i, 1], xyz_m[i, 2] - sensor_m[i, 2]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         a = dz / distance

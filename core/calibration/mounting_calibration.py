@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, stdtrit
 
-from furrowmap.core.estimation.knots import STEP_S, Knots, State
+from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.surface import Passage, Surface, heights, layers
 
 FloatArray = NDArray[np.float64]
@@ -48,7 +49,7 @@ HEIGHT_SIGMA_M: Final = 0.01
 
 
 @dataclass(frozen=True)
-class Stance:
+class MountingCalibration:
     """How the vehicle stands in its own frame, as turned about its axes: zero where the mounting is right.
 
     Attributes:
@@ -79,14 +80,14 @@ class Stance:
         return matrix
 
 
-def stance(
+def mounting_calibration(
     knots: Knots,
     state: State,
     surface: Surface,
     passage: Passage | None,
     guard_s: float,
-    aslant_rad: tuple[float, float],
-) -> Stance:
+    crab_rad: tuple[float, float],
+) -> MountingCalibration:
     """How the vehicle stands on the ground that the scans show.
 
     Args:
@@ -95,7 +96,7 @@ def stance(
         surface: of the session.
         passage: of the implement, which tells old soil from new.
         guard_s: see :func:`~furrowmap.core.matching.surface.layers`.
-        aslant_rad: by how much it goes to the left of where it looks, and its standard deviation.
+        crab_rad: by how much it goes to the left of where it looks, and its standard deviation.
     """
     velocity = np.zeros((len(knots), 3))
     for chain in knots.chains:
@@ -121,9 +122,9 @@ def stance(
     roll, sigma_roll = _mean_of_batches(t_s, by_track[:, track])
     pitch, sigma_pitch = _mean_of_batches(t_s, by_base[:, _steadiest(by_base)])
     height, sigma_height = _mean_of_batches(t_s, rear)
-    yaw, sigma_yaw = aslant_rad
+    yaw, sigma_yaw = crab_rad
     sigmas = np.degrees(np.hypot([sigma_roll, sigma_pitch, sigma_yaw], RUTS_SIGMA))
-    return Stance(
+    return MountingCalibration(
         roll_deg=float(np.degrees(-roll)),
         pitch_deg=float(np.degrees(-pitch)),
         yaw_deg=float(np.degrees(-yaw)),

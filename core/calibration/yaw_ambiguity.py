@@ -3,7 +3,7 @@
 Whoever states no mounting, or one that is half a turn off, sees nothing wrong in a single scan, and on soil without
 walls nothing in a cloud of many either: the ground comes out as flat, only blurred. But with each step of the vehicle
 all that the scanner sees moves the wrong way. So relief that several scans show is in one place under the right angle
-only. The measure is that of :class:`~furrowmap.core.matching.agreement.Relief`: the mean product of the heights that
+only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights that
 even and odd scans show at the same place, which is the relief's variance where they agree and nothing where they do
 not. It needs no pose better than GNSS gives: each scan's own slope and bow are taken out of its heights. Where the soil
 is too smooth to tell, what stands does, by how much of it even and odd scans show at the same place.
@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import Knots, State
+from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 
@@ -51,7 +52,7 @@ QUARTER_DEG: Final = 5.0
 """An angle so near to a quarter or half turn is one: scanners are mounted so, and the best angle is known to 3°."""
 
 
-def facing_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> float | None:
+def yaw_offset_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> float | None:
     """By how much the scanner is to be turned about the vehicle's z axis (counter-clockwise) to face as it did.
 
     Args:

@@ -1,8 +1,9 @@
-"""Least squares whose unknowns are a chain: banded normal equations and what they know of each unknown."""
+"""Banded normal equations of least squares: their solution, damping and variances."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numba
 import numpy as np
@@ -10,6 +11,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+
+DAMPINGS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Shares of the diagonal, or of LEAST_DIAGONAL (per square metre or radian) where that is more."""
+LEAST_DIAGONAL: Final = 1.0
 
 
 class NormalEquations:
@@ -71,6 +76,27 @@ class NormalEquations:
         """
         factor = scipy.linalg.cholesky_banded(self.band, lower=True)
         return Solution(scipy.linalg.cho_solve_banded((factor, True), self.right), factor)
+
+    def solve_damped(self, dampable: NDArray[np.bool_]) -> Solution:
+        """The solution with the least damping that makes N positive definite (Levenberg 1944); N keeps it.
+
+        Args:
+            dampable: (n,) unknowns that are damped first; the others only where that is not enough.
+
+        Raises:
+            LinAlgError: if no damping makes N positive definite.
+        """
+        diagonal = self.band[0].copy()
+        # An unknown without any equation has no diagonal to take a share of.
+        most = np.maximum(diagonal, LEAST_DIAGONAL)
+        for damped in (dampable * most, most):
+            for damping in (0.0, *DAMPINGS):
+                self.band[0] = diagonal + damping * damped
+                try:
+                    return self.solve()
+                except np.linalg.LinAlgError:
+                    continue
+        raise np.linalg.LinAlgError("the normal equations have no solution")
 
 
 @dataclass(frozen=True)

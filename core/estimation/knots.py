@@ -1,4 +1,4 @@
-"""The unknowns of matching: poses at knots in time, close enough that the machine's sway is a line between two."""
+"""Knots in time at which states are estimated, close enough that the machine's sway is a line between two."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.states import POSE, VEHICLE, Layout, State
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -71,7 +72,7 @@ class Knots:
         return np.concatenate([np.arange(c.first + 1, c.first + c.count - 1) for c in self.chains])
 
     def at(self, t_s: FloatArray) -> tuple[IntArray, FloatArray, NDArray[np.bool_]]:
-        """For each time the knot before it, the share of the way to the next, and whether a chain covers it."""
+        """For each time the knot before it, the share of the interval to the next, and whether a chain covers it."""
         begin = np.array([c.begin_s for c in self.chains])
         which = np.maximum(np.searchsorted(begin, t_s, side="right") - 1, 0)
         first = np.array([c.first for c in self.chains])[which]
@@ -80,36 +81,6 @@ class Knots:
         inside = (place >= 0) & (place <= count - 1)
         local = np.clip(np.floor(place), 0, count - 2)
         return (first + local).astype(np.int64), np.where(inside, place - local, 0.0), inside
-
-
-@dataclass(frozen=True)
-class State:
-    """Values of the unknowns at the knots.
-
-    Attributes:
-        xyz_m: (n, 3) of the vehicle frame's origin, against the local origin.
-        rotation: (n, 3, 3) vehicle to map.
-        drift_m: (n, 3) slowly varying error of the GNSS positions: easting, northing, height.
-    """
-
-    xyz_m: FloatArray
-    rotation: FloatArray
-    drift_m: FloatArray
-
-    def moved(self, step: FloatArray) -> State:
-        """The state after a step (n, 9): position, rotation vector in the map's axes, drift."""
-        turn = Rotation.from_rotvec(step[:, 3:6]) * Rotation.from_matrix(self.rotation)
-        return State(self.xyz_m + step[:, :3], turn.as_matrix(), self.drift_m + step[:, 6:9])
-
-    def part(self, chosen: slice) -> State:
-        """Those of some knots."""
-        return State(self.xyz_m[chosen], self.rotation[chosen], self.drift_m[chosen])
-
-    def put(self, chosen: slice, part: State) -> State:
-        """The state with others at some knots."""
-        xyz, rotation, drift = self.xyz_m.copy(), self.rotation.copy(), self.drift_m.copy()
-        xyz[chosen], rotation[chosen], drift[chosen] = part.xyz_m, part.rotation, part.drift_m
-        return State(xyz, rotation, drift)
 
 
 def knots_over(t_s: NDArray[np.float64]) -> Knots:
@@ -137,13 +108,14 @@ def _pauses(t_s: NDArray[np.float64]) -> IntArray:
     return np.sort(np.concatenate(found)[longest])
 
 
-def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> State:
-    """The state that a trajectory states, held at its ends.
+def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layout: Layout = VEHICLE) -> State:
+    """The state of a trajectory, constant beyond its ends, with zero in the added blocks.
 
     Across a gap in which the vehicle keeps its direction of travel it follows the cubic that leaves and reaches the
     gap's ends with the speeds and headings there; across any other it goes straight.
     """
     t = np.clip(knots.t_s, *trajectory.span_s)
+    added = np.zeros((len(t), layout.size - POSE))
     xyz = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(3)])
     k = np.clip(np.searchsorted(trajectory.t_s, t, side="right") - 1, 0, len(trajectory) - 2)
     step = trajectory.t_s[k + 1] - trajectory.t_s[k]
@@ -155,8 +127,9 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> St
     if driven.any():
         k, share, step = k[driven], share[driven, None], step[driven, None]
         forward = Rotation.from_quat(trajectory.quaternion, scalar_first=True).as_matrix()[:, :2, 0]
-        way = trajectory.speed_mps[:, None] * forward
-        curve = _hermite(trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2], step * way[k], step * way[k + 1], share)
+        velocity = trajectory.speed_mps[:, None] * forward
+        ends = trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]
+        curve = _hermite(*ends, step * velocity[k], step * velocity[k + 1], share)
         xyz[driven, :2] = curve[0]
         tangent = curve[1] * motion[driven, None]
         turned = np.arctan2(tangent[:, 1], tangent[:, 0])
@@ -164,8 +137,8 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray) -> St
         back = Rotation.from_rotvec(np.column_stack([np.zeros((len(k), 2)), turned - np.arctan2(now[:, 1], now[:, 0])]))
         matrix = rotation.as_matrix()
         matrix[driven] = (back * rotation[driven]).as_matrix()
-        return State(xyz - origin_m, matrix, np.zeros((len(t), 3)))
-    return State(xyz - origin_m, rotation.as_matrix(), np.zeros((len(t), 3)))
+        return State(xyz - origin_m, matrix, added, layout)
+    return State(xyz - origin_m, rotation.as_matrix(), added, layout)
 
 
 def _hermite(

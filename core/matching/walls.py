@@ -1,4 +1,4 @@
-"""What stands: walls, fences and hedges' faces, which show place and yaw at once where the ground has no relief.
+"""Registration to walls, fences and hedges' faces, which show place and yaw where the ground has no relief.
 
 Returns well above the ground are counted into upright columns, each half of the scans on its own. A column whose
 returns lie along a line in plan, over a good part of its height, is a piece of a wall: its normal is the direction in
@@ -11,15 +11,24 @@ the poses as those of ground do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import STEP_S, Chain
-from furrowmap.core.matching.agreement import UPPER, CoarseGrid, Patches, Sums
+from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.estimation.patches import (
+    Patches,
+    add_to_patch,
+    close_patches,
+    open_patch,
+    patch_slots,
+    patch_store,
+)
+from furrowmap.core.estimation.slices import SliceSums, add_to_slice, plane_row
+from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Tiles, tiles_over
 
 FloatArray = NDArray[np.float64]
@@ -55,7 +64,7 @@ CORRELATED_LEAST: Final = 4.0
 LEAST_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = 2
-"""Layer of a wall's patch in :class:`~furrowmap.core.matching.agreement.Patches`."""
+"""Layer of a wall's patch in :class:`~furrowmap.core.estimation.patches.Patches`."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +169,21 @@ class Scatter:
         return max(self.together / self.apart, CORRELATED_LEAST)
 
 
+@dataclass(frozen=True)
+class PlacedUpright:
+    """Upright returns of one chain in the map.
+
+    Attributes:
+        t_s: (n,) times, increasing.
+        xyz_m: (n, 3) against the local origin.
+        half: (n,) 0 or 1.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    half: NDArray[np.uint8]
+
+
 def columns_over(xyz_m: FloatArray) -> Columns:
     """No columns yet, in tiles wherever one of the points (n, 2 or 3) is."""
     tiles = tiles_over(np.ascontiguousarray(xyz_m[:, :2]), CELL_M)
@@ -182,68 +206,33 @@ def lines(columns: Columns) -> Lines:
     return Lines(columns, _fit(columns.sums))
 
 
-def agree_upright(
-    chain: Chain,
-    t_s: FloatArray,
-    xyz_m: FloatArray,
-    half: NDArray[np.uint8],
-    walls: Lines,
-    position_m: FloatArray,
-    correlated: float,
-    share: float,
-    sums: Sums,
-    coarse: CoarseGrid,
+def register_walls(
+    placed: PlacedUpright, walls: Lines, poses: ChainPoses, correlated: float, share: float, sums: SliceSums
 ) -> tuple[Patches, Scatter]:
-    """Match returns of what stands to the pieces of walls.
+    """Register upright returns of a chain to the pieces of walls.
 
     Args:
-        chain: that covers them.
-        t_s: (n,) times, increasing.
-        xyz_m: (n, 3) placed, against the local origin.
-        half: (n,) 0 or 1.
+        placed: upright returns.
         walls: of these and other returns.
-        position_m: (knots, 3) positions at all knots.
+        poses: of the chain.
         correlated: how many returns share an error.
         share: factor on all weights.
         sums: are added to.
-        coarse: knots and patches of the coarse unknowns.
 
     Returns:
-        Sums by patch, empty where `coarse` wants none, and what the residuals scatter by.
+        Sums by patch, empty without coarse knots, and the scatter of the residuals.
     """
-    tiles = walls.columns.tiles
+    tiles, chain, coarse = walls.columns.tiles, poses.chain, poses.coarse
     tally = np.zeros(5)
-    place, interval, early, late, right = _agree(
-        t_s,
-        xyz_m,
-        half,
-        chain.first,
-        chain.count,
-        chain.begin_s,
-        CELL_M,
-        tiles.west,
-        tiles.south,
-        tiles.number,
-        walls.columns.number,
-        walls.line,
-        position_m,
-        correlated,
-        share,
-        sums.normal,
-        sums.right,
-        sums.right_all,
-        sums.count,
-        tally,
-        coarse.first,
-        coarse.every,
-        coarse.patch_m,
-    )
-    return Patches(place, interval, early, late, right), Scatter.of(tally)
-
-
-def wall_grid(grid: CoarseGrid) -> CoarseGrid:
-    """The coarse knots as for the ground, with patches the size of walls."""
-    return replace(grid, patch_m=WALL_PATCH_M)
+    patches = Patches(
+        *_register(
+            placed.t_s, placed.xyz_m, placed.half, chain.first, chain.count, chain.begin_s,
+            CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
+            poses.position_m, correlated, share, sums.normal, sums.right, sums.right_free, sums.count, tally,
+            coarse.first, coarse.every, WALL_PATCH_M,
+        )
+    )  # fmt: skip
+    return patches, Scatter.of(tally)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -350,32 +339,18 @@ def _fit(sums):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def _agree(  # type: ignore[no-untyped-def]
+def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, half, first, count, begin_s, cell_m, west, south, tile_number, number, line, position_m, correlated,
-    share, normal, right, right_all, used, tally, first_coarse, every, patch_m,
+    share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
 ):  # fmt: skip
     n = len(t_s)
-    patch_west = patch_south = patch_columns = patch_rows = 0
-    if every > 0 and n > 0:
-        patch_west = int(np.floor(xyz_m[:, 0].min() / patch_m))
-        patch_south = int(np.floor(xyz_m[:, 1].min() / patch_m))
-        patch_columns = int(np.floor(xyz_m[:, 0].max() / patch_m)) - patch_west + 1
-        patch_rows = int(np.floor(xyz_m[:, 1].max() / patch_m)) - patch_south + 1
-    slot = np.full((patch_rows, patch_columns), -1, np.int64)
-    last = np.full((patch_rows, patch_columns), -1, np.int64)
-    most = 0
-    if every > 0:
-        most = min(n, patch_rows * patch_columns * (count // every + 2))
-    out_place = np.empty((most, 3), np.int64)
-    out_interval = np.empty(most, np.int64)
-    early = np.zeros((most, UPPER))
-    late = np.zeros((most, UPPER))
-    out_right = np.zeros((most, 6))
-    patches = 0
+    patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
+    store = patch_store(64 if every > 0 else 0)
+    patches = opened = 0
+    interval_now = -1
     group = np.full(2 * len(line), -1, np.int64)
     held = np.zeros((2 * len(line), 3))
-    j = np.empty(6)
-    g = np.empty(6)
+    row6 = np.empty(6)
     for i in range(n):
         c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
         if c < 0:
@@ -385,16 +360,16 @@ def _agree(  # type: ignore[no-untyped-def]
             continue
         variance = other[4]
         residual = other[2] * (e - other[0]) + other[3] * (north - other[1])
-        normed = abs(residual) / np.sqrt(variance)
-        if normed > GATE:
+        normalised = abs(residual) / np.sqrt(variance)
+        if normalised > GATE:
             continue
         # Against both halves' line, along the other half's normal.
-        residual_all = residual - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
+        residual_free = residual - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
         w = share / (variance * correlated)
-        if normed > HUBER:
-            w *= HUBER / normed
+        if normalised > HUBER:
+            w *= HUBER / normalised
         tally[3] += 1.0
-        tally[4] += min(normed, HUBER) ** 2 * variance
+        tally[4] += min(normalised, HUBER) ** 2 * variance
         now = int((t_s[i] - begin_s) / GROUP_S)
         of = 2 * c + half[i]
         if now != group[of]:
@@ -410,51 +385,29 @@ def _agree(  # type: ignore[no-untyped-def]
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
         qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
-        j[0], j[1], j[2] = other[2], other[3], 0.0
-        j[3], j[4], j[5] = -qz * other[3], qz * other[2], qx * other[3] - qy * other[2]
-        entry = 0
-        for a in range(6):
-            weighted = w * j[a]
-            right[k, a] -= weighted * residual
-            right_all[k, a] -= weighted * residual_all
-            for b in range(a, 6):
-                normal[k, entry] += weighted * j[b]
-                entry += 1
+        plane_row(row6, other[2], other[3], 0.0, qx, qy, qz)
+        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
         used[k] += 1
 
         if every == 0:
             continue
         interval = local // every
         late_share = (local + 0.5) / every - interval
+        if interval != interval_now:
+            close_patches(slots, store, opened, patches, patch_west, patch_south)
+            interval_now, opened = interval, patches
         px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
-        if last[py - patch_south, px - patch_west] != interval:
-            last[py - patch_south, px - patch_west] = interval
-            slot[py - patch_south, px - patch_west] = patches
-            out_place[patches, 0], out_place[patches, 1], out_place[patches, 2] = px, py, WALL_LAYER
-            out_interval[patches] = first_coarse + interval
+        p = slots[WALL_LAYER, py - patch_south, px - patch_west]
+        if p < 0:
+            store = open_patch(store, patches, px, py, WALL_LAYER, first_coarse + interval)
+            p = slots[WALL_LAYER, py - patch_south, px - patch_west] = patches
             patches += 1
-        p = slot[py - patch_south, px - patch_west]
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
-        g[0], g[1], g[2] = other[2], other[3], 0.0
-        g[3], g[4], g[5] = -lz * other[3], lz * other[2], lx * other[3] - ly * other[2]
-        entry = 0
-        for a in range(6):
-            weighted = w * g[a]
-            out_right[p, a] -= weighted * residual_all
-            for b in range(a, 6):
-                product = weighted * g[b]
-                early[p, entry] += (1.0 - late_share) * product
-                late[p, entry] += late_share * product
-                entry += 1
+        plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
+        add_to_patch(store[2], store[3], store[4], p, row6, w, late_share, residual_free)
     for of in range(len(held)):
         _close(held[of], tally)
-    return (
-        out_place[:patches].copy(),
-        out_interval[:patches].copy(),
-        early[:patches].copy(),
-        late[:patches].copy(),
-        out_right[:patches].copy(),
-    )
+    return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
 
 
 @numba.njit(cache=True, nogil=True)

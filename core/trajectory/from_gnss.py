@@ -16,7 +16,6 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
-    Positions,
     judge_rate,
     positions_of,
     quality_runs,
@@ -29,6 +28,7 @@ from furrowmap.core.trajectory.positions import (
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.rotation import unwrap_deg, wrap_deg
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 

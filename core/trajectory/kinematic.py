@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.robust import HUBER, huber_weight
+from furrowmap.core.estimation.wheels import SLIP
+from furrowmap.core.values.positions import DRIFT_CORRELATION_S
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
-SLIP: Final = 0.03
-"""Sideways movement of the rear axle as a share of the way driven (one standard deviation)."""
 SLIP_FLOOR_M: Final = 0.001
 ACCELERATION_MPS2: Final = 1.0
 YAW_RATE_RADPS: Final = np.radians(200.0)
@@ -34,8 +35,6 @@ CLIMB_MPS: Final = 0.05
 """How much a vehicle's height changes in a second across a stop or a turn of direction, where nothing else links it."""
 STAND_STEP_M: Final = 0.0005
 STAND_STEP_RAD: Final = np.radians(0.005)
-HUBER: Final = 3.0
-"""Residuals beyond this many standard deviations lose weight (Huber's function)."""
 ITERATIONS: Final = 12
 CONVERGED_RAD: Final = 1e-5
 
@@ -105,10 +104,6 @@ class Path:
     outlier: BoolArray
 
 
-CORRELATION_S: Final = 60.0
-"""Time over which the slowly varying error of GNSS changes (one to two minutes for PPP-RTK and RTK)."""
-
-
 def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw_rad: FloatArray) -> Path:
     """Axle positions, heights and yaw that fit the antenna's positions and a wheeled vehicle.
 
@@ -129,13 +124,13 @@ def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw
         _add_positions(equations, antenna, state, origin, weight)
         _add_drift(equations, chain, antenna.drift_m, antenna.drift_run, state, first=3, axes=2)
         _add_wheels(equations, chain, state)
-        _add_inertia(equations, chain, state)
+        _add_motion_prior(equations, chain, state)
         solution = equations.solve()
         step = solution.values.reshape(n, _STATE)
         state += step
         residual = _position_residual(antenna, state, origin)
         normed = np.hypot(residual[:, 0], residual[:, 1]) / antenna.white_m
-        weight = np.where(normed > HUBER, HUBER / np.maximum(normed, HUBER), 1.0)
+        weight = huber_weight(normed)
         if float(np.abs(step[:, 2]).max()) < CONVERGED_RAD:
             break
     height, sigma_h = _solve_height(chain, antenna)
@@ -197,7 +192,7 @@ def _add_drift(
     size = state.shape[1]
     begins = np.flatnonzero(np.diff(run, prepend=run[:1] - 1) != 0)
     goes_on = np.flatnonzero(run[1:] == run[:-1])
-    kept = np.exp(-np.diff(chain.t_s)[goes_on] / CORRELATION_S)
+    kept = np.exp(-np.diff(chain.t_s)[goes_on] / DRIFT_CORRELATION_S)
     for column in range(first, first + axes):
         equations.add(begins * size + column, np.ones((len(begins), 1)), -state[begins, column], drift_m[begins])
         design = np.zeros((len(goes_on), size + 1))
@@ -232,7 +227,7 @@ def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> 
     equations.add(every * _STATE + 2, pair, -step[:, 2], turning)
 
 
-def _add_inertia(equations: NormalEquations, chain: Chain, state: FloatArray) -> None:
+def _add_motion_prior(equations: NormalEquations, chain: Chain, state: FloatArray) -> None:
     """Within a stretch of motion, velocity and the path's curvature change as slowly as a heavy vehicle's do.
 
     Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.

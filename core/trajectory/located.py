@@ -13,9 +13,10 @@ from furrowmap.core.readers.reader import GivesPoses, GivesTrack, Reader
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.positions import Positions, fixes_from_labels, quality_words
+from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 

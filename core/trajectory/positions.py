@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.positions import Positions
 
 FloatArray = NDArray[np.float64]
 
@@ -45,29 +45,6 @@ JUMP_SIGMAS: Final = 6.0
 FASTEST_MPS: Final = 15.0
 HARDEST_MPS2: Final = 3.0
 """A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
-
-
-@dataclass(frozen=True)
-class Positions:
-    """The antenna's positions that are used, and how good they are.
-
-    Attributes:
-        t_s: (m,) UTC, increasing.
-        xyz_m: (m, 3) easting, northing, height.
-        white_m: (m, 3) noise from position to position.
-        drift_m: (m, 3) standard deviation of the slowly varying error.
-        run: (m,) counts the runs of equal quality, in which the slowly varying error is continuous.
-        fix: (m,) int8 quality.
-        yaw_rad: (m,) yaw that two antennas showed; nan elsewhere.
-    """
-
-    t_s: FloatArray
-    xyz_m: FloatArray
-    white_m: FloatArray
-    drift_m: FloatArray
-    run: NDArray[np.intp]
-    fix: NDArray[np.int8]
-    yaw_rad: FloatArray
 
 
 def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, heading_deg: FloatArray) -> Positions:

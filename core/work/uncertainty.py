@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.trajectory.kinematic import CORRELATION_S
+from furrowmap.core.values.positions import DRIFT_CORRELATION_S
 from furrowmap.core.values.trajectory import SIGMAS, Trajectory
 from furrowmap.core.work.ribbon import Ribbon
 from furrowmap.core.work.sweep import Sweep
@@ -38,7 +38,7 @@ class OutlineErrors:
     """The ways that outlines come from, and how wrong they are; errors of the stated width and mounting are not in it.
 
     Args:
-        trajectory: its sigma is that of a Gauss-Markov process of :data:`CORRELATION_S` in position and
+        trajectory: its sigma is that of a Gauss-Markov process of :data:`DRIFT_CORRELATION_S` in position and
             :data:`HEADING_CORRELATION_S` in heading.
         runs: all sweeps, each with its ribbons.
         common_share: share of the variance of the transitions' times that makes every pass longer, or every one
@@ -94,8 +94,8 @@ class OutlineErrors:
         lever = place - np.column_stack([np.interp(t_s, knots, self._trajectory.xyz_m[:, k]) for k in range(2)])
         turned = normal[:, 0] * lever[:, 1] - normal[:, 1] * lever[:, 0]
         return [
-            (e * normal[:, 0], CORRELATION_S),
-            (n * normal[:, 1], CORRELATION_S),
+            (e * normal[:, 0], DRIFT_CORRELATION_S),
+            (n * normal[:, 1], DRIFT_CORRELATION_S),
             (np.radians(heading) * turned, HEADING_CORRELATION_S),
         ]
 

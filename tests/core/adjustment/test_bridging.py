@@ -11,19 +11,18 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.bridging import (
     APART_M,
     APART_RAD,
-    Gap,
     apart,
     continued,
     gaps_between,
-    in_gaps,
     joined_in_gap,
-    outside,
     part_of,
     with_carried,
 )
-from furrowmap.core.estimation.knots import Knots, State, knots_over
-from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.estimation.knots import Knots, knots_over
+from furrowmap.core.estimation.states import State
+from furrowmap.core.matching.portions import Gap, in_gaps, outside
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.positions import Positions
 
 GAP = Gap(8.0, 14.0, 0)
 
@@ -79,7 +78,7 @@ def test_outside_a_gap_every_return_stays_and_in_it_none(windows: list[tuple[int
 
 def test_both_sides_that_agree_are_taken_as_they_are() -> None:
     knots, state = drive()
-    wrong = State(state.xyz_m + 5.0, state.rotation[::-1].copy(), state.drift_m)
+    wrong = State(state.xyz_m + 5.0, state.rotation[::-1].copy(), state.added)
     found = joined_in_gap(knots, wrong, GAP, state, state, int(np.searchsorted(knots.t_s, 10.0)))
     inside = (knots.t_s >= GAP.begin_s) & (knots.t_s < GAP.end_s)
     np.testing.assert_allclose(found.xyz_m[inside], state.xyz_m[inside], atol=1e-12)
@@ -105,7 +104,7 @@ def test_what_adds_up_evenly_from_either_end_is_taken_out(
         return State(
             truth.xyz_m + share[:, None] * np.array(shift_m),
             (turn * Rotation.from_matrix(truth.rotation)).as_matrix(),
-            truth.drift_m,
+            truth.added,
         )
 
     meet = int(np.searchsorted(knots.t_s, meet_s))
@@ -122,7 +121,7 @@ def test_what_adds_up_evenly_from_either_end_is_taken_out(
 def test_poses_that_were_moved_all_together_are_brought_back(shift_m: list[float], turn_rad: list[float]) -> None:
     knots, truth = drive()
     turn = Rotation.from_rotvec(turn_rad)
-    moved = State(turn.apply(truth.xyz_m) + shift_m, turn.as_matrix() @ truth.rotation, truth.drift_m)
+    moved = State(turn.apply(truth.xyz_m) + shift_m, turn.as_matrix() @ truth.rotation, truth.added)
     found = continued(knots, truth, moved, GAP.begin_s - 1.0, GAP.begin_s)
     np.testing.assert_allclose(found.xyz_m, truth.xyz_m, atol=1e-9)
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
@@ -134,7 +133,7 @@ def test_states_are_as_far_apart_as_the_worse_of_way_and_turn() -> None:
     other = State(
         state.xyz_m + np.array([0.0, 2.0 * APART_M, 0.0]),
         (turn * Rotation.from_matrix(state.rotation)).as_matrix(),
-        state.drift_m,
+        state.added,
     )
     np.testing.assert_allclose(apart(state, other), 3.0, rtol=1e-9)
     np.testing.assert_allclose(apart(state, state), 0.0, atol=1e-6)
@@ -153,7 +152,7 @@ def test_poses_at_rest_stand_for_positions_in_the_order_of_time() -> None:
     knots, state = drive()
     lever = np.array([1.0, 0.2, 2.0])
     known = positions_at(np.concatenate([np.arange(0.0, 8.05, 0.1), np.arange(14.0, 20.0, 0.1)]))
-    found = with_carried(known, knots, state, np.array([100.0, 200.0, 30.0]), lever, 8.0, 11.0)
+    found = with_carried(known, knots, state, (np.array([100.0, 200.0, 30.0]), lever), 8.0, 11.0)
     assert (np.diff(found.t_s) > 0).all()
     added = ~np.isin(found.t_s, known.t_s)
     assert added.sum() == len(found.t_s) - len(known.t_s) > 20
@@ -162,4 +161,4 @@ def test_poses_at_rest_stand_for_positions_in_the_order_of_time() -> None:
     np.testing.assert_allclose(found.xyz_m[added], antenna, atol=1e-9)
     runs = [set(found.run[mask]) for mask in (found.t_s <= 8.0, added, found.t_s > 13.9)]
     assert sum(len(run) for run in runs) == len(set.union(*runs))
-    assert with_carried(known, knots, state, np.zeros(3), lever, 8.0, 7.0) is known
+    assert with_carried(known, knots, state, (np.zeros(3), lever), 8.0, 7.0) is known

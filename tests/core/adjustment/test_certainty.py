@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.certainty import AROUND_S, held_by, hold_of, sigmas
-from furrowmap.core.calibration.range_bow import Bow
+from furrowmap.core.adjustment.precision import AROUND_S, information_of, sigmas, sources_of
+from furrowmap.core.adjustment.problem import Linearised
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, State, knots_over
-from furrowmap.core.matching.agreement import CORRELATED
-from furrowmap.core.matching.coarse import SIZE, CoarseKnots, fine_step
-from furrowmap.core.matching.equations import Held
+from furrowmap.core.estimation.coarse import CoarseKnots, fine_step
+from furrowmap.core.estimation.covariance import Considered
+from furrowmap.core.estimation.knots import STEP_S, knots_over
+from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.matching.ground import CORRELATED
+
+SIZE = VEHICLE.size
 
 
 def random_chain(count: int, seed: int, scale: float) -> NormalEquations:
@@ -35,9 +38,9 @@ def test_sigmas__are_of_slow_and_quick_errors_together(held_by_returns: float, i
     coarse = CoarseKnots.over(knots, 10, 1.0)
     centre = coarse.centres(knots, state)
     quick, slow = random_chain(len(knots), 1, 0.01), random_chain(coarse.count, 2, 0.02)
-    bow = Bow(*np.random.default_rng(3).normal(size=(2, coarse.count * SIZE)))
+    bow = Considered(*np.random.default_rng(3).normal(size=(2, coarse.count * SIZE)))
     normal = np.tile(held_by_returns * np.eye(6)[np.triu_indices(6)], (len(knots), 1))
-    found = sigmas(state, Held(quick, np.zeros(0)), coarse, centre, slow, bow, normal)
+    found = sigmas(state, Linearised(quick, coarse, centre, slow, slow), bow, normal)
 
     def covariance(equations: NormalEquations) -> np.ndarray:
         n = equations.band.shape[1]
@@ -49,7 +52,7 @@ def test_sigmas__are_of_slow_and_quick_errors_together(held_by_returns: float, i
 
     ones = np.eye(coarse.count * SIZE)
     projection = np.column_stack([fine_step(coarse, centre, state, one).reshape(-1) for one in ones])
-    bent = bow.mode - covariance(slow) @ bow.held
+    bent = bow.mode - covariance(slow) @ bow.right
     of_slow = projection @ (covariance(slow) + np.outer(bent, bent)) @ projection.T
     # Where returns hold it, the quick part of a heading is that of independent ones.
     of_quick = np.diag(covariance(quick)).reshape(-1, SIZE) / np.array(
@@ -77,9 +80,9 @@ def some_normals(n: int, first: int, last: int, seed: int, scale: float) -> tupl
     return matrices, upper
 
 
-def test_hold_of__is_what_the_returns_within_a_second_know() -> None:
+def test_information_of__is_what_the_returns_within_a_second_know() -> None:
     matrices, upper = some_normals(120, 20, 90, 6, 100.0)
-    found = hold_of(upper)
+    found = information_of(upper)
     half = round(AROUND_S / STEP_S)
     for k in (0, 15, 60, 100):
         near = matrices[max(0, k - half) : k + half + 1].sum(axis=0)
@@ -100,7 +103,7 @@ def test_held_by__names_what_holds_most_firmly() -> None:
     _, walls = some_normals(n, 80, 200, 2, 100.0)
     has_position = np.arange(n) < 150
     unsure, sure = (np.full(n, sigma_deg) for sigma_deg in (20.0, 1e-4))
-    held = held_by(relief, walls, unsure, np.full(n, "gnss"), has_position)
+    held = sources_of(relief, walls, unsure, np.full(n, "gnss"), has_position)
     assert set(held.heading[:50]) == {"relief"}
     assert set(held.heading[110:]) == {"walls"}
     assert set(held.position[:150]) == {"gnss"}
@@ -108,8 +111,8 @@ def test_held_by__names_what_holds_most_firmly() -> None:
     assert set(held.height[:150]) == {"gnss"}
     assert set(held.height[150:]) == {"ground"}
     assert set(held.level) == {"ground"}
-    assert set(held_by(relief, walls, sure, np.full(n, "antennas"), has_position).heading) == {"antennas"}
-    blind = held_by(0 * relief, 0 * walls, unsure, np.full(n, "gnss"), has_position)
+    assert set(sources_of(relief, walls, sure, np.full(n, "antennas"), has_position).heading) == {"antennas"}
+    blind = sources_of(0 * relief, 0 * walls, unsure, np.full(n, "gnss"), has_position)
     assert set(blind.heading) == {"gnss"}
     assert set(blind.position[150:]) == set(blind.height[150:]) == {"carried"}
     assert set(blind.level) == {"assumed"}

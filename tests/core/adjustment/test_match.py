@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.matched import Matched, match
-from furrowmap.core.adjustment.solve import Tool
+from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory

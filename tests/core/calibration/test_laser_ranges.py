@@ -7,9 +7,10 @@ import dataclasses
 import numpy as np
 
 from furrowmap.core.adjustment.matched import match
-from furrowmap.core.adjustment.solve import Tool
-from furrowmap.core.calibration.laser_ranges import LEAST_RETURNS, LaserRanges, LaserSums, shortened
+from furrowmap.core.calibration.laser_ranges import LEAST_RETURNS, LaserSums
+from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
+from furrowmap.core.values.laser_ranges import LaserRanges, shortened
 from furrowmap.core.values.scan import Scan
 from tests.core.conftest import Recording
 

@@ -8,13 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.calibration.mounting_calibration import Stance, stance
+from furrowmap.core.calibration.crab_angle import CrabAngle
+from furrowmap.core.calibration.mounting_calibration import MountingCalibration, mounting_calibration
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import Knots, State, knots_over
-from furrowmap.core.matching.equations import SIZE, Aslant, hold_blind
+from furrowmap.core.estimation.knots import Knots, knots_over
+from furrowmap.core.estimation.observation import normal_equations
+from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
-from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.values.positions import Positions
 
+SIZE = VEHICLE.size
 CELL_M = 0.1
 
 
@@ -77,7 +81,7 @@ def test_a_mounting_shows_in_how_the_vehicle_stands_on_its_wheels(
 ) -> None:
     off = Rotation.from_euler("ZYX", [0.0, -pitch_deg, roll_deg], degrees=True)
     knots, state = on_wheels(half_track_m, wheelbase_m, 0.3, off)
-    found = stance(knots, state, FIELD, None, 0.3, (0.0, np.inf))
+    found = mounting_calibration(knots, state, FIELD, None, 0.3, (0.0, np.inf))
     assert abs(found.roll_deg - roll_deg) < min(3.0 * found.sigma_deg[0], 0.15)
     assert abs(found.pitch_deg - pitch_deg) < min(3.0 * found.sigma_deg[1], 0.15)
     assert abs(found.height_m) < 3.0 * found.sigma_height_m
@@ -86,7 +90,7 @@ def test_a_mounting_shows_in_how_the_vehicle_stands_on_its_wheels(
 
 def test_a_vehicle_on_ground_that_was_not_seen_says_nothing() -> None:
     knots, state = on_wheels(0.7, 2.0, 0.3, Rotation.identity())
-    found = stance(knots, state, ground(100.0, 110.0), None, 0.3, (0.0, np.inf))
+    found = mounting_calibration(knots, state, ground(100.0, 110.0), None, 0.3, (0.0, np.inf))
     assert not np.isfinite(found.sigma_deg).any()
     assert found.turn is None
 
@@ -103,11 +107,11 @@ def test_a_vehicle_on_ground_that_was_not_seen_says_nothing() -> None:
 def test_a_mounting_is_turned_where_it_is_certainly_off(
     angles_deg: tuple[float, float, float], sigma_deg: tuple[float, float, float], height_m: float, turned: bool
 ) -> None:
-    assert (Stance(*angles_deg, height_m, sigma_deg, 0.01).turn is not None) == turned
+    assert (MountingCalibration(*angles_deg, height_m, sigma_deg, 0.01).turn is not None) == turned
 
 
 def test_of_a_mounting_that_is_off_what_is_unknown_stays_as_stated() -> None:
-    turn = Stance(0.5, 0.1, 0.4, 0.0, (0.05, np.inf, 0.3), 0.01).turn
+    turn = MountingCalibration(0.5, 0.1, 0.4, 0.0, (0.05, np.inf, 0.3), 0.01).turn
     assert turn is not None
     yaw, pitch, roll = Rotation.from_matrix(turn).as_euler("ZYX", degrees=True)
     assert roll == pytest.approx(0.5, abs=0.02)
@@ -132,12 +136,12 @@ def test_heights_are_those_of_the_plane_through_the_returns() -> None:
     assert np.isnan(heights(surface, where, np.full(500, -1, np.int8))).all()
 
 
-@pytest.mark.parametrize("aslant_deg", [-0.7, 0.0, 0.4])
-def test_a_vehicle_that_goes_aslant_shows_it_though_its_wheels_hold_the_heading(aslant_deg: float) -> None:
+@pytest.mark.parametrize("crab_deg", [-0.7, 0.0, 0.4])
+def test_a_vehicle_that_goes_crab_shows_it_though_its_wheels_hold_the_heading(crab_deg: float) -> None:
     """The way is held by positions, the heading by something as strong as the wheels, which share what is off."""
     knots = knots_over(np.arange(0.0, 5.0, 0.02))
     t = knots.t_s
-    angle = np.radians(aslant_deg)
+    angle = np.radians(crab_deg)
     xyz = np.column_stack([1.2 * t * np.cos(angle), 1.2 * t * np.sin(angle), np.zeros(len(t))])
     state = State(xyz, np.tile(np.eye(3), (len(t), 1, 1)), np.zeros((len(t), 3)))
     at = np.arange(0.0, 5.0, 0.1)
@@ -146,24 +150,24 @@ def test_a_vehicle_that_goes_aslant_shows_it_though_its_wheels_hold_the_heading(
     positions = Positions(
         at, there, small, small, np.zeros(len(at), np.intp), np.full(len(at), 4, np.int8), np.full(len(at), np.nan)
     )
-    equations = hold_blind(knots, state, positions, np.zeros(3), np.zeros(3), np.ones(len(at))).equations
+    equations = normal_equations(wheeled_vehicle(positions, np.zeros(3), np.zeros(3)), knots, state)
     equations.add(np.arange(len(t)) * SIZE + 5, np.ones((len(t), 1)), np.zeros(len(t)), np.full(len(t), 0.06))
-    aslant = Aslant.of(knots, state)
+    crab = CrabAngle.of(knots, state)
     solution = equations.solve()
-    link = aslant.link.ravel()
-    information = aslant.own - link @ solution.by(link)
-    found = (aslant.right - link @ solution.values) / information
+    link = crab.link.ravel()
+    information = crab.own - link @ solution.by(link)
+    found = (crab.right - link @ solution.values) / information
     # Without that unknown the wheels turn the vehicle a good part of the way.
-    if aslant_deg:
-        assert abs(np.degrees(np.median(solution.values.reshape(-1, SIZE)[:, 5]))) > 0.2 * abs(aslant_deg)
-    assert np.degrees(found) == pytest.approx(aslant_deg, abs=0.02)
-    bordered = bordered_solution(equations, aslant)
+    if crab_deg:
+        assert abs(np.degrees(np.median(solution.values.reshape(-1, SIZE)[:, 5]))) > 0.2 * abs(crab_deg)
+    assert np.degrees(found) == pytest.approx(crab_deg, abs=0.02)
+    bordered = bordered_solution(equations, crab)
     assert found == pytest.approx(bordered[-1], abs=1e-9)
 
 
-def bordered_solution(equations: NormalEquations, aslant: Aslant) -> np.ndarray:
+def bordered_solution(equations: NormalEquations, crab: CrabAngle) -> np.ndarray:
     """The solution with one unknown more, by the whole matrix."""
     dense = equations.dense()
-    link = aslant.link.reshape(-1, 1)
-    whole = np.block([[dense, link], [link.T, np.array([[aslant.own]])]])
-    return np.asarray(np.linalg.solve(whole, np.append(equations.right, aslant.right)))
+    link = crab.link.reshape(-1, 1)
+    whole = np.block([[dense, link], [link.T, np.array([[crab.own]])]])
+    return np.asarray(np.linalg.solve(whole, np.append(equations.right, crab.right)))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.calibration.range_bow import ELEVATION_SIGMA, bow_of, bow_sigma
+from furrowmap.core.calibration.range_bow import ELEVATION_SIGMA, range_bow, range_bow_sigma
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.matching.coarse import SIZE
+from furrowmap.core.estimation.states import VEHICLE
 from furrowmap.core.matching.returns import GroundReturns
 
+SIZE = VEHICLE.size
 HEIGHT_M = 0.4
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -22,13 +23,13 @@ def rings(elevation: np.ndarray, per_ring: int) -> tuple[np.ndarray, np.ndarray]
     return xyz, laser.astype(np.uint8)
 
 
-def test_bow_sigma__is_that_of_bowls_fitted_to_lasers_with_random_elevations() -> None:
+def test_range_bow_sigma__is_that_of_bowls_fitted_to_lasers_with_random_elevations() -> None:
     elevation = np.radians(np.arange(-15.0, -2.0, 2.0))
     xyz, laser = rings(elevation, 180)
     returns = GroundReturns(
         np.arange(len(xyz)) * 1e-3, xyz.astype(np.float32), laser % 2, np.zeros((80, 80), np.bool_), laser=laser
     )
-    said = bow_sigma(returns, np.zeros(3), UP)
+    said = range_bow_sigma(returns, np.zeros(3), UP)
 
     random = np.random.default_rng(1)
     distance = np.linalg.norm(xyz, axis=1)
@@ -42,21 +43,21 @@ def test_bow_sigma__is_that_of_bowls_fitted_to_lasers_with_random_elevations() -
     np.testing.assert_allclose(said, np.std(drawn), rtol=0.05)
 
 
-def test_bow_sigma__is_none_where_lasers_are_not_known() -> None:
+def test_range_bow_sigma__is_none_where_lasers_are_not_known() -> None:
     xyz, _ = rings(np.radians(np.array([-10.0, -5.0])), 10)
     half = np.zeros(len(xyz), np.uint8)
     returns = GroundReturns(np.arange(len(xyz)) * 1e-3, xyz.astype(np.float32), half, np.zeros((80, 80), np.bool_))
-    assert bow_sigma(returns, np.zeros(3), UP) == 0.0
+    assert range_bow_sigma(returns, np.zeros(3), UP) == 0.0
 
 
-def test_bow_of__bends_poses_into_a_paraboloid_whose_slope_they_follow() -> None:
+def test_range_bow__bends_poses_into_a_paraboloid_whose_slope_they_follow() -> None:
     random = np.random.default_rng(2)
     centre = np.column_stack([random.uniform(-20.0, 20.0, (12, 2)), np.zeros(12)])
-    blind = NormalEquations(12 * SIZE, 2 * SIZE)
+    prior = NormalEquations(12 * SIZE, 2 * SIZE)
     for _ in range(30):
         design = random.normal(size=(11, 2 * SIZE))
-        blind.add(np.arange(0, 11 * SIZE, SIZE), design, random.normal(size=11), np.ones(11))
-    bow = bow_of(1e-4, blind, centre)
+        prior.add(np.arange(0, 11 * SIZE, SIZE), design, random.normal(size=11), np.ones(11))
+    bow = range_bow(1e-4, prior, centre)
     plan = centre[:, :2] - centre[:, :2].mean(axis=0)
     mode = bow.mode.reshape(-1, SIZE)
     for k, (x, y) in enumerate(plan):
@@ -66,4 +67,4 @@ def test_bow_of__bends_poses_into_a_paraboloid_whose_slope_they_follow() -> None
             lifted = np.cross(mode[k, 3:6], ahead)[2]
             exact = 1e-4 * (((plan[k] + ahead[:2]) ** 2).sum() - ((plan[k] - ahead[:2]) ** 2).sum()) / 2.0
             np.testing.assert_allclose(lifted, exact, rtol=1e-9)
-    np.testing.assert_allclose(bow.held, blind.dense() @ bow.mode, rtol=1e-10)
+    np.testing.assert_allclose(bow.right, prior.dense() @ bow.mode, rtol=1e-10)

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.calibration.yaw_ambiguity import facing_deg
-from furrowmap.core.estimation.knots import Knots, State, knots_over
+from furrowmap.core.calibration.yaw_ambiguity import yaw_offset_deg
+from furrowmap.core.estimation.knots import Knots, knots_over
+from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 
@@ -64,7 +65,7 @@ def drive(relief_m: float, turned_deg: float, seed: int, trees: int = 0) -> tupl
 @pytest.mark.parametrize("turned_deg", [180.0, 90.0, -135.0, 37.0])
 def test_facing__finds_the_angle_by_which_a_mounting_is_off(turned_deg: float) -> None:
     returns, knots, state = drive(0.02, turned_deg, seed=1)
-    found = facing_deg(returns, knots, state, SENSOR_M)
+    found = yaw_offset_deg(returns, knots, state, SENSOR_M)
     assert found is not None
     assert abs((found - turned_deg + 180.0) % 360.0 - 180.0) < 3.0
     if turned_deg % 90.0 == 0.0:
@@ -75,27 +76,29 @@ def test_facing__finds_the_angle_by_which_a_mounting_is_off(turned_deg: float) -
 @pytest.mark.parametrize("relief_m", [0.02, 0.0001])
 def test_facing__leaves_a_right_mounting_alone(relief_m: float, seed: int) -> None:
     returns, knots, state = drive(relief_m, 0.0, seed)
-    assert facing_deg(returns, knots, state, SENSOR_M) is None
+    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_facing__says_nothing_where_no_relief_shows_it(seed: int) -> None:
     returns, knots, state = drive(0.0001, 180.0, seed)
-    assert facing_deg(returns, knots, state, SENSOR_M) is None
+    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 180.0, 90.0, -135.0])
 def test_facing__is_shown_by_trees_where_soil_is_smooth(turned_deg: float) -> None:
     returns, knots, state = drive(0.0001, turned_deg, seed=6, trees=25)
-    assert facing_deg(returns, knots, state, SENSOR_M) == (pytest.approx(turned_deg, abs=3.0) if turned_deg else None)
+    assert yaw_offset_deg(returns, knots, state, SENSOR_M) == (
+        pytest.approx(turned_deg, abs=3.0) if turned_deg else None
+    )
 
 
 def test_facing__leaves_small_angles_to_the_stance() -> None:
     returns, knots, state = drive(0.02, 6.0, seed=4)
-    assert facing_deg(returns, knots, state, SENSOR_M) is None
+    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
 
 
 def test_facing__needs_some_way() -> None:
     returns, knots, state = drive(0.02, 180.0, seed=5)
-    still = State(state.xyz_m * 0.1, state.rotation, state.drift_m)
-    assert facing_deg(returns, knots, still, SENSOR_M) is None
+    still = State(state.xyz_m * 0.1, state.rotation, state.added)
+    assert yaw_offset_deg(returns, knots, still, SENSOR_M) is None

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import MOST_CHAINS, PAUSE_S, STEP_S, State, knots_over, place, start_from, turns
+from furrowmap.core.estimation.knots import MOST_CHAINS, PAUSE_S, STEP_S, knots_over, place, start_from, turns
+from furrowmap.core.estimation.states import GNSS_DRIFT, State
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
@@ -113,7 +114,7 @@ def test_the_start_is_the_trajectory_held_at_its_ends_and_straight_across_its_ga
     early, gap = knots.t_s < t[0], (knots.t_s > t[19]) & (knots.t_s < t[20])
     assert np.abs(state.xyz_m[early] + origin - trajectory.xyz_m[0]).max() < 1e-6
     assert np.abs(np.diff(state.xyz_m[gap], 2, axis=0)).max() < 1e-6
-    assert not state.drift_m.any()
+    assert not state[GNSS_DRIFT].any()
 
 
 def test_a_step_turns_about_the_axes_of_the_map() -> None:
@@ -121,6 +122,6 @@ def test_a_step_turns_about_the_axes_of_the_map() -> None:
     state = State(np.zeros((1, 3)), rotation.as_matrix(), np.zeros((1, 3)))
     moved = state.moved(np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.1, 4.0, 5.0, 6.0]]))
     np.testing.assert_allclose(moved.xyz_m, [[1, 2, 3]])
-    np.testing.assert_allclose(moved.drift_m, [[4, 5, 6]])
+    np.testing.assert_allclose(moved[GNSS_DRIFT], [[4, 5, 6]])
     expected = rotation.as_euler("ZYX") + np.array([[0.1, 0, 0]])
     np.testing.assert_allclose(Rotation.from_matrix(moved.rotation).as_euler("ZYX"), expected, atol=1e-12)

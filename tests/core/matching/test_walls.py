@@ -8,24 +8,28 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State
-from furrowmap.core.matching.agreement import CoarseGrid, Patches, Sums
-from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, free_patches
+from furrowmap.core.estimation.coarse import CoarseGrid, CoarseKnots, coarse_equations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
+from furrowmap.core.estimation.patches import Patches, free_patches
+from furrowmap.core.estimation.slices import SliceSums
+from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.walls import (
     FAR_M,
     FLOOR_M,
     WALL_PATCH_M,
     Lines,
+    PlacedUpright,
     Scatter,
     add_upright,
-    agree_upright,
     columns_over,
     lines,
+    register_walls,
     select_upright,
-    wall_grid,
 )
 
 FloatArray = NDArray[np.float64]
+SIZE = VEHICLE.size
 KNOTS = 41
 CHAIN = Chain(0, KNOTS, 0.0)
 
@@ -106,19 +110,18 @@ def scene(noise_m: float = 0.01) -> tuple[FloatArray, FloatArray, Lines]:
 
 def agreed(
     t_s: FloatArray, vehicle_m: FloatArray, walls: Lines, state: State, coarse: CoarseGrid, correlated: float = 10.0
-) -> tuple[Sums, Patches, Scatter]:
+) -> tuple[SliceSums, Patches, Scatter]:
     k = np.minimum((t_s / STEP_S).astype(int), KNOTS - 2)
     share = (t_s / STEP_S - k)[:, None]
     origin = state.xyz_m[k] + share * (state.xyz_m[k + 1] - state.xyz_m[k])
     placed = origin + np.einsum("nij,nj->ni", state.rotation[k], vehicle_m)
-    sums = Sums.of(KNOTS)
-    patches, scatter = agree_upright(
-        CHAIN, t_s, placed, halves(placed), walls, state.xyz_m, correlated, 1.0, sums, coarse
-    )
+    sums = SliceSums.of(KNOTS)
+    of_all = PlacedUpright(t_s, placed, halves(placed))
+    patches, scatter = register_walls(of_all, walls, ChainPoses(CHAIN, state.xyz_m, coarse), correlated, 1.0, sums)
     return sums, patches, scatter
 
 
-def whole(sums: Sums, state: State) -> tuple[FloatArray, FloatArray]:
+def whole(sums: SliceSums, state: State) -> tuple[FloatArray, FloatArray]:
     """Normal matrix and right-hand side of a shift and a turn of all about the place half-way."""
     middle = state.xyz_m[KNOTS // 2]
     normal, right = np.zeros((6, 6)), np.zeros(6)
@@ -170,7 +173,7 @@ def test_a_wall_of_one_direction_does_not_hold_the_way_along_it() -> None:
     assert along @ normal[:2, :2] @ along < 1e-3 * (across @ normal[:2, :2] @ across)
 
 
-def of_slices(sums: Sums) -> NormalEquations:
+def of_slices(sums: SliceSums) -> NormalEquations:
     """Equations of the knots; a slice's pose is the mean of those of its two knots."""
     equations = NormalEquations(KNOTS * SIZE, 3 * SIZE)
     row, column = np.triu_indices(6)
@@ -191,7 +194,7 @@ def test_walls_that_move_along_cost_a_movement_of_all_nothing() -> None:
     knots = Knots((CHAIN,), STEP_S * np.arange(KNOTS))
     coarse = CoarseKnots.over(knots, 20, WALL_PATCH_M)
     centre = coarse.centres(knots, state)
-    sums, patches, _ = agreed(t, vehicle, walls, state, wall_grid(coarse.grids[0]))
+    sums, patches, _ = agreed(t, vehicle, walls, state, coarse.grids[0])
     equations = coarse_equations(of_slices(sums), coarse, centre, state, coarse.count)
     firm = equations.dense()
     free_patches(equations, [patches], WALL_PATCH_M, centre)

@@ -10,15 +10,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.coarse import CoarseGrid
 from furrowmap.core.estimation.knots import STEP_S, Chain
-from furrowmap.core.matching.agreement import (
+from furrowmap.core.estimation.patches import Patches
+from furrowmap.core.matching.ground import (
     CORRELATED,
     NOISE_M,
-    CoarseGrid,
-    Patches,
+    ChainPoses,
+    GroundSums,
+    PlacedReturns,
     Relief,
-    Sums,
-    agree,
+    register_ground,
 )
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, tiles_over
 
@@ -55,7 +57,7 @@ def dense_surface(ground: Ground, side_m: float, noise_m: float = 0.0, per_cell:
 
 @dataclass(frozen=True)
 class Found:
-    sums: Sums
+    sums: GroundSums
     patches: Patches
     trust: NDArray[np.uint8]
 
@@ -64,10 +66,11 @@ def agreed(
     xyz: FloatArray, t_s: FloatArray, surface: Surface, position: FloatArray, relief: Relief = EXACT, every: int = 0
 ) -> Found:
     n = len(xyz)
-    sums, trust = Sums.of(len(position)), np.zeros(n, np.uint8)
+    sums, trust = GroundSums.of(len(position)), np.zeros(n, np.uint8)
     half = (np.arange(n) % 2).astype(np.uint8)
     grid = CoarseGrid(5, every, PATCH_M)
-    patches = agree(CHAIN, t_s, xyz, np.zeros(n, np.int8), half, trust, surface, position, relief, 1.0, sums, grid)
+    placed = PlacedReturns(t_s, xyz, np.zeros(n, np.int8), half, trust)
+    patches = register_ground(placed, surface, ChainPoses(CHAIN, position, grid), relief, 1.0, sums)
     return Found(sums, patches, trust)
 
 
@@ -117,13 +120,13 @@ def test_equations_are_those_of_a_numerical_derivative(
         residual, design = derivative(waves, xyz[mine], 0.5 * (position[knot] + position[knot + 1]))
         expected = WEIGHT * design.T @ design
         scale = np.sqrt(np.diag(expected))
-        assert np.abs((symmetric(found.sums.normal[knot]) - expected) / np.outer(scale, scale)).max() < 0.02
-        for right in (found.sums.right, found.sums.right_all):
+        assert np.abs((symmetric(found.sums.slices.normal[knot]) - expected) / np.outer(scale, scale)).max() < 0.02
+        for right in (found.sums.slices.right, found.sums.slices.right_free):
             size = scale * np.sqrt(WEIGHT * (residual**2).sum())
             assert np.abs((right[knot] + WEIGHT * design.T @ residual) / size).max() < 0.03
-        assert found.sums.count[knot] == mine.sum()
-    assert not found.sums.normal[: CHAIN.first].any()
-    assert not found.sums.normal[CHAIN.first + CHAIN.count - 1 :].any()
+        assert found.sums.slices.count[knot] == mine.sum()
+    assert not found.sums.slices.normal[: CHAIN.first].any()
+    assert not found.sums.slices.normal[CHAIN.first + CHAIN.count - 1 :].any()
     assert (found.trust == 255).all()
 
 
@@ -155,7 +158,7 @@ def test_what_is_far_off_the_ground_or_over_none_takes_no_part() -> None:
     xyz = np.array([[0.03, 0.04, 0.001], [0.53, 0.4, 0.3], [0.2, -0.6, 0.05], [8.0, 0.0, 0.0]])
     t = CHAIN.begin_s + 0.001 * np.arange(4.0)
     found = agreed(xyz, t, surface, np.zeros((KNOTS, 3)))
-    assert found.sums.count.sum() == 2
+    assert found.sums.slices.count.sum() == 2
     assert found.trust.tolist()[:2] == [255, 0]
     # Four standard deviations off: the weight of two and a half.
     assert found.trust[2] == pytest.approx(255 * 2.5 * NOISE_M / 0.05, rel=0.03)
@@ -227,7 +230,7 @@ def test_slopes_are_taken_for_what_they_are_worth() -> None:
     whole = agreed(xyz, t, surface, np.zeros((KNOTS, 3)))
     variance = (NOISE_M / CELL_M) ** 2 * 2 / 64 * 2 / 3  # of a slope between nodes of 64 returns each, mean over a cell
     half = agreed(xyz, t, surface, np.zeros((KNOTS, 3)), Relief(variance, 1.0))
-    np.testing.assert_allclose(half.sums.right[:, 2], whole.sums.right[:, 2], rtol=1e-9)
+    np.testing.assert_allclose(half.sums.slices.right[:, 2], whole.sums.slices.right[:, 2], rtol=1e-9)
     for axis in (0, 1):
-        share = half.sums.right[:, axis].sum() / whole.sums.right[:, axis].sum()
+        share = half.sums.slices.right[:, axis].sum() / whole.sums.slices.right[:, axis].sum()
         assert share == pytest.approx(0.5, abs=0.06)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.adjustment.relaxation import LONGEST, Relaxation
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
+from furrowmap.core.estimation.relaxation import LONGEST, Relaxation
 
 COUNT = 600
 KNOTS = Knots((Chain(0, COUNT, 0.0),), np.arange(COUNT, dtype=np.float64) * STEP_S)

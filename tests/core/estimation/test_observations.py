@@ -1,4 +1,4 @@
-"""GNSS, wheels and inertia: the equations against a numerical derivative of the residuals that they stand for."""
+"""Observations of a wheeled vehicle: the equations against numerical derivatives of the residuals."""
 
 from __future__ import annotations
 
@@ -9,28 +9,24 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import STEP_S, Knots, State, knots_over
-from furrowmap.core.matching.agreement import Sums
-from furrowmap.core.matching.equations import (
-    ACCELERATION,
-    HEADING_CORRELATION_S,
-    HEADING_SIGMA,
-    HEAVE,
-    LEVEL_CORRELATION_S,
-    LEVEL_SIGMA,
-    SLIP_EVERY_S,
-    SLIP_FLOOR_M,
-    SWAY,
-    TURNING,
-    hold,
-    position_trust,
-)
-from furrowmap.core.trajectory.kinematic import CORRELATION_S, HUBER, SLIP
-from furrowmap.core.trajectory.positions import Positions
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.headings import HEADING_CORRELATION_S, HEADING_SIGMA
+from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over
+from furrowmap.core.estimation.level import LEVEL_CORRELATION_S, LEVEL_SIGMA
+from furrowmap.core.estimation.motion_prior import ACCELERATION, HEAVE, SWAY, TURNING
+from furrowmap.core.estimation.observation import normal_equations
+from furrowmap.core.estimation.positions import AntennaPositions
+from furrowmap.core.estimation.registration import Registration
+from furrowmap.core.estimation.robust import HUBER, huber_weight
+from furrowmap.core.estimation.slices import SliceSums
+from furrowmap.core.estimation.states import GNSS_DRIFT, VEHICLE, State
+from furrowmap.core.estimation.vehicle import wheeled_vehicle
+from furrowmap.core.estimation.wheels import SLIP, SLIP_EVERY_S, SLIP_FLOOR_M
+from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
 
 FloatArray = NDArray[np.float64]
 
-SIZE = 9
+SIZE = VEHICLE.size
 LEVER = np.array([1.8, -0.1, 1.6])
 ORIGIN = np.array([10.0, 20.0, 5.0])
 
@@ -60,6 +56,13 @@ def positions_at(t_s: FloatArray, run: list[int], yaw_rad: FloatArray) -> Positi
     )
 
 
+def equations_at(knots: Knots, state: State, positions: Positions, trust: FloatArray) -> NormalEquations:
+    """Of a wheeled vehicle, whose positions have these robust weights."""
+    antenna, *others = wheeled_vehicle(positions, ORIGIN, LEVER)
+    assert isinstance(antenna, AntennaPositions)
+    return normal_equations([replace(antenna, weight=trust), *others], knots, state)
+
+
 def residuals(knots: Knots, state: State, at: State, positions: Positions, trust: FloatArray) -> FloatArray:
     """All residuals over their standard deviations; standard deviations that depend on the way are those of `at`."""
     out: list[FloatArray] = []
@@ -72,7 +75,7 @@ def residuals(knots: Knots, state: State, at: State, positions: Positions, trust
 
     arm = state.rotation @ LEVER
     for m, t in enumerate(positions.t_s):
-        computed = ORIGIN + between(state.xyz_m, t) + between(arm, t) + between(state.drift_m, t)
+        computed = ORIGIN + between(state.xyz_m, t) + between(arm, t) + between(state[GNSS_DRIFT], t)
         out.append((computed - positions.xyz_m[m]) / positions.white_m[m] * np.sqrt(trust[m]))
     shown = np.flatnonzero(np.isfinite(positions.yaw_rad))
     for m in shown.tolist():
@@ -80,14 +83,14 @@ def residuals(knots: Knots, state: State, at: State, positions: Positions, trust
         yaw = np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
         step_s = np.median(np.diff(positions.t_s[shown]))
         out.append(np.array([yaw - positions.yaw_rad[m]]) / HEADING_SIGMA / np.sqrt(HEADING_CORRELATION_S / step_s))
-    kept = np.exp(-STEP_S / CORRELATION_S)
+    kept = np.exp(-STEP_S / DRIFT_CORRELATION_S)
     nearest = np.searchsorted(positions.t_s, knots.t_s).clip(0, len(positions.t_s) - 1)
     run, spread = positions.run[nearest], positions.drift_m[nearest]
     for k in range(n):
         if k == 0 or run[k] != run[k - 1]:
-            out.append(state.drift_m[k] / spread[k])
+            out.append(state[GNSS_DRIFT][k] / spread[k])
         else:
-            change = state.drift_m[k] - kept * state.drift_m[k - 1]
+            change = state[GNSS_DRIFT][k] - kept * state[GNSS_DRIFT][k - 1]
             out.append(change / (spread[k] * np.sqrt(1 - kept**2)))
     for k in range(1, n - 1):
         jerked = state.xyz_m[k + 1] - 2 * state.xyz_m[k] + state.xyz_m[k - 1]
@@ -124,8 +127,7 @@ def test_the_equations_are_those_of_their_residuals(two_antennas: bool) -> None:
         yaw[[0, 1, 3]] = [0.42, 0.41, 0.5]
     positions = positions_at(t, [0, 0, 0, 1, 1], yaw)
     trust = np.array([1.0, 0.5, 1.0, 0.2, 1.0])
-    empty = Sums.of(len(knots))
-    held = hold(knots, state, empty, empty.right, positions, ORIGIN, LEVER, trust)
+    equations = equations_at(knots, state, positions, trust)
 
     n = len(knots) * SIZE
     step = 1e-6
@@ -138,8 +140,8 @@ def test_the_equations_are_those_of_their_residuals(two_antennas: bool) -> None:
     expected, right = design.T @ design, -design.T @ residuals(knots, state, state, positions, trust)
     scale = 1 / np.sqrt(np.diag(expected))
     # Turns from knot to knot are small: their derivatives are taken as those of plain vectors.
-    assert np.abs((dense_band(held.equations.band) - expected) * scale[:, None] * scale).max() < 0.01
-    assert np.abs((held.equations.right - right) * scale).max() < 0.01 * np.abs(right * scale).max()
+    assert np.abs((dense_band(equations.band) - expected) * scale[:, None] * scale).max() < 0.01
+    assert np.abs((equations.right - right) * scale).max() < 0.01 * np.abs(right * scale).max()
 
 
 def test_a_smooth_drive_with_exact_positions_stays_as_it_is() -> None:
@@ -151,18 +153,18 @@ def test_a_smooth_drive_with_exact_positions_stays_as_it_is() -> None:
     t = np.arange(0.05, 3.9, 0.1)
     exact = ORIGIN + heading.apply(LEVER) + heading.apply(np.column_stack([1.2 * t, 0 * t, 0 * t]))
     positions = replace(positions_at(t, [0] * len(t), np.full(len(t), np.nan)), xyz_m=exact)
-    empty = Sums.of(len(knots))
-    held = hold(knots, state, empty, empty.right, positions, ORIGIN, LEVER, np.ones(len(t)))
-    step = held.equations.solve().values.reshape(-1, SIZE)
+    whole = np.ones(len(t))
+    equations = equations_at(knots, state, positions, whole)
+    step = equations.solve().values.reshape(-1, SIZE)
     assert np.abs(step).max() < 1e-9
-    assert held.misfit.max() < 1e-6
+    assert AntennaPositions.of(positions, ORIGIN, LEVER).normalised(knots, state).max() < 1e-6
 
     # Off by a centimetre aside and a degree of heading it comes back, to first order.
     turned = Rotation.from_euler("z", np.radians(1.0)) * Rotation.from_matrix(rotation)
     off = State(xyz + np.array([0.01, -0.01, 0.005]), turned.as_matrix(), np.zeros_like(xyz))
     for _ in range(4):
-        held = hold(knots, off, empty, empty.right, positions, ORIGIN, LEVER, np.ones(len(t)))
-        off = off.moved(held.equations.solve().values.reshape(-1, SIZE))
+        equations = equations_at(knots, off, positions, whole)
+        off = off.moved(equations.solve().values.reshape(-1, SIZE))
     assert np.abs(off.rotation - rotation).max() < 1e-4
     assert np.abs(off.xyz_m - xyz).max() < 1e-4
 
@@ -171,10 +173,8 @@ def test_positions_outside_the_scans_time_take_no_part() -> None:
     knots = knots_over(np.concatenate([np.arange(0, 1, 0.05), np.arange(9, 10, 0.05)]))
     state = turning_state(knots)
     t = np.array([-3.0, 0.5, 5.0, 9.5, 12.0])
-    empty = Sums.of(len(knots))
-    positions = positions_at(t, [0] * 5, np.full(5, np.nan))
-    held = hold(knots, state, empty, empty.right, positions, ORIGIN, LEVER, np.ones(5))
-    assert np.isfinite(held.misfit).tolist() == [False, True, False, True, False]
+    antenna = AntennaPositions.of(positions_at(t, [0] * 5, np.full(5, np.nan)), ORIGIN, LEVER)
+    assert np.isfinite(antenna.normalised(knots, state)).tolist() == [False, True, False, True, False]
 
 
 def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
@@ -182,7 +182,7 @@ def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
     state = turning_state(knots)
     positions = positions_at(np.array([0.05, 0.15]), [0, 0], np.full(2, np.nan))
     random = np.random.default_rng(5)
-    sums, empty = Sums.of(len(knots)), Sums.of(len(knots))
+    sums = SliceSums.of(len(knots))
     n = len(knots) * SIZE
     expected, right = np.zeros((n, n)), np.zeros(n)
     for k in knots.linked:
@@ -193,13 +193,14 @@ def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
         mean[:, k * SIZE : k * SIZE + 6] = mean[:, (k + 1) * SIZE : (k + 1) * SIZE + 6] = 0.5 * np.eye(6)
         expected += mean.T @ matrix @ mean
         right += mean.T @ pull
-    whole = hold(knots, state, sums, sums.right, positions, ORIGIN, LEVER, np.ones(2)).equations
-    without = hold(knots, state, empty, empty.right, positions, ORIGIN, LEVER, np.ones(2)).equations
+    without = equations_at(knots, state, positions, np.ones(2))
+    others = wheeled_vehicle(positions, ORIGIN, LEVER)
+    whole = normal_equations([*others, Registration(sums, free=False)], knots, state)
     scale = np.abs(dense_band(without.band)).max()
     np.testing.assert_allclose(dense_band(whole.band) - dense_band(without.band), expected, atol=1e-12 * scale)
     np.testing.assert_allclose(whole.right - without.right, right, atol=1e-12 * np.abs(without.right).max())
 
 
-def test_position_trust__is_huber_s() -> None:
-    misfit = np.array([0.0, HUBER, 2 * HUBER, 100.0, np.nan])
-    np.testing.assert_allclose(position_trust(misfit), [1, 1, 0.5, HUBER / 100, 1])
+def test_huber_weight__is_huber_s() -> None:
+    normalised = np.array([0.0, HUBER, 2 * HUBER, 100.0, np.nan])
+    np.testing.assert_allclose(huber_weight(normalised), [1, 1, 0.5, HUBER / 100, 1])

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, State, knots_over, place, turns
-from furrowmap.core.matching.agreement import Patches, Relief, Sums, agree
-from furrowmap.core.matching.coarse import SIZE, CoarseKnots, coarse_equations, fine_step, free_patches
-from furrowmap.core.matching.equations import hold
+from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over, place, turns
+from furrowmap.core.estimation.patches import Patches, free_patches
+from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
-from furrowmap.core.trajectory.positions import Positions
 
 FloatArray = NDArray[np.float64]
 
+SIZE = VEHICLE.size
 PATCH_M = 1.0
 EVERY = 8
 
@@ -221,32 +222,15 @@ def turning() -> Turning:
     add_returns(surface, xyz, layer, half, trust)
     coarse = CoarseKnots.over(knots, EVERY, PATCH_M)
     centre = coarse.centres(knots, state)
-    sums = Sums.of(len(knots))
-    patches = agree(chain, t, xyz, layer, half, trust, surface, state.xyz_m, Relief(), 1.0, sums, coarse.grids[0])
-    fine = ground_alone(knots, state, sums)
+    sums = GroundSums.of(len(knots))
+    placed = PlacedReturns(t, xyz, layer, half, trust)
+    patches = register_ground(placed, surface, ChainPoses(chain, state.xyz_m, coarse.grids[0]), Relief(), 1.0, sums)
+    fine = NormalEquations(len(knots) * SIZE, 3 * SIZE)
+    sums.slices.add_to(fine, knots, free=True)
     equations = coarse_equations(fine, coarse, centre, state, coarse.count)
     held = dense(equations)
     free_patches(equations, [patches], PATCH_M, centre)
     return Turning(knots, state, coarse, centre, held, dense(equations))
-
-
-def ground_alone(knots: Knots, state: State, sums: Sums) -> NormalEquations:
-    """The returns' part of the equations: all of them less those without returns."""
-    positions = Positions(
-        t_s=np.array([0.0, 1.0]),
-        xyz_m=np.zeros((2, 3)),
-        white_m=np.ones((2, 3)),
-        drift_m=np.ones((2, 3)),
-        run=np.zeros(2, np.intp),
-        fix=np.full(2, 4, np.int8),
-        yaw_rad=np.full(2, np.nan),
-    )
-    zero = np.zeros(3)
-    whole = hold(knots, state, sums, sums.right_all, positions, zero, zero, np.ones(2)).equations
-    without = hold(knots, state, Sums.of(len(knots)), 0 * sums.right, positions, zero, zero, np.ones(2)).equations
-    whole.band -= without.band
-    whole.right -= without.right
-    return whole
 
 
 @pytest.mark.parametrize("twist", range(6))

@@ -1,0 +1,129 @@
+"""Figures and notices of scan matching for the report."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.adjustment.problem import Adjusted
+from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.matching.returns import PIXEL_M
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.laser_ranges import LaserRanges
+from furrowmap.core.values.mounting import Mounting
+
+HEIGHT_REPORTED_M: Final = 0.05
+CLOCK_CERTAIN: Final = 4.0
+CLOCK_REPORTED_S: Final = 0.01
+
+
+def match_notices(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[float, float]) -> tuple[Notice, ...]:
+    """Unbridged gaps, a mounting and clocks that are off; `used` is the mounting in use."""
+    return (*_gap_notices(adjusted), *_mounting_notices(adjusted, used), *_clock_notices(*clock_offset_s))
+
+
+def _gap_notices(adjusted: Adjusted) -> list[Notice]:
+    """Gaps between positions that the scans did not bridge."""
+    return [
+        Notice(
+            "gap-not-bridged",
+            f"From {iso_utc(gap.begin_s)} there are no positions for {gap.end_s - gap.begin_s:.0f} s, and the poses "
+            "matched into the gap from its two ends do not meet: the poses in it come from the motion prior alone, and "
+            "their standard deviations are large.",
+        )
+        for gap in adjusted.unbridged
+    ]
+
+
+def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
+    """A clock offset that is significant."""
+    if abs(offset_s) <= max(CLOCK_CERTAIN * sigma_s, CLOCK_REPORTED_S):
+        return []
+    return [
+        Notice(
+            "clock-offset",
+            f"The scanner's clock seems {'ahead of' if offset_s > 0 else 'behind'} the receiver's by at least "
+            f"{abs(offset_s):.2f} s more than the session says (± {sigma_s:.2f} s): `furrowmap calibrate` finds the "
+            "whole of it.",
+        )
+    ]
+
+
+def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
+    """A mounting that is off."""
+    found, stated, notices = adjusted.calibration, adjusted.problem.mounting, []
+    was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
+    if adjusted.yaw_offset_deg:
+        notices.append(
+            Notice(
+                "mounting-off",
+                f"The session states rpy_deg = [{was}] for the scanner, but the ground is consistent with [{now}], "
+                "which is used: the scanner faces another direction, or the vehicle drove in reverse all the time. "
+                "`furrowmap calibrate` writes it into the session.",
+            )
+        )
+    elif used is not stated:
+        notices.append(
+            Notice(
+                "mounting-off",
+                f"The session states rpy_deg = [{was}] for the scanner, but the ground under the wheels is level and "
+                f"the vehicle travels straight ahead with [{now}], which is used. `furrowmap calibrate` writes it into "
+                "the session.",
+            )
+        )
+    if abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m:
+        notices.append(
+            Notice(
+                "mounting-height",
+                f"The vehicle's origin is {found.height_m:+.2f} m above the ground under the wheels: the scanner's "
+                "height in [lidar] xyz_m is off by that much. Heights of the cloud are not corrected for it.",
+            )
+        )
+    return notices
+
+
+def match_figures(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[float, float]) -> dict[str, Any]:
+    """The figures of matching in the report, with the mounting in use."""
+    returns, walls = adjusted.problem.returns, adjusted.walls.scatter
+    matched, squares = adjusted.ground.tally[4:]
+    return {
+        "residual_rms_m": round(float(np.sqrt(squares / max(matched, 1.0))), 4),
+        "returns": len(returns),
+        "returns_matched": int(matched),
+        "walls": {
+            "returns": len(returns.upright),
+            "returns_matched": int(walls.matched),
+            "residual_rms_m": round(float(np.sqrt(walls.squares / walls.matched)), 4) if walls.matched else None,
+            "correlated": round(walls.correlated, 1) if walls.matched else None,
+        },
+        "relief_slope_rms": round(float(np.sqrt(adjusted.relief.variance)), 4),
+        "body_footprint_m2": round(float(returns.body.sum()) * PIXEL_M**2, 2),
+        "mounting_rpy_deg": [round(angle, 3) for angle in used.rpy_deg],
+        "laser_ranges_m": _range_figures(adjusted.sensor.ranges),
+        "stance": _stance_figures(adjusted.calibration),
+        "positions_doubted": adjusted.doubted,
+        "clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock_offset_s],
+    }
+
+
+def _range_figures(ranges: LaserRanges | None) -> dict[str, list[float]] | None:
+    """By how much each laser's ranges are too long, and its standard deviation, by its number from the lowest."""
+    if ranges is None:
+        return None
+    seen = np.flatnonzero(np.isfinite(ranges.sigma_m)).tolist()
+    return {str(k): [round(float(ranges.offset_m[k]), 5), round(float(ranges.sigma_m[k]), 5)] for k in seen}
+
+
+def _stance_figures(found: MountingCalibration) -> dict[str, Any] | None:
+    """How the vehicle stands on its ground; null where the scans do not show it."""
+    if not np.isfinite(found.sigma_deg[0]):
+        return None
+    roll, pitch, yaw = found.sigma_deg
+    return {
+        "roll_deg": [round(found.roll_deg, 3), round(roll, 3)],
+        "pitch_deg": [round(found.pitch_deg, 3), round(pitch, 3)],
+        "yaw_deg": [round(found.yaw_deg, 3), round(yaw, 3) if np.isfinite(yaw) else None],
+        "height_m": [round(found.height_m, 3), round(found.sigma_height_m, 3)],
+    }

@@ -1,0 +1,139 @@
+"""Standard deviations of the adjusted poses, and which observation determines each unknown."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.adjustment.problem import Linearised
+from furrowmap.core.estimation.covariance import Considered, pose_sigmas, quick_variances, slow_covariance
+from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.estimation.level import LEVEL_SIGMA
+from furrowmap.core.estimation.states import State
+from furrowmap.core.matching.ground import CORRELATED
+
+FloatArray = NDArray[np.float64]
+
+AROUND_S: Final = 0.5
+"""Time to either side over which the returns' information is summed."""
+PLACED_M: Final = 0.05
+"""Without GNSS, returns that determine the place less well leave it to wheels and motion prior."""
+
+
+def sigmas(state: State, last: Linearised, considered: Considered, normal: FloatArray) -> FloatArray:
+    """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots.
+
+    What is slow comes from the equations with free references, what is quick from those with fixed ones; their
+    covariances are added. Errors that neighbouring returns share lift and tilt a scan but do not turn it, because
+    relief slopes to all sides: the part of a heading's quick variance that returns determine is that of independent
+    returns.
+
+    Args:
+        state: the solution.
+        last: equations.
+        considered: bow of the scanner's ranges.
+        normal: (n, 21) normal matrices of the returns between knots.
+    """
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(quick_variances, last.held, state.layout.size)
+        slow = slow_covariance(last.free, considered)
+        quick = beside.result()
+    by_returns = np.minimum(information_of(normal).heading * quick[:, 5], 1.0)
+    quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
+    return pose_sigmas(state, last.coarse, last.centre_m, slow, quick)
+
+
+@dataclass(frozen=True)
+class Information:
+    """Information of the returns about the poses, within AROUND_S to either side.
+
+    Attributes:
+        heading: (n,) information (1 / rad²) about the heading, the other five unknowns eliminated.
+        place: (n,) information (1 / m²) about the place where there is least of it, the other unknowns eliminated.
+        level: (n,) whether roll and pitch are determined.
+    """
+
+    heading: FloatArray
+    place: FloatArray
+    level: NDArray[np.bool_]
+
+
+def information_of(normal: FloatArray) -> Information:
+    """The information in normal matrices (n, 21) of the slices between knots; zero where they hold no returns."""
+    half = round(AROUND_S / STEP_S)
+    total = np.cumsum(np.pad(normal, ((half + 1, half), (0, 0))), axis=0)
+    near = total[2 * half + 1 :] - total[: -2 * half - 1]
+    n = len(near)
+    square = np.zeros((n, 6, 6))
+    row, column = np.triu_indices(6)
+    square[:, row, column] = square[:, column, row] = near
+    known = square[:, 2, 2] > 0
+    out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
+    if not known.any():
+        return out
+    m = square[known]
+    m += np.eye(6) * (1e-9 * m[:, 2, 2])[:, None, None]
+    out.heading[known] = _reduced(m, [5])[:, 0, 0]
+    out.place[known] = np.linalg.eigvalsh(_reduced(m, [0, 1]))[:, 0]
+    out.level[known] = np.linalg.eigvalsh(_reduced(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
+    return out
+
+
+def _reduced(normal: FloatArray, kept: list[int]) -> FloatArray:
+    """Normal matrices (n, 6, 6) of the unknowns kept, the others eliminated (Schur complement)."""
+    others = [i for i in range(6) if i not in kept]
+    link = normal[:, kept][:, :, others]
+    rest = np.linalg.solve(normal[:, others][:, :, others], link.transpose(0, 2, 1))
+    left: FloatArray = normal[:, kept][:, :, kept] - link @ rest
+    return left
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The observations that determine each knot's unknowns most firmly.
+
+    Attributes:
+        heading: (n,) labels, as in :class:`~furrowmap.core.values.trajectory.Trajectory`.
+        position: (n,) the same.
+        height: (n,) the same.
+        level: (n,) the same, of roll and pitch.
+    """
+
+    heading: NDArray[np.str_]
+    position: NDArray[np.str_]
+    height: NDArray[np.str_]
+    level: NDArray[np.str_]
+
+
+def sources_of(
+    ground: FloatArray,
+    walls: FloatArray,
+    heading_sigma_deg: FloatArray,
+    heading_label: NDArray[np.str_],
+    has_position: NDArray[np.bool_],
+) -> Sources:
+    """For each unknown the observation with the most information about it.
+
+    Args:
+        ground: (n, 21) normal matrices of the ground's returns between knots.
+        walls: (n, 21) of those of the walls.
+        heading_sigma_deg: (n,) of the headings before matching.
+        heading_label: (n,) what determined them.
+        has_position: (n,) whether GNSS gave a position at the time.
+    """
+    relief, both = information_of(ground), information_of(ground + walls)
+    by_walls = both.heading - relief.heading > relief.heading
+    scans = np.where(by_walls, "walls", "relief")
+    firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2
+    placing = np.where(both.place - relief.place > relief.place, "walls", "relief")
+    placed = np.where(both.place > 1.0 / PLACED_M**2, placing, "carried")
+    return Sources(
+        heading=np.where(firmer, scans, heading_label),
+        position=np.where(has_position, "gnss", placed),
+        height=np.where(has_position, "gnss", np.where(relief.level, "ground", "carried")),
+        level=np.where(relief.level, "ground", "assumed"),
+    )

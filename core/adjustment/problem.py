@@ -1,0 +1,209 @@
+"""Input, iterate and result of the adjustment of a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.coarse import CoarseKnots
+from furrowmap.core.estimation.knots import Knots, knots_over, start_from
+from furrowmap.core.estimation.observation import Observation
+from furrowmap.core.estimation.positions import AntennaPositions
+from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.vehicle import wheeled_vehicle
+from furrowmap.core.matching.ground import GroundSums, Relief
+from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
+from furrowmap.core.matching.portions import Gap
+from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.wall_registration import WallRegistration
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The input.
+
+    Attributes:
+        returns: of the ground, and upright ones.
+        positions: of the antenna.
+        lever_m: (3,) the antenna in the vehicle frame.
+        mounting: of the sensor, as the session states it.
+        tool: None where no implement is known.
+        knots: at which poses are estimated.
+        origin_m: (3,) local origin.
+        start: first guess of the states.
+        observations: all but the returns.
+    """
+
+    returns: GroundReturns
+    positions: Positions
+    lever_m: FloatArray
+    mounting: Mounting
+    tool: Tool | None
+    knots: Knots
+    origin_m: FloatArray
+    start: State
+    observations: tuple[Observation, ...]
+
+    @classmethod
+    def of(
+        cls,
+        returns: GroundReturns,
+        trajectory: Trajectory,
+        positions: Positions,
+        lever_m: tuple[float, float, float],
+        mounting: Mounting,
+        tool: Tool | None,
+    ) -> Problem:
+        """Of a wheeled vehicle with GNSS, whose trajectory is the first guess."""
+        knots, lever = knots_over(returns.t_s), np.asarray(lever_m, np.float64)
+        origin = np.round(np.median(trajectory.xyz_m, axis=0))
+        start = start_from(trajectory, knots, origin)
+        observations = wheeled_vehicle(positions, origin, lever)
+        return cls(returns, positions, lever, mounting, tool, knots, origin, start, observations)
+
+    @property
+    def sensor_m(self) -> FloatArray:
+        """(3,) the sensor in the vehicle frame."""
+        return np.asarray(self.mounting.xyz_m, np.float64)
+
+    @property
+    def sensor_axis(self) -> FloatArray:
+        """(3,) unit vector along the sensor's axis, upwards, in the vehicle frame."""
+        return np.ascontiguousarray(self.mounting.rotation[:, 2])
+
+    @property
+    def without_position(self) -> NDArray[np.bool_]:
+        """(knots,) those of chains in which there is no position."""
+        knot, _, inside = self.knots.at(self.positions.t_s)
+        with_position = np.bincount(knot[inside], minlength=len(self.knots)) > 0
+        return np.concatenate(
+            [np.full(c.count, not with_position[c.first : c.first + c.count].any()) for c in self.knots.chains]
+        )
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """Equations of a step of the whole session.
+
+    Attributes:
+        held: of all knots, references fixed.
+        coarse: the coarse knots.
+        centre_m: see :meth:`CoarseKnots.centres`.
+        free: of the coarse knots, references free.
+        prior: of the coarse knots, without LiDAR.
+    """
+
+    held: NormalEquations
+    coarse: CoarseKnots
+    centre_m: FloatArray
+    free: NormalEquations
+    prior: NormalEquations
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Where the adjustment stands between two steps.
+
+    Attributes:
+        state: the poses and drifts.
+        observations: with their robust weights.
+        return_weight: (n,) uint8 of the returns in the surface. The one array that steps change in place: there may be
+            a billion of them, and only rounds with all returns set it.
+        sensor: as it is mounted, and its range constants.
+        unused: gaps whose scans take no part.
+        yaw_offset_deg: of the sensor's turn, what resolved the yaw ambiguity; 0 if the stated yaw was right.
+        crab_rad: crab angle and its standard deviation.
+        calibration: of the mounting; None before the session's rounds.
+        relief: reliability of the surface's slopes.
+        ground: sums over the ground's returns of the last step; None before the first.
+        walls: registration to walls of the last step; None before the first.
+        last: equations of the last step of the whole session; None before.
+    """
+
+    state: State
+    observations: tuple[Observation, ...]
+    return_weight: NDArray[np.uint8]
+    sensor: Sensor
+    unused: tuple[Gap, ...] = ()
+    yaw_offset_deg: float = 0.0
+    crab_rad: tuple[float, float] = (0.0, np.inf)
+    calibration: MountingCalibration | None = None
+    relief: Relief = field(default_factory=Relief)
+    ground: GroundSums | None = None
+    walls: WallRegistration | None = None
+    last: Linearised | None = None
+
+    @classmethod
+    def of(cls, problem: Problem) -> Iterate:
+        """The first one."""
+        weight = np.full(len(problem.returns), 255, np.uint8)
+        return cls(problem.start, problem.observations, weight, Sensor(problem.sensor_m, np.eye(3)))
+
+    def placing(self, problem: Problem) -> Placing:
+        """What places returns by this iterate."""
+        p = problem
+        return placing_of(p.returns, self.return_weight, self.sensor, p.knots, self.state, self.unused, p.tool)
+
+    def turned(self, turn: FloatArray) -> Iterate:
+        """The sensor turned on the vehicle by (3, 3): it stays where it is in the map, the vehicle turns under it."""
+        state, sensor = self.state, self.sensor
+        rotation = state.rotation @ turn.T
+        xyz = state.xyz_m + (state.rotation - rotation) @ sensor.xyz_m
+        return replace(
+            self,
+            state=replace(state, xyz_m=xyz, rotation=rotation),
+            sensor=replace(sensor, turn=turn @ sensor.turn),
+        )
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """The result.
+
+    Attributes:
+        problem: the input.
+        state: poses and drifts.
+        sensor: as it is mounted, and its range constants.
+        unbridged: gaps between positions whose scans took no part.
+        yaw_offset_deg: see :class:`Iterate`.
+        calibration: of the mounting.
+        relief: of the surface's slopes.
+        ground: sums over the ground's returns.
+        walls: registration to walls.
+        last: equations.
+        doubted: positions of less than their whole weight.
+    """
+
+    problem: Problem
+    state: State
+    sensor: Sensor
+    unbridged: tuple[Gap, ...]
+    yaw_offset_deg: float
+    calibration: MountingCalibration
+    relief: Relief
+    ground: GroundSums
+    walls: WallRegistration
+    last: Linearised
+    doubted: int
+
+    @classmethod
+    def of(cls, problem: Problem, it: Iterate) -> Adjusted:
+        """The last iterate of a schedule."""
+        assert it.calibration is not None
+        assert it.ground is not None
+        assert it.walls is not None
+        assert it.last is not None
+        doubted = sum(int((o.weight < 1.0).sum()) for o in it.observations if isinstance(o, AntennaPositions))
+        return cls(
+            problem, it.state, it.sensor, it.unused, it.yaw_offset_deg, it.calibration, it.relief, it.ground, it.walls,
+            it.last, doubted,
+        )  # fmt: skip

@@ -1,0 +1,163 @@
+"""Gauss-Newton steps of the adjustment: iterate → iterate.
+
+Each step registers the returns at the iterate's poses, adds the equations of all observations and moves the poses. With
+fixed references all knots move, which settles what is quick; with free references the coarse knots move, and the ground
+with them, which settles what is slow.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from furrowmap.core.adjustment.problem import Iterate, Linearised, Problem
+from furrowmap.core.calibration.crab_angle import crab_angle_rad
+from furrowmap.core.estimation.banded import NormalEquations, Solution
+from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
+from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.estimation.observation import normal_equations
+from furrowmap.core.estimation.relaxation import Relaxation
+from furrowmap.core.estimation.states import ROTATION, State
+from furrowmap.core.matching.ground_registration import (
+    SESSION_PATCH_M,
+    WINDOW_PATCH_M,
+    GroundRegistration,
+    register_session,
+    register_windows,
+)
+from furrowmap.core.matching.portions import WINDOW_S, in_gaps
+from furrowmap.core.matching.wall_registration import WallRegistration, register_wall_session, register_wall_windows
+from furrowmap.core.matching.walls import Scatter
+
+FloatArray = NDArray[np.float64]
+
+COARSE_EVERY: Final = 40
+"""Knots from one coarse knot to the next: a second."""
+COARSE_MOST: Final = 300
+"""Coarse knots of a whole session; in a longer one they lie further apart."""
+
+
+def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) -> tuple[Iterate, float]:
+    """A step against the ground of short windows, which overlap by half; also returns the largest turn of a heading.
+
+    With a relaxation references are free, and the step is lengthened by it; without one they are fixed.
+    """
+    knots, state = problem.knots, it.state
+    coarse = CoarseKnots.over(knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
+    centre = coarse.centres(knots, state) if coarse is not None else np.zeros((0, 3))
+    reach = int(WINDOW_S / (COARSE_EVERY * STEP_S)) + 2
+    width = min(reach + 2, len(centre)) * state.layout.size
+    placing, correlated = it.placing(problem), _correlated(it)
+    with ThreadPoolExecutor(1) as pool:
+        prior = pool.submit(normal_equations, it.observations, knots, state)
+        beside = pool.submit(register_wall_windows, placing, correlated, coarse)
+        ground = register_windows(placing, it.relief, coarse, centre, width)
+        held, walls = prior.result(), beside.result()
+    _add_lidar(problem, it, held, ground, walls)
+    if coarse is None or relaxation is None:
+        step = _solved(problem, it, held)
+    else:
+        free = coarse_equations(held, coarse, centre, state, reach)
+        _free_references(free, centre, ground, walls)
+        solution = _damped(free, coarse.touched(problem.without_position), state)
+        step = relaxation.lengthened(fine_step(coarse, centre, state, solution.values), knots)
+    return _moved(problem, it, step, ground, walls), _largest_turn(problem, it, step)
+
+
+def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, free: bool) -> tuple[Iterate, float]:
+    """A step against the ground of the whole session; also returns the RMS of its tilts.
+
+    Args:
+        problem: the input.
+        it: the iterate.
+        cell_m: of the ground.
+        thin: every so many-th return takes part.
+        free: whether references move with the poses.
+    """
+    knots, state = problem.knots, it.state
+    every = max(COARSE_EVERY, -(-len(knots) // COARSE_MOST))
+    coarse = CoarseKnots.over(knots, every, SESSION_PATCH_M) if free else None
+    placing, correlated = it.placing(problem), _correlated(it)
+    with ThreadPoolExecutor(1) as pool:
+        before = pool.submit(normal_equations, it.observations, knots, state)
+        beside = pool.submit(register_wall_session, placing, correlated, coarse, thin)
+        ground = register_session(placing, it.relief, coarse, cell_m, thin)
+        held, walls = before.result(), beside.result()
+    if coarse is None:
+        _add_lidar(problem, it, held, ground, walls)
+        step = _solved(problem, it, held)
+        last = replace(it.last, held=held) if it.last is not None else None
+        return replace(_moved(problem, it, step, ground, walls), last=last), _tilt(step)
+    centre = coarse.centres(knots, state)
+    prior = coarse_equations(held, coarse, centre, state, 1)
+    _add_lidar(problem, it, held, ground, walls)
+    equations = coarse_equations(held, coarse, centre, state, coarse.count)
+    _free_references(equations, centre, ground, walls)
+    last = Linearised(held, coarse, centre, equations, prior)
+    solution = _damped(equations, coarse.touched(problem.without_position), state)
+    crab_rad = crab_angle_rad(knots, state, coarse, centre, solution)
+    step = fine_step(coarse, centre, state, solution.values)
+    return replace(_moved(problem, it, step, ground, walls), last=last, crab_rad=crab_rad), _tilt(step)
+
+
+def _correlated(it: Iterate) -> float:
+    """Returns of a wall that share an error, by the last step."""
+    return (it.walls.scatter if it.walls is not None else Scatter()).correlated
+
+
+def _add_lidar(
+    problem: Problem, it: Iterate, equations: NormalEquations, ground: GroundRegistration, walls: WallRegistration
+) -> None:
+    for registered in (ground, walls):
+        registered.observation.add(equations, problem.knots, it.state)
+
+
+def _free_references(
+    equations: NormalEquations, centre_m: FloatArray, ground: GroundRegistration, walls: WallRegistration
+) -> None:
+    for registered in (ground, walls):
+        registered.observation.eliminate_references(equations, centre_m)
+
+
+def _solved(problem: Problem, it: Iterate, held: NormalEquations) -> FloatArray:
+    """The step (n, size) at all knots with fixed references."""
+    return _damped(held, problem.without_position, it.state).values.reshape(len(problem.knots), -1)
+
+
+def _damped(equations: NormalEquations, without_position: NDArray[np.bool_], state: State) -> Solution:
+    """The solution; knots of chains without a position are damped first."""
+    return equations.solve_damped(np.repeat(without_position, state.layout.size))
+
+
+def _moved(
+    problem: Problem, it: Iterate, step: FloatArray, ground: GroundRegistration, walls: WallRegistration
+) -> Iterate:
+    """The iterate after a step, with weights and relief by the residuals before it."""
+    return replace(
+        it,
+        state=it.state.moved(step),
+        observations=tuple(o.reweighted(problem.knots, it.state) for o in it.observations),
+        relief=ground.sums.relief(),
+        ground=ground.sums,
+        walls=walls,
+    )
+
+
+def _largest_turn(problem: Problem, it: Iterate, step: FloatArray) -> float:
+    """The largest turn of a heading, on the mean of a window, where scans take part."""
+    knots = problem.knots
+    turned = np.where(in_gaps(knots.t_s, it.unused), 0.0, step[:, ROTATION + 2])
+    # Single poses at the ends of a chain, which little determines, oscillate.
+    over = round(WINDOW_S / STEP_S)
+    chains = (slice(c.first, c.first + c.count) for c in knots.chains)
+    return max(float(np.abs(uniform_filter1d(turned[chain], over, mode="constant")).max()) for chain in chains)
+
+
+def _tilt(step: FloatArray) -> float:
+    """The RMS of the tilts of a step (n, size)."""
+    return float(np.sqrt(np.mean((step[:, ROTATION : ROTATION + 2] ** 2).sum(axis=1))))

@@ -1,0 +1,58 @@
+"""Crab angle: the direction of travel against the vehicle's x axis, which a mounting with a wrong yaw shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.estimation.banded import Solution
+from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
+from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.estimation.states import POSE, State
+from furrowmap.core.estimation.wheels import AxleSteps
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CrabAngle:
+    """One unknown beside those of the knots: the angle by which the vehicle travels to the left of its x axis.
+
+    Its equations are those of the wheels, whose movement to the left is then this share of the movement forward.
+
+    Attributes:
+        link: (knots, size) the normal matrix between it and the knots' unknowns.
+        own: the normal matrix of its own.
+        right: its right-hand side.
+    """
+
+    link: FloatArray
+    own: float
+    right: float
+
+    @classmethod
+    def of(cls, knots: Knots, state: State) -> CrabAngle:
+        """At a state in which it is zero."""
+        steps, linked, size = AxleSteps.of(knots, state), knots.linked, state.layout.size
+        weighted = steps.along_m / steps.sigma_m**2
+        link = np.zeros((len(knots), size))
+        np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
+        np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
+        return cls(link, float(weighted @ steps.along_m), float(weighted @ steps.sideways_m))
+
+
+def crab_angle_rad(
+    knots: Knots, state: State, coarse: CoarseKnots, centre_m: FloatArray, solution: Solution
+) -> tuple[float, float]:
+    """The crab angle and its standard deviation, by the solution of the coarse knots' equations.
+
+    All other unknowns are eliminated (Schur complement): without that the wheels turn the poses part of the way.
+    """
+    crab = CrabAngle.of(knots, state)
+    link = coarse_right(coarse, centre_m, state, crab.link)
+    information = float(crab.own - link @ solution.by(link))
+    if information <= 0.0:
+        return 0.0, np.inf
+    return float((crab.right - link @ solution.values) / information), float(1.0 / np.sqrt(information))

@@ -1,0 +1,216 @@
+"""Coarse knots: the slow part of the solution.
+
+Corrections of the poses are twists (translation and rotation) at coarse knots in time, linear in between, so that a
+rigid motion of everything is one of them exactly. The equations are those of all knots, projected (Galerkin).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
+from furrowmap.core.estimation.states import State
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CoarseGrid:
+    """How the coarse knots of a chain lie.
+
+    Attributes:
+        first: index of the chain's first coarse knot.
+        every: knots from one coarse knot to the next; 0 where no patches are wanted.
+        patch_m: side of the patches.
+    """
+
+    first: int
+    every: int
+    patch_m: float
+
+
+@dataclass(frozen=True)
+class CoarseKnots:
+    """The coarse knots of all chains.
+
+    Attributes:
+        grids: one for each chain.
+        count: of all coarse knots.
+        before: (n,) coarse knot before each knot.
+        share: (n,) of the interval to the next one.
+    """
+
+    grids: tuple[CoarseGrid, ...]
+    count: int
+    before: IntArray
+    share: FloatArray
+
+    @classmethod
+    def over(cls, knots: Knots, every: int, patch_m: float) -> CoarseKnots:
+        """A coarse knot at every so many knots of each chain."""
+        grids, before, share, first = [], [], [], 0
+        for chain in knots.chains:
+            local = np.arange(chain.count)
+            # The last knot never opens an interval: the coarse knot at its far end would hang in the air.
+            interval = np.minimum(local // every, _intervals(chain, every) - 1)
+            grids.append(CoarseGrid(first, every, patch_m))
+            before.append(first + interval)
+            share.append(local / every - interval)
+            first += _intervals(chain, every) + 1
+        return cls(tuple(grids), first, np.concatenate(before), np.concatenate(share))
+
+    def touched(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(count,) the coarse knots before and after one of the knots chosen (n,)."""
+        out = np.zeros(self.count, np.bool_)
+        out[self.before[chosen]] = out[self.before[chosen] + 1] = True
+        return out
+
+    def centres(self, knots: Knots, state: State) -> FloatArray:
+        """(count, 3) where the vehicle is at each coarse knot; a twist turns about that point."""
+        out = []
+        for chain, grid in zip(knots.chains, self.grids, strict=True):
+            part = slice(chain.first, chain.first + chain.count)
+            t = chain.begin_s + grid.every * STEP_S * np.arange(_intervals(chain, grid.every) + 1)
+            out.append(np.column_stack([np.interp(t, knots.t_s[part], state.xyz_m[part, k]) for k in range(3)]))
+        return np.concatenate(out)
+
+
+def _intervals(chain: Chain, every: int) -> int:
+    """Intervals between the coarse knots of a chain."""
+    return -(-(chain.count - 1) // every)
+
+
+def coarse_equations(
+    fine: NormalEquations, coarse: CoarseKnots, centre_m: FloatArray, state: State, reach: int
+) -> NormalEquations:
+    """Normal equations of the coarse knots from those of all knots (Galerkin's projection).
+
+    Args:
+        fine: of all knots, the returns' part against the surface of both halves.
+        coarse: knots.
+        centre_m: see :meth:`CoarseKnots.centres`.
+        state: at which the equations hold.
+        reach: how many coarse knots apart two may be that a patch links.
+    """
+    size = state.layout.size
+    equations = NormalEquations(coarse.count * size, min(reach + 2, coarse.count) * size)
+    _project(
+        size,
+        fine.band,
+        fine.right,
+        coarse.before,
+        coarse.share,
+        np.ascontiguousarray(state.xyz_m),
+        centre_m,
+        equations.band,
+        equations.right,
+    )
+    return equations
+
+
+def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: FloatArray) -> FloatArray:
+    """The step (n, size) at all knots that a step (count · size,) at the coarse ones makes."""
+    twist = step.reshape(coarse.count, -1)
+    out = np.zeros((len(state.xyz_m), twist.shape[1]))
+    after = np.minimum(coarse.before + 1, coarse.count - 1)
+    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
+        part = twist[knot].copy()
+        part[:, :3] += np.cross(part[:, 3:6], state.xyz_m - centre_m[knot])
+        out += weight[:, None] * part
+    return out
+
+
+def coarse_right(coarse: CoarseKnots, centre_m: FloatArray, state: State, right: FloatArray) -> FloatArray:
+    """A right-hand side (count · size,) of the coarse knots from one (n, size): :func:`fine_step` transposed."""
+    out = np.zeros((coarse.count, right.shape[1]))
+    after = np.minimum(coarse.before + 1, coarse.count - 1)
+    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
+        part = right.copy()
+        part[:, 3:6] += np.cross(state.xyz_m - centre_m[knot], right[:, :3])
+        np.add.at(out, knot, weight[:, None] * part)
+    return out.ravel()
+
+
+@numba.njit(cache=True, nogil=True)
+def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coarse_right):  # type: ignore[no-untyped-def]
+    """Pᵀ (fine) P, where P's rows of a knot hold hat(s) · [I, [centre − x]ₓ; I; I] at two coarse knots."""
+    width = band.shape[0]
+    n = len(before)
+    reach = width // size
+    count = len(centre_m)
+    weights = np.empty((n, 2))
+    arm = np.empty((n, 2, 3))
+    for j in range(n):
+        weights[j, 0], weights[j, 1] = 1.0 - share[j], share[j]
+        for e in range(2):
+            c = min(before[j] + e, count - 1)
+            w = weights[j, e]
+            for a in range(3):
+                arm[j, e, a] = xyz_m[j, a] - centre_m[c, a]
+            if w == 0.0:
+                continue
+            at = coarse_right[c * size : (c + 1) * size]
+            fine = right[j * size : (j + 1) * size]
+            for a in range(size):
+                at[a] += w * fine[a]
+            dx, dy, dz = arm[j, e]
+            at[3] += w * (dy * fine[2] - dz * fine[1])
+            at[4] += w * (dz * fine[0] - dx * fine[2])
+            at[5] += w * (dx * fine[1] - dy * fine[0])
+    block, left, product = np.empty((size, size)), np.empty((size, size)), np.empty((size, size))
+    for j in range(n):
+        for step in range(reach):
+            i = j + step
+            if i >= n:
+                break
+            nonzero = False
+            for a in range(size):
+                for b in range(size):
+                    row, column = i * size + a, j * size + b
+                    if row >= column:
+                        block[a, b] = band[row - column, column]
+                    else:
+                        block[a, b] = band[column - row, row]
+                    nonzero = nonzero or block[a, b] != 0.0
+            if not nonzero:
+                continue
+            for e in range(2):
+                if weights[i, e] == 0.0:
+                    continue
+                dx, dy, dz = arm[i, e]
+                for b in range(size):
+                    for a in range(size):
+                        left[a, b] = block[a, b]
+                    left[3, b] += dy * block[2, b] - dz * block[1, b]
+                    left[4, b] += dz * block[0, b] - dx * block[2, b]
+                    left[5, b] += dx * block[1, b] - dy * block[0, b]
+                for f in range(2):
+                    w = weights[i, e] * weights[j, f]
+                    if w == 0.0:
+                        continue
+                    dx, dy, dz = arm[j, f]
+                    for a in range(size):
+                        for b in range(size):
+                            product[a, b] = w * left[a, b]
+                        product[a, 3] += w * (dy * left[a, 2] - dz * left[a, 1])
+                        product[a, 4] += w * (dz * left[a, 0] - dx * left[a, 2])
+                        product[a, 5] += w * (dx * left[a, 1] - dy * left[a, 0])
+                    _add_block(size, coarse_band, before[i] + e, before[j] + f, product, step > 0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_block(size, band, i, j, block, both):  # type: ignore[no-untyped-def]
+    """Add a block at (i, j) to the lower band, and its transpose at (j, i) too if it stands for `both`."""
+    for a in range(size):
+        for b in range(size):
+            row, column = i * size + a, j * size + b
+            if row >= column:
+                band[row - column, column] += block[a, b]
+            if both and column >= row:
+                band[column - row, row] += block[a, b]

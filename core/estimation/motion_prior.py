@@ -1,0 +1,46 @@
+"""Prior of the motion: constant velocity and rate of turn between knots, with white accelerations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Knots, turns
+from furrowmap.core.estimation.observation import Observation
+from furrowmap.core.estimation.states import POSITION, ROTATION, State
+
+ACCELERATION: Final = 0.5
+"""Of a tractor over ground, in m/s per square root of a second; heaving is a little less."""
+HEAVE: Final = 0.4
+SWAY: Final = np.radians(12.0)
+"""Of roll and pitch, in rad/s per square root of a second: a quarter of a degree at 1 to 3 Hz has 15°/s^1.5."""
+TURNING: Final = np.radians(20.0)
+
+
+@dataclass(frozen=True)
+class MotionPrior(Observation):
+    """Velocities and rates of turn change from one pair of knots to the next as slowly as a heavy machine's on soil.
+
+    Attributes:
+        acceleration: (3,) of easting, northing, height, in m/s per √s.
+        turning: (3,) of the rotation vector in map axes, in rad/s per √s.
+    """
+
+    acceleration: tuple[float, float, float] = (ACCELERATION, ACCELERATION, HEAVE)
+    turning: tuple[float, float, float] = (SWAY, SWAY, TURNING)
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """Six equations for each three knots."""
+        inner, size = knots.inner, state.layout.size
+        design = np.zeros((len(inner), 2 * size + 1))
+        design[:, 0], design[:, size], design[:, 2 * size] = 1.0, -2.0, 1.0
+        change = state.xyz_m[inner + 1] - 2.0 * state.xyz_m[inner] + state.xyz_m[inner - 1]
+        turn = np.einsum("kij,kj->ki", state.rotation, turns(np.ascontiguousarray(state.rotation)))
+        turned = turn[inner] - turn[inner - 1]
+        for first, values, spread in ((POSITION, change, self.acceleration), (ROTATION, turned, self.turning)):
+            for axis in range(3):
+                sigma = np.full(len(inner), spread[axis] * STEP_S**1.5)
+                equations.add((inner - 1) * size + first + axis, design, -values[:, axis], sigma)

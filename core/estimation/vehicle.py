@@ -1,0 +1,29 @@
+"""The observations of a wheeled vehicle with GNSS, beside what its scanner adds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.estimation.gnss_drift import GnssDrift
+from furrowmap.core.estimation.headings import AntennaHeadings
+from furrowmap.core.estimation.level import Level
+from furrowmap.core.estimation.motion_prior import MotionPrior
+from furrowmap.core.estimation.observation import Observation
+from furrowmap.core.estimation.positions import AntennaPositions
+from furrowmap.core.estimation.wheels import Wheels
+from furrowmap.core.values.positions import Positions
+
+
+def wheeled_vehicle(
+    positions: Positions, origin_m: NDArray[np.float64], lever_m: NDArray[np.float64]
+) -> tuple[Observation, ...]:
+    """Positions and headings of the antennas with their drift, the motion prior, wheels and level.
+
+    Args:
+        positions: (m,) of the antenna.
+        origin_m: (3,) local origin.
+        lever_m: (3,) the antenna in the vehicle frame.
+    """
+    antenna = AntennaPositions.of(positions, origin_m, lever_m)
+    return (antenna, AntennaHeadings(positions), GnssDrift(positions), MotionPrior(), Wheels(), Level())

@@ -1,0 +1,273 @@
+"""Registration of returns to the ground: residuals, robust weights, and the equations of the poses.
+
+A return's height above the surface at its place is its residual. It changes with the pose by the surface's normal
+n = (−∂S/∂x, −∂S/∂y, 1): height, roll and pitch through its upright part, easting, northing and yaw through the relief.
+Slopes taken from a noisy surface are too steep and pull any estimate towards 'no movement' (regression dilution;
+Fuller 1987, Measurement Error Models, section 1.1). They are therefore multiplied by their reliability, the share of
+true relief in their variance. The product of the slopes in the two halves of the scans has the relief's variance as
+its mean, because their noise is independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.estimation.coarse import CoarseGrid
+from furrowmap.core.estimation.knots import STEP_S, Chain
+from furrowmap.core.estimation.patches import (
+    Patches,
+    add_to_patch,
+    close_patches,
+    open_patch,
+    patch_slots,
+    patch_store,
+)
+from furrowmap.core.estimation.slices import SliceSums, add_to_slice, plane_row
+from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
+
+FloatArray = NDArray[np.float64]
+
+NOISE_M: Final = 0.012
+"""Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""
+CORRELATED: Final = 10.0
+"""Neighbouring returns that share an error (relief between the nodes, straw, a laser's own bias)."""
+HUBER: Final = 2.5
+GATE: Final = 8.0
+"""Normalised residuals beyond HUBER lose weight; returns beyond GATE are not of the ground."""
+TRIM: Final = 6.0
+"""Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, but would
+make relief of the noise of smooth soil. The weight of a slope falls smoothly from half of this limit on."""
+LEAST_WEIGHT: Final = 1.5
+"""Returns that each of the four nodes must hold for a return to be registered."""
+
+
+@dataclass(frozen=True)
+class Relief:
+    """Variances of the surface's slopes, by its two halves.
+
+    Attributes:
+        variance: of true slopes between nodes.
+        noise: of slopes, as a multiple of what NOISE_M and the nodes' weights make of it.
+        trim: slopes of more standard deviations do not count in the next tally.
+    """
+
+    variance: float = 0.005
+    noise: float = 1.0
+    trim: float = TRIM
+
+
+@dataclass(frozen=True)
+class GroundSums:
+    """Sums over registered returns.
+
+    Attributes:
+        slices: equations of the poses.
+        tally: (6,) 0 to 3 sums for :meth:`relief`: products and squares of slopes, count, expected squares of their
+            noise; 4 and 5 count of returns and sum of squared residuals (m²), each clipped at HUBER standard
+            deviations.
+    """
+
+    slices: SliceSums
+    tally: FloatArray
+
+    @classmethod
+    def of(cls, knots: int) -> GroundSums:
+        """Nothing yet for so many knots."""
+        return cls(SliceSums.of(knots), np.zeros(6))
+
+    def plus(self, other: GroundSums) -> GroundSums:
+        """Both together."""
+        return GroundSums(self.slices.plus(other.slices), self.tally + other.tally)
+
+    def relief(self) -> Relief:
+        """The relief by these sums; the default where they count no slopes."""
+        products, squares, count, expected = self.tally[:4]
+        if count == 0:
+            return Relief()
+        return Relief(max(products / count, 1e-5), max((squares - products) / expected, 0.3))
+
+
+@dataclass(frozen=True)
+class PlacedReturns:
+    """Returns of one chain in the map.
+
+    Attributes:
+        t_s: (n,) times, increasing.
+        xyz_m: (n, 3) against the local origin.
+        layer: (n,) see :func:`~furrowmap.core.matching.surface.layers`.
+        half: (n,) 0 or 1.
+        weight: (n,) uint8 in the surface, 255 for a whole return; registration sets it to the robust weight.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    layer: NDArray[np.int8]
+    half: NDArray[np.uint8]
+    weight: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class ChainPoses:
+    """Where the equations of a chain's returns belong.
+
+    Attributes:
+        chain: of knots that covers the returns.
+        position_m: (knots, 3) contiguous positions at all knots.
+        coarse: coarse knots of the chain; NO_COARSE for a fixed reference.
+    """
+
+    chain: Chain
+    position_m: FloatArray
+    coarse: CoarseGrid
+
+
+NO_COARSE: Final = CoarseGrid(0, 0, 1.0)
+
+
+def register_ground(
+    placed: PlacedReturns, surface: Surface, poses: ChainPoses, relief: Relief, share: float, sums: GroundSums
+) -> Patches:
+    """Register returns of a chain to a surface.
+
+    Args:
+        placed: returns; their weights are set.
+        surface: of these and other returns.
+        poses: of the chain.
+        relief: reliability of slopes.
+        share: factor on all weights.
+        sums: are added to.
+
+    Returns:
+        Sums by patch; empty without coarse knots.
+    """
+    tiles, chain, coarse, slices = surface.tiles, poses.chain, poses.coarse, sums.slices
+    return Patches(
+        *_register(
+            placed.t_s, placed.xyz_m, placed.layer, placed.half, placed.weight,
+            chain.first, chain.count, chain.begin_s,
+            tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight,
+            poses.position_m, relief.variance, relief.noise, relief.trim, share,
+            slices.normal, slices.right, slices.right_free, slices.count, sums.tally,
+            coarse.first, coarse.every, coarse.patch_m,
+        )
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _register(  # type: ignore[no-untyped-def]
+    t_s, xyz_m, layer, half, return_weight, first, count, begin_s, cell_m, west, south, number, height, weight,
+    position_m, relief, noise, trim, share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
+):  # fmt: skip
+    n = len(t_s)
+    rows, columns = number.shape
+    # Only these returns' own extent: that of the whole surface grows with the length of the drive.
+    patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
+    store = patch_store(1024 if every > 0 else 0)
+    patches = opened = 0
+    now = -1
+    variance = NOISE_M * NOISE_M
+    node = np.empty((2, 4))
+    full = np.empty((2, 4))
+    mean = np.empty(4)
+    row6 = np.empty(6)
+    for i in range(n):
+        return_weight[i] = 255
+        if layer[i] < 0:
+            continue
+        u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
+        x, y = int(np.floor(u)), int(np.floor(s))
+        u -= x
+        s -= y
+        other, own = 2 * layer[i] + 1 - half[i], 2 * layer[i] + half[i]
+        least = least_own = 1e9
+        for c in range(4):
+            p, q = y + c // 2, x + c % 2
+            row, column = (p >> TILE_BITS) - south, (q >> TILE_BITS) - west
+            tile = -1
+            if 0 <= row < rows and 0 <= column < columns:
+                tile = number[row, column]
+            if tile < 0:
+                least = 0.0
+                break
+            p, q = p & TILE - 1, q & TILE - 1
+            full[0, c], full[1, c] = weight[tile, other, p, q], weight[tile, own, p, q]
+            node[0, c], node[1, c] = height[tile, other, p, q], height[tile, own, p, q]
+            least = min(least, full[0, c])
+            least_own = min(least_own, full[1, c])
+        if least < LEAST_WEIGHT:
+            continue
+        a0, a1, b0, b1 = 1.0 - u, u, 1.0 - s, s
+        ground = b0 * (a0 * node[0, 0] + a1 * node[0, 1]) + b1 * (a0 * node[0, 2] + a1 * node[0, 3])
+        residual = xyz_m[i, 2] - ground
+        spread = variance * (1.0 + 1.0 / least)
+        normalised = abs(residual) / np.sqrt(spread)
+        if normalised > GATE:
+            return_weight[i] = 0
+            continue
+        slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) / cell_m
+        slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) / cell_m
+        scale = variance / (cell_m * cell_m)
+        noise_x = scale * (b0 * b0 * (1 / full[0, 0] + 1 / full[0, 1]) + b1 * b1 * (1 / full[0, 2] + 1 / full[0, 3]))
+        noise_y = scale * (a0 * a0 * (1 / full[0, 0] + 1 / full[0, 2]) + a1 * a1 * (1 / full[0, 1] + 1 / full[0, 3]))
+        tally[4] += 1
+        tally[5] += min(normalised, HUBER) ** 2 * spread
+        if normalised < 3.0 and least_own >= LEAST_WEIGHT:
+            again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
+            again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
+            steep_x = max(slope_x * slope_x, again_x * again_x) / (relief + noise * noise_x)
+            steep_y = max(slope_y * slope_y, again_y * again_y) / (relief + noise * noise_y)
+            counts = _counts(np.sqrt(max(steep_x, steep_y)), trim)
+            tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
+            tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
+            tally[2] += counts
+            tally[3] += counts * 0.5 * (noise_x + noise_y)
+        slope_x *= relief / (relief + noise * noise_x)
+        slope_y *= relief / (relief + noise * noise_y)
+        w = share / (spread * CORRELATED)
+        if normalised > HUBER:
+            w *= HUBER / normalised
+            return_weight[i] = np.uint8(255.0 * HUBER / normalised)
+        for c in range(4):
+            mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
+        residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))
+
+        local = min(int((t_s[i] - begin_s) / STEP_S), count - 2)
+        k = first + local
+        qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
+        qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])
+        qz = xyz_m[i, 2] - 0.5 * (position_m[k, 2] + position_m[k + 1, 2])
+        plane_row(row6, -slope_x, -slope_y, 1.0, qx, qy, qz)
+        add_to_slice(normal, right, right_free, k, row6, w, residual, residual_free)
+        used[k] += 1
+
+        if every == 0:
+            continue
+        interval = local // every
+        late_share = (local + 0.5) / every - interval
+        if interval != now:
+            close_patches(slots, store, opened, patches, patch_west, patch_south)
+            now, opened = interval, patches
+        px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
+        c = slots[layer[i], py - patch_south, px - patch_west]
+        if c < 0:
+            store = open_patch(store, patches, px, py, layer[i], first_coarse + interval)
+            c = slots[layer[i], py - patch_south, px - patch_west] = patches
+            patches += 1
+        lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
+        plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)
+        add_to_patch(store[2], store[3], store[4], c, row6, w, late_share, residual_free)
+    return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
+
+
+@numba.njit(cache=True, nogil=True)
+def _counts(steep, trim):  # type: ignore[no-untyped-def]
+    """Weight of a slope in standard deviations: 1 up to half of `trim`, smoothly less beyond."""
+    if steep <= 0.5 * trim:
+        return 1.0
+    left = max(0.0, 2.0 * (1.0 - steep / trim))
+    return left * left * (3.0 - 2.0 * left)
