@@ -80,8 +80,8 @@ def needed(target: Target) -> set[str]:
 def hashes(target: Target, packages: set[str], versions: dict[str, str]) -> dict[str, str] | None:
     """Package → SHA-256 of the wheel that pip chooses; None where a package has none for the target."""
     platform, machine, python = target
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
-    environment |= {"PIP_CONFIG_FILE": os.devnull, "PIP_CERT": os.environ.get("PIP_CERT", "")}
+    kept = {name: value for name, value in os.environ.items() if name == "PIP_CERT" or not name.startswith("PIP_")}
+    environment = {**kept, "PIP_CONFIG_FILE": os.devnull}  # no wheels of this computer
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--no-deps", "--ignore-installed"]

@@ -5,7 +5,7 @@ import html
 import os.path
 from pathlib import Path
 
-from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProject
+from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProject
 from qgis.gui import QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices
@@ -25,7 +25,7 @@ from .run_page import RunPage
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
 from .start_page import StartPage
-from .tasks import QUIET, CommandTask, StageFeedback
+from .tasks import CommandTask, RunTask
 
 NAME = "furrowmap"
 MARGIN = 1.3
@@ -48,7 +48,7 @@ class FurrowmapDock(QgsDockWidget):
         self.setObjectName("furrowmapDock")
         self.setAcceptDrops(True)
         self._iface = iface
-        self._task = self._feedback = self._steps = None
+        self._task = self._steps = None
         self._folder = self._session = None
         self._error = ""
         self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
@@ -164,16 +164,11 @@ class FurrowmapDock(QgsDockWidget):
         self._session, self._folder = Path(session), folder_for(session)
         self.start.remember(session)
         self._error = ""
-        self._feedback = StageFeedback(logFeedback=False)
-        self._feedback.stage_changed.connect(self.run.show_stage)
-        self._feedback.progressChanged.connect(self.run.show_share)
-        self._feedback.failed.connect(self._keep_error)
-        self._context = QgsProcessingContext()
-        algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False}
         self.run.begin(self.tr("Running {name}").format(name=self._name()))
         self.pages.setCurrentWidget(self.run)
-        task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback, QUIET)
+        task = RunTask(parameters, self.run.show_stage, self._keep_error)
+        task.feedback.progressChanged.connect(self.run.show_share)
         task.executed.connect(self._ran)
         self._begin(task)
 
@@ -272,7 +267,9 @@ class FurrowmapDock(QgsDockWidget):
         self._error = text
 
     def _ran(self, successful, results):
-        cancelled = self._feedback.isCanceled()
+        if self._task is None:
+            return  # the plugin is being unloaded
+        cancelled = self._task.feedback.isCanceled()
         self._task = None
         self.run.end()
         if cancelled:

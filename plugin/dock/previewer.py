@@ -4,11 +4,11 @@
 import shutil
 import tempfile
 
-from qgis.core import QgsApplication, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProject
+from qgis.core import QgsApplication, QgsProject
 from qgis.PyQt.QtCore import QObject, pyqtSignal
 
 from ..previews import open_preview, preview_text, read_account, remove_previews
-from .tasks import QUIET, StageFeedback
+from .tasks import RunTask
 
 
 class Previewer(QObject):
@@ -24,7 +24,7 @@ class Previewer(QObject):
 
     def __init__(self, parent=None):
         super().__init__(parent)
-        self._task = self._feedback = self._context = None
+        self._task = None
         self._error = ""
         self._folders = []
 
@@ -34,13 +34,8 @@ class Previewer(QObject):
         folder = tempfile.mkdtemp(prefix="furrowmap-preview-")
         self._folders.append(folder)
         self._error = ""
-        self._context = QgsProcessingContext()
-        self._feedback = StageFeedback(logFeedback=False)
-        self._feedback.stage_changed.connect(self._stage)
-        self._feedback.failed.connect(self._keep_error)
-        algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         parameters = {"SESSION": str(session), "PREVIEW": True, "OUTPUT": folder, "OPEN": False}
-        task = QgsProcessingAlgRunnerTask(algorithm, parameters, self._context, self._feedback, QUIET)
+        task = RunTask(parameters, self._stage, self._keep_error)
         task.executed.connect(lambda successful, _: self._done(task, folder, successful=successful))
         self._task = task
         self.status_changed.emit(self.tr("Preview: {stage}…").format(stage=self.tr("starting")))

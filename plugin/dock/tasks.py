@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Background tasks, whose messages arrive as signals in the main thread."""
 
-from qgis.core import QgsProcessingFeedback, QgsTask
+from qgis.core import (
+    QgsApplication,
+    QgsProcessingAlgRunnerTask,
+    QgsProcessingContext,
+    QgsProcessingFeedback,
+    QgsTask,
+)
 from qgis.PyQt.QtCore import pyqtSignal
 
 from ..worker import WorkerError, run_command
@@ -28,6 +34,23 @@ class StageFeedback(QgsProcessingFeedback):
     def reportError(self, error, fatalError=False):  # noqa: N802, ARG002
         """An error."""
         self.failed.emit(error)
+
+
+class RunTask(QgsProcessingAlgRunnerTask):
+    """Runs the algorithm `furrowmap:run`.
+
+    Args:
+        parameters: of the algorithm.
+        on_stage: is called with the name of each stage.
+        on_error: is called with the text of an error.
+    """
+
+    def __init__(self, parameters, on_stage, on_error):
+        self.context, self.feedback = QgsProcessingContext(), StageFeedback(logFeedback=False)
+        self.feedback.stage_changed.connect(on_stage)
+        self.feedback.failed.connect(on_error)
+        algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
+        super().__init__(algorithm, parameters, self.context, self.feedback, QUIET)
 
 
 class CommandTask(QgsTask):
