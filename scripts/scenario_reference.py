@@ -1,4 +1,4 @@
-"""Writes docs/reference/scenario.md from the scenario's own tables: ``python scripts/scenario_reference.py``."""
+"""Writes docs/reference/scenario.md from the definition of the scenario: ``python scripts/scenario_reference.py``."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from furrowmap.core.simulator.scenario import SOILS, Scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "scenario.md"
 HEAD = """\
-# The scenario
+# scenario.toml
 
-<!-- Written by scripts/scenario_reference.py from the scenario's own tables. -->
+<!-- Written by scripts/scenario_reference.py from the definition of the scenario. -->
 
-What `furrowmap simulate SCENARIO -o DIR` works from: a TOML file. Every key may be left out; unknown keys are refused
-with the nearest known one. Units are in the keys' names; frames and angles are those of
-[frames and angles](../explanation/frames.md). Positions in the field count east and north from the south-western corner
-of the ground grid. The folder gets a `scenario.toml` with all keys filled in, which gives the same recording again,
-byte for byte.
+The input of `furrowmap simulate SCENARIO -o DIR`. All keys are optional; unknown keys are errors. Names of keys contain
+their units; see [frames and angles](../explanation/frames.md). Positions in the field are relative to the south-western
+corner of the ground grid. The output folder contains a `scenario.toml` with all keys, which reproduces the recording
+exactly.
 
 ```toml
 seed = 3
@@ -41,21 +40,21 @@ outage_s = [[40.0, 45.0]]
 ```
 """
 OPEN = {
-    "field": "laid round the drive",
-    "drive": "middle of the drive",
-    "soil": "as usual for the kind",
-    "lidar": "as stated above",
-    "clock": "as stated above",
+    "field": "around the drive",
+    "drive": "from the drive",
+    "soil": "by kind",
+    "lidar": "as above",
+    "clock": "as above",
 }
-"""What stands in the column of defaults where the value comes from elsewhere."""
+"""The default of values that depend on others."""
 KINDS = """\
-| kind | random roughness | correlation length | rows: amplitude, spacing | straw | furrows the tool leaves |
+| kind | random roughness | correlation length | rows: amplitude, spacing | straw | furrows after the pass |
 | --- | --- | --- | --- | --- | --- |
 """
 
 
 def page() -> str:
-    """The page as it should be."""
+    """The generated page."""
     parts = [HEAD, section("", Scenario, Scenario())]
     for name, value in tables(Scenario()):
         parts.append(section(name, type(value), value))
@@ -70,7 +69,7 @@ def page() -> str:
 
 
 def tables(whole: msgspec.Struct, above: str = "") -> Iterator[tuple[str, msgspec.Struct]]:
-    """The tables of a scenario that hold keys, by their names in the file."""
+    """The tables of a scenario with keys, by name."""
     for name in whole.__struct_fields__:
         value = getattr(whole, name)
         if isinstance(value, msgspec.Struct):
@@ -79,8 +78,8 @@ def tables(whole: msgspec.Struct, above: str = "") -> Iterator[tuple[str, msgspe
 
 
 def section(name: str, kind: type[msgspec.Struct], value: msgspec.Struct) -> str:
-    """One table: its keys with defaults, limits and meanings."""
-    title = f"## `[{name}]`\n\n{(kind.__doc__ or '').splitlines()[0]}\n" if name else "## At the top\n"
+    """The section of a table."""
+    title = f"## `[{name}]`\n\n{(kind.__doc__ or '').splitlines()[0]}\n" if name else "## Top level\n"
     fresh = {field.name: field.default for field in msgspec.structs.fields(kind)}
     rows = []
     for key, hint in typing.get_type_hints(kind, include_extras=True).items():
@@ -89,11 +88,11 @@ def section(name: str, kind: type[msgspec.Struct], value: msgspec.Struct) -> str
         type_, meta = typing.get_args(hint)
         stated = getattr(value, key) if name.startswith("gnss") else fresh[key]
         rows.append(f"| `{key}` | {default(stated, name)} | {limits(type_, meta)} | {meta.description} |")
-    return "\n".join([title, "| key | default | may be | meaning |", "| --- | --- | --- | --- |", *rows]) + "\n"
+    return "\n".join([title, "| key | default | values | meaning |", "| --- | --- | --- | --- |", *rows]) + "\n"
 
 
 def default(value: Any, table: str) -> str:
-    """A default as it would stand in the file."""
+    """A default in TOML."""
     first = value[0] if isinstance(value, tuple) and value else value
     if isinstance(first, float) and math.isnan(first):
         return OPEN[table]
@@ -103,7 +102,7 @@ def default(value: Any, table: str) -> str:
 
 
 def limits(type_: Any, meta: msgspec.Meta) -> str:
-    """What values a key takes."""
+    """The valid values of a key."""
     if words := list(literals(type_)):
         return ", ".join(f"`{json.dumps(word)}`" for word in words)
     signs = (("≥", meta.ge), (">", meta.gt), ("≤", meta.le), ("<", meta.lt))

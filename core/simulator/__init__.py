@@ -1,9 +1,9 @@
-"""An oracle: writes what a tractor's recorder would have written, in the real formats, together with the truth.
+"""Simulates recordings of a tractor, in the real formats, with their ground truth.
 
-``simulate.simulate(scenario, folder)`` is the whole of it; ``scenario_file.load_scenario`` reads what it works from.
+``simulate.simulate(scenario, folder)`` runs it; ``scenario_file.load_scenario`` reads a scenario.
 
-The simulator judges the rest of furrowmap, so it shares no code with it: nothing here imports from the other parts of
-``core`` except how errors and progress are told. Rotations, clocks and formats are written anew from their sources.
+The simulator verifies the rest of furrowmap, so it shares no code with it: it imports only errors and progress from
+other parts of ``core``. Rotations, clocks and formats are implemented again from their sources.
 
 Inside the simulator the map frame is **local**: metres east and north of the ground grid's south-western corner, and
 metres above the height of the place; ``t_s`` counts from the scenario's ``t0``. Yaw is in radians, counter-clockwise

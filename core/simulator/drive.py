@@ -1,4 +1,4 @@
-"""When the machine is where: speeds along the line, stands, and the tool's lifting and lowering."""
+"""Timing of the drive: speeds along the path, stops, lifting and lowering of the implement."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from furrowmap.core.simulator.scenario import Drive, Implement
 FloatArray = NDArray[np.float64]
 
 RATE_HZ = 200
-"""Samples a second of everything that moves."""
+"""Samples per second of all motion."""
 BEFORE_S = 0.5
 AFTER_S = 0.8
-"""How long the drive is known before it starts and after it ends."""
+"""Duration for which the drive is known before its start and after its end."""
 
 
 @dataclass(frozen=True)

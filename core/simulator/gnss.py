@@ -1,4 +1,4 @@
-"""The GNSS receiver: its errors, and the sentences it sends (NMEA 0183)."""
+"""The GNSS receiver: its errors, and its sentences (NMEA 0183)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FIXED: Final = 4
 FLOAT: Final = 5
 KNOT_MPS: Final = 1852.0 / 3600.0
 _FLOAT_SIGMA_M: Final = (0.11, 0.14)
-"""What the receiver adds to its horizontal and vertical sigmas while float."""
+"""Increase of the reported horizontal and vertical standard deviations while float."""
 _SPEED_SIGMA_MPS: Final = 0.010
 _COURSE_FROM_MPS: Final = 0.10
 """Below this speed receivers leave the course empty."""
@@ -29,12 +29,12 @@ _COURSE_FROM_MPS: Final = 0.10
 
 @dataclass(frozen=True)
 class Fixes:
-    """What a receiver says, epoch by epoch.
+    """The positions of a receiver by epoch.
 
     Attributes:
         t_s: (n,) local time, at whole fractions of UTC seconds.
         enh_m: (n, 3) antenna with its errors, local.
-        error_m: (n, 3) of it: what is said minus what is true.
+        error_m: (n, 3) its position error.
         velocity_mps: (n, 2) east, north.
         quality: (n,) 4 fixed, 5 float.
         sigma_m: (n, 2) horizontal a axis, and vertical.
@@ -51,7 +51,7 @@ class Fixes:
 def receive(
     receiver: Receiver, antenna_m: Vector3, site: Site, motion: Motion, end_s: float, seed: int, name: str
 ) -> Fixes:
-    """The positions that `receiver` gives from t0 to `end_s`; `name` keeps its chance apart from another's."""
+    """The positions that `receiver` gives from t0 to `end_s`; `name` seeds its random numbers."""
     step_us = 1_000_000 // receiver.rate_hz
     first_us = -(-site.t0_us // step_us) * step_us - site.t0_us
     t_s = np.asarray(np.arange(first_us, math.floor(end_s * 1e6) + 1, step_us) * 1e-6, np.float64)
@@ -115,7 +115,7 @@ def sentences(fixes: Fixes, site: Site, station: str) -> str:
 
 
 def gprmc(motion: Motion, antenna_m: Vector3, site: Site, t_s: float, clock_offset_s: float) -> str:
-    """The GPRMC of the receiver at the sensor, which speaks of the last whole second of its own clock."""
+    """The GPRMC of the receiver at the sensor, for the last full second of its clock."""
     whole_s = math.floor(site.t0_s + t_s + clock_offset_s) - site.t0_s - clock_offset_s
     around = np.clip(np.array([whole_s - 0.1, whole_s, whole_s + 0.1]), motion.t_s[0], motion.t_s[-1])
     enh = motion.of_point(around, antenna_m)
@@ -138,7 +138,7 @@ def sentence(body: str) -> str:
 
 
 def degrees_minutes(degrees: float, width: int, decimals: int, letters: str) -> str:
-    """An angle as NMEA tells it: whole degrees of `width` digits, minutes, and the hemisphere."""
+    """An angle in NMEA format: whole degrees of `width` digits, minutes, and the hemisphere."""
     unit = 10**decimals
     total = round(abs(degrees) * 60 * unit)
     whole, minutes = divmod(total, 60 * unit)
@@ -155,7 +155,7 @@ def report(fixes: Fixes) -> dict[str, Any]:
 
 
 def receivers(scenario: Scenario, site: Site, motion: Motion, end_s: float) -> dict[str, tuple[Fixes, str]]:
-    """The two receivers of a scenario by their files: what each says, and the station of its corrections."""
+    """The receivers of a scenario by file: positions, and station of the corrections."""
     return {
         name: (receive(receiver, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, name), station)
         for name, receiver, station in (

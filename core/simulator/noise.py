@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 def random_for(seed: int, purpose: str) -> np.random.Generator:
-    """A generator of its own for every purpose, so that changing one part leaves the chance of the others alone."""
+    """A separate generator for every purpose, so that changes in one part do not affect the others."""
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
 
 

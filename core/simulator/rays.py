@@ -1,4 +1,4 @@
-"""What the beams meet: the compiled loop over firings and lasers.
+"""Ray casting: the compiled loop over firings and lasers.
 
 A beam is followed in two frames. The tractor's body and its tool stand still in the vehicle frame, the tool but for its
 height; ground, walls and posts stand still in the local frame. The nearest counts. On the ground, blocks whose highest
@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Met(IntEnum):
-    """What a beam met."""
+    """The kind of object that a beam hits."""
 
     NOTHING = 0
     SOIL = 1

@@ -1,4 +1,4 @@
-"""The recording of the lidar: beams cast in batches by threads, packets written as they come."""
+"""The LiDAR recording: beams cast in batches by threads, packets written in order."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _POSITION_PHASE_S: Final = 0.393
 
 
 class SupportsWrite(Protocol):
-    """Something that takes bytes."""
+    """A writable binary stream."""
 
     def write(self, data: bytes, /) -> int:
         """Take `data`."""
@@ -42,7 +42,7 @@ class SupportsWrite(Protocol):
 
 
 class _ReturnCounts:
-    """What came back, counted."""
+    """Counts of returns."""
 
     def __init__(self) -> None:
         self.met = np.zeros(len(Met), np.int64)

@@ -1,4 +1,4 @@
-"""A scenario's TOML file, read with words for what is wrong in it, and written."""
+"""Reading and writing of scenario files (TOML)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from furrowmap.core.values.errors import InputError
 
 
 def load_scenario(path: Path) -> Scenario:
-    """The scenario in the TOML file `path`.
+    """Load the scenario file `path`.
 
     Raises:
-        InputError: the file cannot be read, is no TOML, or holds a key or value that a scenario does not have.
+        InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: the scenario cannot be read ({error.__class__.__name__}).",
-            "A simulation needs a TOML file that describes it.",
+            "The simulation needs a TOML file.",
             "Give the path of a scenario; docs/reference/scenario.md lists its keys.",
             code="scenario-unreadable",
         ) from error
@@ -43,7 +43,7 @@ def demo_scenario() -> Scenario:
 
 
 def scenario_from(text: str, name: str) -> Scenario:
-    """The scenario in the TOML `text`; `name` is the file that errors are told of.
+    """The scenario in the TOML `text`; `name` is the file name in messages.
 
     Raises:
         InputError: as of :func:`load_scenario`.
@@ -58,7 +58,7 @@ def scenario_from(text: str, name: str) -> Scenario:
             code="scenario-toml",
         ) from error
     except (msgspec.ValidationError, ValueError) as error:
-        raise _told(error, name) from error
+        raise _value_error(error, name) from error
 
 
 def as_toml(scenario: Scenario) -> str:
@@ -102,8 +102,8 @@ def _as_builtins(scenario: Scenario) -> dict[str, Any]:
     return whole
 
 
-def _told(error: Exception, name: str) -> InputError:
-    """What msgspec found, with the nearest key there is."""
+def _value_error(error: Exception, name: str) -> InputError:
+    """Convert an error of msgspec; suggests the nearest key for an unknown one."""
     text = str(error)
     place = re.search(r" - at `\$\.?(.*?)`", text)
     table = place.group(1) if place else ""
@@ -112,7 +112,7 @@ def _told(error: Exception, name: str) -> InputError:
         what = re.sub(r" - at `.*`", "", text)
         return InputError(
             f"{name}: {f'[{table}] ' if table else ''}{what[:1].lower() + what[1:]}.",
-            "The scenario would not be what its file says; nothing was simulated.",
+            "Nothing was simulated.",
             "Correct the value; docs/reference/scenario.md has the units and limits of all keys.",
             code="scenario-value",
         )
@@ -121,8 +121,8 @@ def _told(error: Exception, name: str) -> InputError:
     near = difflib.get_close_matches(key, known, 1, 0.5)
     return InputError(
         f"{name}: unknown key `{table + '.' if table else ''}{key}`.",
-        "It would have no effect; nothing was simulated.",
-        f"Did you mean `{near[0]}`?" if near else f"Keys here: {', '.join(sorted(known))}.",
+        "Nothing was simulated.",
+        f"Did you mean `{near[0]}`?" if near else f"Valid keys here: {', '.join(sorted(known))}.",
         code="scenario-unknown-key",
     )
 

@@ -1,4 +1,4 @@
-"""The VLP-16 at work: when it fires and where it looks, and its packets."""
+"""The VLP-16: firing times and directions, and its packets."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Spin:
     Attributes:
         start_s: local time of the first firing.
         packets: data packets of the whole recording.
-        firings_a_packet: 24, or 12 where each is told twice.
+        firings_a_packet: 24, or 12 in dual return mode.
         turns_a_second: nominal.
         wander: share by which the speed varies.
         first_turn: azimuth of the first firing, in turns.
@@ -97,12 +97,12 @@ def data_packets(scenario: Scenario, site: Site, spin: Spin, first: int, returns
     turn = spin.turns(spin.time_s(firing[::2])).reshape(n, -1) % 1.0
     azimuth = np.round(turn * (360.0 / AZIMUTH_STEP_DEG)).astype(np.uint16) % 36000
     for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
-        told = values.reshape(2, n, -1, 2 * LASERS)
+        packed = values.reshape(2, n, -1, 2 * LASERS)
         if mode == "dual":  # the last return in the even blocks, the strongest or second-strongest in the odd ones
-            packets["blocks"]["returns"][name][:, 0::2] = told[1]
-            packets["blocks"]["returns"][name][:, 1::2] = told[0]
+            packets["blocks"]["returns"][name][:, 0::2] = packed[1]
+            packets["blocks"]["returns"][name][:, 1::2] = packed[0]
         else:
-            packets["blocks"]["returns"][name] = told[0 if mode == "strongest" else 1]
+            packets["blocks"]["returns"][name] = packed[0 if mode == "strongest" else 1]
     packets["blocks"]["azimuth"] = np.repeat(azimuth, 2, axis=1) if mode == "dual" else azimuth
     stamp_us = np.round(spin.time_s(firing[:: spin.firings_a_packet]) * 1e6).astype(np.int64)
     packets["stamp_us"] = (stamp_us + clock_us(scenario, site)) % HOUR_US

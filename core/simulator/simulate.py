@@ -40,7 +40,7 @@ from furrowmap.core.values.progress import Progress, silent
 
 @dataclass(frozen=True)
 class Simulated:
-    """What a simulation wrote.
+    """The files of a simulation.
 
     Attributes:
         folder: with recording, session and ``truth/``.
@@ -184,7 +184,7 @@ def _appearing(out_dir: Path) -> Iterator[Path]:
     except OSError as error:
         raise InputError(
             f"{error.filename or out_dir}: {error.strerror or error}.",
-            "The simulated recording could not be written; nothing was left behind.",
-            "Choose a folder in which you may write, on a disk with room (about 60 MB a minute of recording).",
+            "The simulated recording was not written.",
+            "Choose a writable folder on a disk with about 60 MB for each minute of recording.",
             code="simulate-not-written",
         ) from error

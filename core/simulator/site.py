@@ -1,4 +1,4 @@
-"""Where the simulated field lies on the earth, and how large its ground is."""
+"""Location and size of the simulated field."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 CELL_M = 0.025
-"""Cell of the simulated ground; the truth is told in cells of two by two."""
+"""Cell size of the simulated ground; the ground truth has cells twice as large."""
 MOST_CELLS = 80_000_000
-"""Five hectares; the ground takes some 40 bytes a cell while it is made."""
+"""Five hectares; the ground takes about 40 bytes per cell during its computation."""
 
 
 def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
@@ -53,7 +53,7 @@ def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
     if size[0] * size[1] / CELL_M**2 > MOST_CELLS:
         raise InputError(
             f"scenario: the ground of {size[0]:.0f} m by {size[1]:.0f} m is too large.",
-            f"It is held in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
+            f"It is kept in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
             "Choose shorter or fewer passes, or a smaller field.size_e_m and field.size_n_m.",
             code="scenario-too-large",
         )
@@ -64,7 +64,7 @@ def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
 
 @dataclass(frozen=True)
 class Site:
-    """The local frame's place in the world.
+    """Georeference of the local frame.
 
     Attributes:
         crs: the map frame, as pyproj reads it.
@@ -121,16 +121,16 @@ def find_site(scenario: Scenario) -> Site:
         e, n = to_map.transform(*place.lon_lat_deg, errcheck=True)
     except (CRSError, ProjError) as error:
         raise InputError(
-            f"scenario: place.crs {place.crs!r} does not serve at {list(place.lon_lat_deg)} ({error}).",
-            "The simulated positions could not be told as longitude and latitude.",
-            "State a projected CRS in metres that covers the place, such as its UTM zone.",
+            f"scenario: place.crs {place.crs!r} cannot be used at {list(place.lon_lat_deg)} ({error}).",
+            "Longitude and latitude of the simulated positions cannot be computed.",
+            "Give a projected CRS in metres that covers the location, such as its UTM zone.",
             code="scenario-crs",
         ) from error
     if not crs.is_projected:
         raise InputError(
             f"scenario: place.crs {place.crs!r} is not a projected CRS.",
-            "The simulated ground lies in a map in metres.",
-            "State a projected CRS in metres that covers the place, such as its UTM zone.",
+            "The simulated ground needs map coordinates in metres.",
+            "Give a projected CRS in metres that covers the location, such as its UTM zone.",
             code="scenario-crs",
         )
     return Site(place.crs, float(round(e)), float(round(n)), place.height_m, place.geoid_m, scenario.t0_us)

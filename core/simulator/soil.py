@@ -1,4 +1,4 @@
-"""The ground of every moment: as it was found, as a first pass left it, and as the last one did.
+"""The ground over time: before any pass, after the first and after the last one.
 
 Heights are kept on cells of 2.5 cm as relief above the field's mean plane, and are bilinear between the cells' middles.
 What lies beyond the grid repeats the found ground, so that the field has no edge.

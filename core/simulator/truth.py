@@ -1,4 +1,4 @@
-"""The truth beside a recording: where the machine and its tool were, what the ground was, what was worked."""
+"""The ground truth of a recording: trajectory, implement, ground, worked ground."""
 
 from __future__ import annotations
 

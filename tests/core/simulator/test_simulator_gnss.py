@@ -70,9 +70,9 @@ def test_log__tells_the_antenna(short_drive: Simulated, name: str, bound_m: floa
     error = np.column_stack([e, n, h]) - true_antenna(short_drive, unix_s(log["RMC"]))
     fixed = np.array([m.quality for m in log["GGA"]]) == 4
     assert np.abs(error[fixed]).max() < bound_m
-    told = short_drive.figures["gnss"][name]
-    assert error.mean(axis=0) == pytest.approx(told["mean_error_m"], abs=2e-3)
-    assert told["epochs"] == len(error)
+    stated = short_drive.figures["gnss"][name]
+    assert error.mean(axis=0) == pytest.approx(stated["mean_error_m"], abs=2e-3)
+    assert stated["epochs"] == len(error)
 
 
 def test_log__outage_and_float(short_drive: Simulated) -> None:

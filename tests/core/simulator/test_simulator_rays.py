@@ -71,9 +71,9 @@ def test_cast__level_ground_is_a_cone_a_laser() -> None:
     down = ELEVATION_DEG < 0
     expected = (2.0 + VERTICAL_OFFSET_M[down]) / np.sin(np.radians(-ELEVATION_DEG[down]))
     reached = expected < 60.0
-    told = returns.ticks[0][:, down] * 0.002
-    assert np.abs(told[:, reached] - expected[reached]).max() < 0.0011
-    assert (told[:, ~reached] == 0).all()
+    stated = returns.ticks[0][:, down] * 0.002
+    assert np.abs(stated[:, reached] - expected[reached]).max() < 0.0011
+    assert (stated[:, ~reached] == 0).all()
     assert (returns.ticks[0][:, ~down] == 0).all()
     assert (returns.met[0][:, down][:, reached] == Met.SOIL).all()
 

@@ -63,22 +63,22 @@ def test_lidar__true_mounting_may_differ() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("[soil]\nslope_percnt = 1.0", "soil.slope_percnt"),
         ("[gnss.clas]\nwhite = 1.0", "gnss.clas.white"),
         ("sed = 3", "sed"),
     ],
 )
-def test_load_scenario__unknown_key_names_the_nearest(text: str, told: str) -> None:
+def test_load_scenario__unknown_key_names_the_nearest(text: str, words: str) -> None:
     with pytest.raises(InputError) as error:
         scenario_from(text, "s.toml")
-    assert error.value.what == f"s.toml: unknown key `{told}`."
+    assert error.value.what == f"s.toml: unknown key `{words}`."
     assert "Did you mean" in error.value.remedy
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("[soil]\nkind = 'wet'", "[soil.kind]"),
         ("[soil]\nswell_m = 'high'", "[soil.swell_m]"),
@@ -86,16 +86,16 @@ def test_load_scenario__unknown_key_names_the_nearest(text: str, told: str) -> N
         ("[drive]\nstops = [[4, 1.0, 2.0]]", "on none of the 3 passes"),
         ("[implement]\nlift_m = 0.1", "never leave the ground"),
         ("[lidar]\nrpm = 700", "[lidar.rpm]"),
-        ("t0 = '2026-06-11T01:23:40'", "no offset from UTC"),
+        ("t0 = '2026-06-11T01:23:40'", "no UTC offset"),
         ("t0 = 'soon'", "soon"),
         ("[soil", "TOML"),
     ],
 )
-def test_load_scenario__refuses_what_cannot_be(text: str, told: str) -> None:
+def test_load_scenario__refuses_what_cannot_be(text: str, words: str) -> None:
     with pytest.raises(InputError) as error:
         scenario_from(text, "s.toml")
     assert error.value.what.startswith("s.toml: ")
-    assert told in error.value.what
+    assert words in error.value.what
     assert all(error.value.lines)
 
 

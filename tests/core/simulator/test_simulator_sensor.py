@@ -63,9 +63,9 @@ def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None
     x = r * np.cos(elevation) * np.cos(azimuth)
     y = -r * np.cos(elevation) * np.sin(azimuth)
     z = r * np.sin(elevation) + VERTICAL_OFFSET_M
-    told = np.stack([points["x"], points["y"], points["z"]], axis=-1)
+    stated = np.stack([points["x"], points["y"], points["z"]], axis=-1)
     true = np.stack([x, y, z], axis=-1)[there]
-    off = np.abs(told - true).max(axis=1)
+    off = np.abs(stated - true).max(axis=1)
     # the decoder takes the speed of rotation from block to block, in hundredths of a degree
     assert (off < 1e-4 + np.radians(0.016) * r[there]).all()
     assert np.median(off) < 0.004

@@ -1,4 +1,4 @@
-"""Whole recordings: everything fits together, and is told in the files of the samples."""
+"""Whole recordings: everything fits together, in the file formats of the samples."""
 
 from __future__ import annotations
 
