@@ -15,9 +15,9 @@ from furrowmap.core.calibration.yaw_ambiguity import TURNED_DEG
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
-from furrowmap.core.pointclouds.placed import PlacedScan, Tally, place_scans
-from furrowmap.core.pointclouds.placement_notices import gap_notices, refuse_empty, session_notices, tally_notices
+from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
 from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.pointclouds.run_notices import gap_notices, placement_notices, refuse_empty, session_notices
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import OpenSession, watched
 from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
@@ -90,9 +90,9 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     scans = lidar.scans() if ranges is None else map(ranges.corrected, lidar.scans())
     scans = watched(ahead(implement.following(scans), SCANS_AHEAD), lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
-        tally = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
+        placement = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
-    refuse_empty(tally, located.trajectory, session)
+    refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, external[0] if external is not None else None)
     watch.lap("work")
     notices = [
@@ -101,9 +101,9 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
         *lidar.notices,
         *session_notices(session, located, matched=matched is not None),
     ]
-    notices += [*gap_notices(tally, located), *tally_notices(tally)]
+    notices += [*gap_notices(placement, located), *placement_notices(placement)]
     notices += [*(external[1] if external is not None else ()), *work.notices]
-    return _result(opened, located, tally, work, lidar.clocks, notices, watch, matched)
+    return _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
 
 
 def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
@@ -121,7 +121,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *external[1], *work.notices]
-    return _result(opened, located, Tally.without_scans(located.trajectory), work, (), notices, watch)
+    return _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
 
 
 def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
@@ -149,15 +149,15 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
         placer = placer_of(located, session.lidar.mounting)
         sink.begin(opened.frame, placer.origin_m)
         scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
-        tally = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
-        refuse_empty(tally, located.trajectory, session)
+        placement = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
+        refuse_empty(placement, located.trajectory, session)
         clocks, assumed = lidar.clocks, session_notices(session, located, matched=False)
     else:
         located = located_without_lidar(positions, session, opened.frame)
-        tally, assumed = Tally.without_scans(located.trajectory), []
+        placement, assumed = Placement.without_scans(located.trajectory), []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]
-    return _result(opened, located, tally, FieldWork(), clocks, notices, watch)
+    return _result(opened, located, placement, FieldWork(), clocks, notices, watch)
 
 
 def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
@@ -200,7 +200,7 @@ def _with_mounting(session: Session, mounting: Mounting) -> Session:
 def _result(
     opened: OpenSession,
     located: Located,
-    tally: Tally,
+    placement: Placement,
     work: FieldWork,
     clocks: tuple[ClockReading, ...],
     notices: list[Notice],
@@ -209,7 +209,9 @@ def _result(
 ) -> RunResult:
     unique = tuple(dict.fromkeys(notices))
     inputs = opened.inputs.all
-    return RunResult(opened.session, inputs, opened.frame, located, tally, work, clocks, unique, watch.laps_s, matched)
+    return RunResult(
+        opened.session, inputs, opened.frame, located, placement, work, clocks, unique, watch.laps_s, matched
+    )
 
 
 class _StopWatch:

@@ -115,9 +115,9 @@ def _figures(found: RunResult) -> dict[str, Any]:
         "distance_m": round(distance_m, 1),
         "standing_s": round(standing_s, 1),
         "crs": found.frame.name,
-        "scans": found.tally.scans,
-        "scans_without_pose": found.tally.scans_without_pose,
-        "points": found.tally.points,
+        "scans": found.placement.scans,
+        "scans_without_pose": found.placement.scans_without_pose,
+        "points": found.placement.points,
     }
 
 

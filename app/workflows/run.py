@@ -85,7 +85,7 @@ def _write_products(
     progress("writing layers", 0.0)
     layers = perf_counter()
     provenance = run_origin(found, made.inputs)
-    write_field(staging / FIELD, found.tally.poses, found.frame.wkt, found.work, found.frame.words, provenance)
+    write_field(staging / FIELD, found.placement.poses, found.frame.wkt, found.work, found.frame.words, provenance)
     if found.work.states is not None:
         write_states(staging / STATES, found.work.states)
     if found.work.seen is not None:

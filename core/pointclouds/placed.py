@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -44,21 +44,21 @@ class PlacedScan:
 
 
 @dataclass(frozen=True)
-class Tally:
-    """What became of a recording's scans and points.
+class Placement:
+    """Counts of a recording's scans and points, and the poses of its scans.
 
     Attributes:
-        scans: of the recording, cut ones included.
-        scans_whole: of them, those that are whole revolutions.
-        scans_without_pose: not a single point of which could be placed.
-        scans_standing: left out because the vehicle stood.
+        scans: in the recording, cut ones included.
+        scans_whole: of them, whole revolutions.
+        scans_without_pose: of them, those without a pose at any of their points.
+        scans_standing: of them, those left out because the vehicle stood.
         points_read: returns in the recording.
         points: in the cloud.
         points_without_pose: at times without a pose.
         points_outside: of them, before the trajectory begins or after it ends.
         points_standing: left out because the vehicle stood.
-        first_s: time of the first return by the trajectory's clock; nan without any.
-        last_s: time of the last one.
+        first_s: time of the first return; nan without any.
+        last_s: time of the last return.
         poses: of the scans that have one.
     """
 
@@ -76,14 +76,14 @@ class Tally:
     poses: ScanPoses
 
     @classmethod
-    def without_scans(cls, trajectory: Trajectory) -> Tally:
+    def without_scans(cls, trajectory: Trajectory) -> Placement:
         """No scans, and the poses of a trajectory's knots."""
         first_s, last_s = trajectory.span_s
         return cls(0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, ScanPoses.at_knots(trajectory))
 
 
 def unclassified(scan: Scan) -> NDArray[np.uint8]:
-    """The classes (n,) of a scan's points where nothing is known of them."""
+    """Class OTHER (n,) for all points of a scan."""
     return np.full(len(scan), PointClass.OTHER, np.uint8)
 
 
@@ -94,69 +94,99 @@ def place_scans(
     standing: bool,
     sink: Callable[[PlacedScan], None],
     classify: Callable[[Scan], NDArray[np.uint8]] = unclassified,
-) -> Tally:
-    """Place every scan and hand it to `sink`, in order; nothing but the scans' poses is kept.
+) -> Placement:
+    """Place every scan and hand it to `sink`, in order; only the poses of the scans are kept.
 
     Args:
-        scans: in the order of time.
+        scans: in time order.
         placer: trajectory and mounting.
-        standing: whether scans taken at a stand go to `sink`.
+        standing: whether scans of a standing vehicle go to `sink`.
         sink: takes the points of each scan that has any.
         classify: gives the classes of a scan's points.
 
     Raises:
         InputError: if time runs back from one scan to the next.
     """
-    number, t_mid, placed_points = [], [], []
-    whole = without_pose = stood = read = points_lost = points_outside = points_stood = total = 0
-    begin_s, end_s = placer.trajectory.span_s
-    first_s = last_s = float("nan")
+    counts = _Counts(placer.trajectory)
     for scan in scans:
-        total += 1
-        whole += scan.whole
-        read += len(scan)
+        counts.read(scan)
         if not len(scan):
             continue
-        t_s = scan.t_s
-        if t_s[0] < last_s - DISORDER_S:
-            raise _runs_back(scan.number, float(t_s[0]), last_s)
-        first_s = first_s if np.isfinite(first_s) else float(t_s[0])
-        last_s = float(t_s[-1])
         xyz, known = placer.place(scan)
         classification = classify(scan)
         count = int(np.count_nonzero(known))
-        points_lost += len(scan) - count
         if count < len(scan):
-            points_outside += int(np.count_nonzero((t_s < begin_s) | (t_s > end_s)))
+            counts.without_pose(scan, count)
+            scan, xyz, classification = scan[known], xyz[known], classification[known]
         if not count:
-            without_pose += 1
             continue
-        if count < len(scan):
-            scan, xyz, classification = _part(scan, known), xyz[known], classification[known]
         middle_s = _middle_s(scan.t_s, placer.trajectory)
-        number.append(scan.number)
-        t_mid.append(middle_s)
         if not standing and _nearest_motion(placer.trajectory, middle_s) == Motion.STANDING:
-            stood += 1
-            points_stood += count
-            placed_points.append(0)
-            continue
-        placed_points.append(count)
-        sink(PlacedScan(scan, xyz, classification))
-    return Tally(
-        scans=total,
-        scans_whole=whole,
-        scans_without_pose=without_pose,
-        scans_standing=stood,
-        points_read=read,
-        points=sum(placed_points),
-        points_without_pose=points_lost,
-        points_outside=points_outside,
-        points_standing=points_stood,
-        first_s=first_s,
-        last_s=last_s,
-        poses=_poses(placer.trajectory, number, t_mid, placed_points),
-    )
+            counts.standing(scan, middle_s)
+        else:
+            counts.placed(scan, middle_s)
+            sink(PlacedScan(scan, xyz, classification))
+    return counts.placement()
+
+
+class _Counts:
+    """Counts scans and points while they are placed."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
+        self._scans = self._whole = self._scans_lost = self._scans_standing = 0
+        self._read = self._lost = self._outside = self._standing = 0
+        self._first_s = self._last_s = float("nan")
+        self._number: list[int] = []
+        self._middle_s: list[float] = []
+        self._points: list[int] = []
+
+    def read(self, scan: Scan) -> None:
+        self._scans += 1
+        self._whole += scan.whole
+        self._read += len(scan)
+        if not len(scan):
+            return
+        begin_s = float(scan.t_s[0])
+        if begin_s < self._last_s - DISORDER_S:
+            raise _runs_back(scan.number, begin_s, self._last_s)
+        self._first_s = self._first_s if np.isfinite(self._first_s) else begin_s
+        self._last_s = float(scan.t_s[-1])
+
+    def without_pose(self, scan: Scan, known: int) -> None:
+        begin_s, end_s = self._trajectory.span_s
+        self._lost += len(scan) - known
+        self._outside += int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
+        self._scans_lost += not known
+
+    def standing(self, scan: Scan, middle_s: float) -> None:
+        self._scans_standing += 1
+        self._standing += len(scan)
+        self._pose(scan.number, middle_s, 0)
+
+    def placed(self, scan: Scan, middle_s: float) -> None:
+        self._pose(scan.number, middle_s, len(scan))
+
+    def _pose(self, number: int, middle_s: float, points: int) -> None:
+        self._number.append(number)
+        self._middle_s.append(middle_s)
+        self._points.append(points)
+
+    def placement(self) -> Placement:
+        return Placement(
+            scans=self._scans,
+            scans_whole=self._whole,
+            scans_without_pose=self._scans_lost,
+            scans_standing=self._scans_standing,
+            points_read=self._read,
+            points=sum(self._points),
+            points_without_pose=self._lost,
+            points_outside=self._outside,
+            points_standing=self._standing,
+            first_s=self._first_s,
+            last_s=self._last_s,
+            poses=_poses(self._trajectory, self._number, self._middle_s, self._points),
+        )
 
 
 def _runs_back(number: int, at_s: float, last_s: float) -> InputError:
@@ -166,11 +196,6 @@ def _runs_back(number: int, at_s: float, last_s: float) -> InputError:
         "Name them in `[recording] lidar` in the order of time; `furrowmap inspect` says when each begins.",
         code="scans-not-in-order",
     )
-
-
-def _part(scan: Scan, kept: NDArray[np.bool_]) -> Scan:
-    names = ("t_s", "xyz_m", "intensity", "laser", "column", "return_number", "returns")
-    return replace(scan, **{name: getattr(scan, name)[kept] for name in names})
 
 
 def _middle_s(t_s: NDArray[np.float64], trajectory: Trajectory) -> float:

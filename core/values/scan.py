@@ -69,8 +69,8 @@ class Scan:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def __getitem__(self, part: slice) -> Self:
-        """Some of the returns, as views, under the same number."""
+    def __getitem__(self, part: slice | NDArray[np.bool_]) -> Self:
+        """Some of the returns under the same number: views of a slice, copies where a mask (n,) is true."""
         parts: dict[str, Any] = {name: getattr(self, name)[part] for name in ARRAYS}
         return replace(self, **parts)
 

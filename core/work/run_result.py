@@ -7,7 +7,7 @@ from pathlib import Path
 
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pointclouds.placed import Tally
+from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.errors import Notice
@@ -24,7 +24,7 @@ class RunResult:
         inputs: the files that were read.
         frame: the map frame.
         located: the trajectory.
-        tally: counts of scans and points, and the scans' poses.
+        placement: counts of scans and points, and the scans' poses.
         work: states of the implement and the ground worked.
         clocks: readings of the clocks in the scanner's recording, the clock in use first.
         notices: warnings, in the order of the work.
@@ -36,7 +36,7 @@ class RunResult:
     inputs: tuple[Path, ...]
     frame: MapFrame
     located: Located
-    tally: Tally
+    placement: Placement
     work: FieldWork
     clocks: tuple[ClockReading, ...]
     notices: tuple[Notice, ...]

@@ -75,7 +75,7 @@ def write_page(
     Raises:
         OSError: if a file cannot be read or written.
     """
-    poses, work = found.tally.poses, found.work
+    poses, work = found.placement.poses, found.work
     box_m = map_box(poses, work)
     relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
     sections = [
@@ -101,7 +101,7 @@ def write_page(
 
 
 def _when(found: RunResult) -> str:
-    begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.tally.first_s, found.tally.last_s))
+    begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.placement.first_s, found.placement.last_s))
     return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {end:%H:%M:%S} UTC"
 
 
@@ -139,9 +139,9 @@ def _figures(found: RunResult) -> Iterable[str]:
         yield key_figure(_duration(figures.hours.turning_s), "turning and reversing")
         yield key_figure(_duration(figures.hours.idle_s), "standing")
     else:
-        yield key_figure(_duration(found.tally.last_s - found.tally.first_s), "recorded")
-    if found.tally.points:
-        yield key_figure(f"{found.tally.points / 1e6:.1f} million", "points in the cloud")
+        yield key_figure(_duration(found.placement.last_s - found.placement.first_s), "recorded")
+    if found.placement.points:
+        yield key_figure(f"{found.placement.points / 1e6:.1f} million", "points in the cloud")
 
 
 def _map_key(work: FieldWork, relief: Relief | None) -> str:
@@ -229,7 +229,7 @@ def _fix_word(fix: int) -> str:
 
 
 def _accuracy(found: RunResult) -> str:
-    poses, work = found.tally.poses, found.work
+    poses, work = found.placement.poses, found.work
     east, north, up, roll, pitch, heading = (_median(column) for column in poses.sigma.T)
     rows = [
         ("position, horizontal", _number(100.0 * math.hypot(east, north), 1, " cm")),
@@ -316,7 +316,7 @@ def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDAr
 
 def _provenance(found: RunResult) -> str:
     names = ", ".join(path.name for path in found.inputs)
-    cloud = " Cloud: cloud.copc.laz." if found.tally.points else ""
+    cloud = " Cloud: cloud.copc.laz." if found.placement.points else ""
     return (
         f"furrowmap {escape(version('furrowmap'))}, from {escape(names)}. Coordinates: {escape(found.frame.name)}. "
         f"{escape(f'{found.frame.words} ' if found.frame.words else '')}"

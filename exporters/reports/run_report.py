@@ -93,27 +93,27 @@ def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
         session.name,
         session.name,
         [(record.name, record.sha256) for record in inputs],
-        (found.tally.first_s, found.tally.last_s),
+        (found.placement.first_s, found.placement.last_s),
         parameters,
     )
 
 
 def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
     """Counts, times and lengths."""
-    tally = found.tally
-    distance_m, standing_s = distance_and_standing(found.located.trajectory, tally.first_s, tally.last_s)
+    placement = found.placement
+    distance_m, standing_s = distance_and_standing(found.located.trajectory, placement.first_s, placement.last_s)
     return {
-        "points": tally.points,
+        "points": placement.points,
         "points_by_class": points_by_class(cloud) if cloud is not None else {},
-        "points_read": tally.points_read,
-        "points_without_pose": tally.points_without_pose,
-        "points_standing_left_out": tally.points_standing,
-        "scans": tally.scans,
-        "scans_whole": tally.scans_whole,
-        "scans_without_pose": tally.scans_without_pose,
-        "start": iso_utc(tally.first_s),
-        "end": iso_utc(tally.last_s),
-        "duration_s": round(tally.last_s - tally.first_s, 3),
+        "points_read": placement.points_read,
+        "points_without_pose": placement.points_without_pose,
+        "points_standing_left_out": placement.points_standing,
+        "scans": placement.scans,
+        "scans_whole": placement.scans_whole,
+        "scans_without_pose": placement.scans_without_pose,
+        "start": iso_utc(placement.first_s),
+        "end": iso_utc(placement.last_s),
+        "duration_s": round(placement.last_s - placement.first_s, 3),
         "distance_m": round(distance_m, 2),
         "standing_s": round(standing_s, 1),
         "crs": found.frame.name,
@@ -133,7 +133,7 @@ def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float
     """Least and greatest coordinates of the cloud; of the poses where there is none."""
     if cloud is not None:
         return cloud.low_m, cloud.high_m
-    xyz_m = found.tally.poses.xyz_m
+    xyz_m = found.placement.poses.xyz_m
     return xyz_m.min(axis=0).tolist(), xyz_m.max(axis=0).tolist()
 
 
@@ -214,7 +214,7 @@ def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) 
 def _accuracy(found: RunResult) -> dict[str, Any]:
     """Median and 95th percentile of the poses' sigmas, None where unknown; which of them are assumed."""
     out: dict[str, Any] = {}
-    for name, sigma in zip(SIGMAS, found.tally.poses.sigma.T, strict=True):
+    for name, sigma in zip(SIGMAS, found.placement.poses.sigma.T, strict=True):
         known = sigma[np.isfinite(sigma)]
         digits = 3 if name.endswith("_deg") else 4
         quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
@@ -226,7 +226,7 @@ def _accuracy(found: RunResult) -> dict[str, Any]:
 
 def _observability(found: RunResult) -> dict[str, Any]:
     """Source of each component of the poses, as shares of the scans."""
-    poses = found.tally.poses
+    poses = found.placement.poses
 
     def shares(words: NDArray[np.str_]) -> dict[str, float]:
         return {word: round(count / len(poses), 4) for word, count in Counter(words.tolist()).most_common()}

@@ -77,7 +77,7 @@ def test_figures__are_those_of_the_field(folder: Path) -> None:
     found = run_alone(folder / "session.toml")
     assert found.work.ground is not None
     assert found.work.ground.figures.worked.ellipsoid_m2 == pytest.approx(6178, rel=0.02)
-    assert found.tally.points == 0
+    assert found.placement.points == 0
     assert len(found.inputs) == 1
     assert {notice.code for notice in found.notices} >= {"local-time", "direction-forward"}
 

@@ -67,7 +67,7 @@ def shifted_nmea(log: bytes, seconds: int) -> bytes:
 def test_a_session_places_all_points(session: Path) -> None:
     sink = Counting()
     found = run(open_session(session), sink)
-    assert found.tally.points == found.tally.points_read == sink.points > 200_000
+    assert found.placement.points == found.placement.points_read == sink.points > 200_000
     assert {notice.code for notice in found.notices} >= {"antenna-unknown", "mounting-identity"}
 
 
@@ -86,7 +86,7 @@ def test_a_log_in_gps_time_is_found_out_and_its_cure_works(session: Path) -> Non
         run(open_session(session), Counting())
     assert "lidar_minus_gnss_s = -18.0" in caught.value.remedy
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -18.0\n[crs]"))
-    assert run(open_session(session), Counting()).tally.points_without_pose == 0
+    assert run(open_session(session), Counting()).placement.points_without_pose == 0
 
 
 def test_scans_in_a_gap_of_the_positions_are_told_as_such(session: Path) -> None:
@@ -105,7 +105,7 @@ def test_files_in_the_wrong_order_are_refused(session: Path) -> None:
     capture.with_name("second.pcap").write_bytes(whole[:24] + whole[half:])
     session.write_text(SESSION.replace('"capture.pcap"', '"first.pcap", "second.pcap"'))
     right = run(open_session(session), Counting())
-    assert right.tally.points == run_alone(session).tally.points
+    assert right.placement.points == run_alone(session).placement.points
     session.write_text(SESSION.replace('"capture.pcap"', '"second.pcap", "first.pcap"'))
     with pytest.raises(InputError, match="Scan") as caught:
         run(open_session(session), Counting())
@@ -116,8 +116,8 @@ def test_a_stated_clock_offset_moves_the_scans(session: Path) -> None:
     as_recorded, shifted = run(open_session(session), Counting()), None
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = -20.0\n[crs]"))
     shifted = run(open_session(session), Counting())
-    assert shifted.tally.poses.t_s[0] - as_recorded.tally.poses.t_s[0] == pytest.approx(20.0, abs=1e-6)
-    moved = shifted.tally.poses.xyz_m[0] - as_recorded.tally.poses.xyz_m[0]
+    assert shifted.placement.poses.t_s[0] - as_recorded.placement.poses.t_s[0] == pytest.approx(20.0, abs=1e-6)
+    moved = shifted.placement.poses.xyz_m[0] - as_recorded.placement.poses.xyz_m[0]
     assert abs(moved[:2]).max() > 5
 
 
@@ -125,8 +125,8 @@ def test_standing_scans_are_left_out_on_request(session: Path) -> None:
     session.write_text(SESSION + "[run]\nstanding = false\n")
     sink = Counting()
     found = run(open_session(session), sink)
-    assert found.tally.scans_standing > 0
-    assert found.tally.points_standing + sink.points == found.tally.points_read
+    assert found.placement.scans_standing > 0
+    assert found.placement.points_standing + sink.points == found.placement.points_read
     assert "standing-left-out" in {notice.code for notice in found.notices}
 
 

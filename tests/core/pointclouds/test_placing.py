@@ -65,17 +65,17 @@ def test_gaps_place_nothing_and_are_counted() -> None:
         scans.append(scan_of(moment, np.zeros((50, 3)), number))
     seen: list[PlacedScan] = []
 
-    tally = place_scans(scans, placer, standing=False, sink=seen.append)
+    placement = place_scans(scans, placer, standing=False, sink=seen.append)
 
-    assert (tally.scans, tally.points_read) == (8, 400)
-    assert tally.scans_without_pose == 2  # 3 and 4; one point of scan 2 lies on the last knot before the gap
-    assert tally.scans_standing == 2
-    assert tally.points + tally.points_without_pose + tally.points_standing == tally.points_read
+    assert (placement.scans, placement.points_read) == (8, 400)
+    assert placement.scans_without_pose == 2  # 3 and 4; one point of scan 2 lies on the last knot before the gap
+    assert placement.scans_standing == 2
+    assert placement.points + placement.points_without_pose + placement.points_standing == placement.points_read
     assert [p.scan.number for p in seen] == [0, 1, 2, 5]
-    assert tally.poses.scan.tolist() == [0, 1, 2, 5, 6, 7]
+    assert placement.poses.scan.tolist() == [0, 1, 2, 5, 6, 7]
     for placed in seen:
         np.testing.assert_allclose(placed.xyz_m[:, 0], placed.scan.t_s - T0, atol=1e-6)
-    assert sum(len(p.scan) for p in seen) == tally.points == int(tally.poses.points.sum())
+    assert sum(len(p.scan) for p in seen) == placement.points == int(placement.poses.points.sum())
 
 
 def test_the_local_origin_is_only_a_shift() -> None:

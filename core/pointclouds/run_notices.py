@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.pointclouds.placed import Tally
+from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.trajectory.located import Located
@@ -15,30 +15,32 @@ from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
 
-def refuse_empty(tally: Tally, trajectory: Trajectory, session: Session) -> None:
+def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session) -> None:
     """A cloud without points is no cloud: say why, with both clocks' spans.
 
     Raises:
         InputError: if not a single point was placed.
     """
-    if tally.points:
+    if placement.points:
         return
-    if not tally.points_read:
+    if not placement.points_read:
         raise InputError(
             f"{', '.join(session.recording.lidar)}: no laser returns in it.",
             "There is nothing to place.",
             "`furrowmap inspect` says what the file holds; perhaps another capture is the recording.",
             code="no-points",
         )
-    if tally.scans_standing:
+    if placement.scans_standing:
         raise InputError(
-            f"The vehicle stands in all {tally.scans_standing} scans.",
+            f"The vehicle stands in all {placement.scans_standing} scans.",
             "Scans at a stand are left out, so nothing remains.",
             "Set `[run] standing = true` to keep them.",
             code="only-standing",
         )
     raise _no_common_time(
-        ClockReading(Clock.SENSOR, tally.first_s, tally.last_s), trajectory, session.recording.lidar_minus_gnss_s
+        ClockReading(Clock.SENSOR, placement.first_s, placement.last_s),
+        trajectory,
+        session.recording.lidar_minus_gnss_s,
     )
 
 
@@ -108,10 +110,10 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
     return notices
 
 
-def gap_notices(tally: Tally, located: Located) -> list[Notice]:
+def gap_notices(placement: Placement, located: Located) -> list[Notice]:
     """The gaps into which scans fall."""
     gaps = located.trajectory.gaps_s
-    inside = gaps[(gaps[:, 0] < tally.last_s) & (gaps[:, 1] > tally.first_s)]
+    inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
     if not len(inside):
         return []
     length = inside[:, 1] - inside[:, 0]
@@ -125,25 +127,25 @@ def gap_notices(tally: Tally, located: Located) -> list[Notice]:
     ]
 
 
-def tally_notices(tally: Tally) -> list[Notice]:
+def placement_notices(placement: Placement) -> list[Notice]:
     """What of the recording is not in the cloud."""
     notices = []
-    if tally.points_without_pose:
-        share = tally.points_without_pose / tally.points_read
-        in_gaps = tally.points_without_pose - tally.points_outside
+    if placement.points_without_pose:
+        share = placement.points_without_pose / placement.points_read
+        in_gaps = placement.points_without_pose - placement.points_outside
         notices.append(
             Notice(
                 "points-without-pose",
-                f"{tally.points_without_pose:,} of {tally.points_read:,} points ({share:.1%}) are not in the cloud, "
-                f"because no pose is known at their time: {tally.points_outside:,} before the positions begin or after "
+                f"{placement.points_without_pose:,} of {placement.points_read:,} points ({share:.1%}) are not in the cloud, "
+                f"because no pose is known at their time: {placement.points_outside:,} before the positions begin or after "
                 f"they end, {in_gaps:,} in gaps between them.",
             )
         )
-    if tally.scans_standing:
+    if placement.scans_standing:
         notices.append(
             Notice(
                 "standing-left-out",
-                f"{tally.scans_standing} scans at a stand ({tally.points_standing} points) are left out, as asked.",
+                f"{placement.scans_standing} scans at a stand ({placement.points_standing} points) are left out, as asked.",
             )
         )
     return notices
