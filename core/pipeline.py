@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from time import perf_counter
 from typing import Final, Protocol
 
@@ -19,7 +19,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.pointclouds.run_notices import gap_notices, placement_notices, refuse_empty, session_notices
 from furrowmap.core.readers.reader import ClockReading
-from furrowmap.core.session.opened import OpenSession, watched
+from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
@@ -65,45 +65,57 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
-    located = locate(positions, session, frame)
+    guess = locate(positions, session, frame)
     boundary = field_boundary(opened.inputs.boundary, frame)
-    external = external_states(opened.inputs.states, session, located.trajectory)
+    states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
-    lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-    earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
-    implement = ImplementTracker(session, earlier)
-    matched = None
-    if located.antenna is not None:
-        located, matched = matched_to_ground(located, lidar, session, implement.add_scan, progress)
-        if matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting):
-            # With the stated mounting the implement was looked for on another side of the vehicle.
-            implement = ImplementTracker(_with_mounting(session, matched.mounting), earlier)
-            _each(lidar.scans(), implement)
-        watch.lap("matching")
-    else:
-        _each(watched(lidar.scans(), lidar, progress, "reading scans"), implement)
+    lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
+    located, matched, implement = _match(opened, guess, lidar, progress)
+    watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
     placer = placer_of(located, matched.mounting if matched is not None else session.lidar.mounting)
     sink.begin(frame, placer.origin_m)
-    ranges = matched.ranges if matched is not None else None
-    scans = lidar.scans() if ranges is None else map(ranges.corrected, lidar.scans())
-    scans = watched(ahead(implement.following(scans), SCANS_AHEAD), lidar, progress, "placing points")
+    scans = watched(
+        ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
+    )
     with behind(sink.add, SCANS_AHEAD) as add:
         placement = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)
-    work = implement.work(located.trajectory, frame, boundary, external[0] if external is not None else None)
+    work = implement.work(located.trajectory, frame, boundary, states)
     watch.lap("work")
-    notices = [
-        *positions.notices,
-        *located.notices,
-        *lidar.notices,
-        *session_notices(session, located, matched=matched is not None),
-    ]
-    notices += [*gap_notices(placement, located), *placement_notices(placement)]
-    notices += [*(external[1] if external is not None else ()), *work.notices]
+    notices = [*positions.notices, *located.notices, *lidar.notices]
+    notices += session_notices(session, located, matched=matched is not None)
+    notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
     return _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
+
+
+def _match(
+    opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress
+) -> tuple[Located, Matched | None, ImplementTracker]:
+    """Read the scans once: match them to the ground, and collect those that show the implement."""
+    session = opened.session
+    earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
+    implement = ImplementTracker(session, earlier)
+    if guess.antenna is None:
+        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
+            implement.add_scan(scan)
+        return guess, None, implement
+    located, matched = matched_to_ground(guess, lidar, session, implement.add_scan, progress)
+    if matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting):
+        # With the stated mounting the implement was looked for on another side of the vehicle.
+        implement = ImplementTracker(_with_mounting(session, matched.mounting), earlier)
+        for scan in lidar.scans():
+            implement.add_scan(scan)
+    return located, matched, implement
+
+
+def _corrected(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
+    """The scans without the range offsets of their lasers, where matching found these."""
+    if matched is None or matched.ranges is None:
+        return lidar.scans()
+    return map(matched.ranges.corrected, lidar.scans())
 
 
 def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
@@ -113,14 +125,13 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame)
     boundary = field_boundary(opened.inputs.boundary, opened.frame)
-    external = external_states(opened.inputs.states, session, located.trajectory)
-    assert external is not None
+    states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
     progress("work", 0.0)
-    known = FieldWork(boundary=boundary, external=external[0])
+    known = FieldWork(boundary=boundary, external=states)
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *external[1], *work.notices]
+    notices = [*positions.notices, *located.notices, *state_notices, *work.notices]
     return _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
 
 
@@ -181,11 +192,6 @@ def placer_of(located: Located, mounting: Mounting) -> Placer:
     return Placer(located.trajectory, mounting, (e, n, h))
 
 
-def _each(scans: Iterable[Scan], implement: ImplementTracker) -> None:
-    for scan in scans:
-        implement.add_scan(scan)
-
-
 def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
     """Whether the yaw ambiguity of the mounting was resolved otherwise than stated."""
     forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
@@ -207,10 +213,17 @@ def _result(
     watch: _StopWatch,
     matched: Matched | None = None,
 ) -> RunResult:
-    unique = tuple(dict.fromkeys(notices))
-    inputs = opened.inputs.all
     return RunResult(
-        opened.session, inputs, opened.frame, located, placement, work, clocks, unique, watch.laps_s, matched
+        session=opened.session,
+        inputs=opened.inputs.all,
+        frame=opened.frame,
+        located=located,
+        placement=placement,
+        work=work,
+        clocks=clocks,
+        notices=tuple(dict.fromkeys(notices)),
+        timings_s=watch.laps_s,
+        matched=matched,
     )
 
 

@@ -1,4 +1,4 @@
-"""What a run could not know, and what of the recording is not in its cloud."""
+"""Warnings and errors of a run: what the session does not state, and which scans are not in the cloud."""
 
 from __future__ import annotations
 
@@ -10,142 +10,135 @@ from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
 
 def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session) -> None:
-    """A cloud without points is no cloud: say why, with both clocks' spans.
+    """Refuse a cloud without points, with the reason.
 
     Raises:
-        InputError: if not a single point was placed.
+        InputError: if no point was placed.
     """
     if placement.points:
         return
     if not placement.points_read:
         raise InputError(
-            f"{', '.join(session.recording.lidar)}: no laser returns in it.",
+            f"{', '.join(session.recording.lidar)}: no laser returns.",
             "There is nothing to place.",
-            "`furrowmap inspect` says what the file holds; perhaps another capture is the recording.",
+            "Check with `furrowmap inspect` what the file holds; another capture may be the recording.",
             code="no-points",
         )
     if placement.scans_standing:
         raise InputError(
-            f"The vehicle stands in all {placement.scans_standing} scans.",
-            "Scans at a stand are left out, so nothing remains.",
+            f"The vehicle stands still in all {placement.scans_standing} scans.",
+            "Scans of a standing vehicle are left out, so the cloud is empty.",
             "Set `[run] standing = true` to keep them.",
             code="only-standing",
         )
-    raise _no_common_time(
-        ClockReading(Clock.SENSOR, placement.first_s, placement.last_s),
-        trajectory,
-        session.recording.lidar_minus_gnss_s,
-    )
+    scans = ClockReading(Clock.SENSOR, placement.first_s, placement.last_s)
+    raise _no_common_time(scans, trajectory, session.recording.lidar_minus_gnss_s)
 
 
 def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float) -> InputError:
-    """Why no scan has a pose; the scans' span is that by the trajectory's clock, after the `stated_s` offset."""
+    """Why no scan has a pose.
+
+    Args:
+        scans: span of the scans, by the clock of the trajectory.
+        trajectory: of the vehicle.
+        stated_s: clock offset in the session, which has been subtracted from the times of the scans.
+    """
     begin_s, end_s = trajectory.span_s
     spans = (
         f"The scans ({iso_utc(scans.first_s)} to {iso_utc(scans.last_s)}"
-        f"{f', {stated_s:+g} s of lidar_minus_gnss_s taken off' if stated_s else ''}) and the positions "
+        f"{f', after subtracting lidar_minus_gnss_s = {stated_s:+g} s' if stated_s else ''}) and the positions "
         f"({iso_utc(begin_s)} to {iso_utc(end_s)})"
     )
+    meaning = "A scan cannot be placed without a position at its time."
     if scans.first_s <= end_s and scans.last_s >= begin_s:
         return InputError(
-            f"{spans} overlap, but where the scans are the positions have a gap.",
-            "Without a position at its time no scan can be placed.",
-            "See with `furrowmap inspect` where the receiver had no fix; other qualities may help (`[run] fixes`).",
+            f"{spans} overlap, but the positions have a gap at the time of the scans.",
+            meaning,
+            "Check with `furrowmap inspect` where the receiver had no fix; set `[run] fixes` to use other fix types.",
             code="no-common-time",
         )
     likely = likely_offset(scans, ClockReading(Clock.GNSS, begin_s, end_s))
     if likely is None:
-        remedy = "Name files of one drive; no usual difference of clocks (hours, leap seconds, days) explains it."
+        remedy = "Use files of the same drive; no common clock offset (hours, leap seconds, days) explains the gap."
     else:
         offset_s, cause = likely
         remedy = (
-            f"If they are of one drive, the scanner's clock is off by {cause}: write "
+            f"If the files are of the same drive, the scanner's clock is off by {cause}: set "
             f"`[recording] lidar_minus_gnss_s = {stated_s + offset_s:.1f}`."
         )
-    return InputError(
-        f"{spans} have no time in common.",
-        "Without a position at its time no scan can be placed.",
-        remedy,
-        code="no-common-time",
-    )
+    return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")
 
 
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
-    """What a run could not know, and what of the session it has no use for."""
+    """What the session does not state, and which of its files are not used.
+
+    Args:
+        session: the session.
+        located: the trajectory.
+        matched: whether the scans were matched to the ground.
+    """
     notices = []
-    if located.source == "file" and session.recording.gnss:
-        notices.append(
-            Notice("gnss-unused", "The trajectory comes from [trajectory]: the GNSS log is not used for it.")
+    from_gnss = located.source == "gnss"
+    if not from_gnss and session.recording.gnss:
+        notices.append(Notice("gnss-unused", "The GNSS log is not used: the trajectory comes from [trajectory]."))
+    if from_gnss and not matched:
+        text = (
+            "Roll and pitch are assumed to be zero and the height is that of the antenna: GNSS alone does not show the "
+            "tilt of the vehicle."
         )
-    if located.source == "gnss" and not matched:
-        notices.append(
-            Notice(
-                "level-assumed",
-                "Roll and pitch are taken as zero and the height is the antenna's: GNSS alone does not show how the "
-                "vehicle leans.",
-            )
+        notices.append(Notice("level-assumed", text))
+    if from_gnss and session.antenna is None:
+        text = (
+            "The session does not state the position of the antenna ([antenna] xyz_m). It is assumed to be at the "
+            "origin of the vehicle frame, so heights are those of the antenna."
         )
-    if located.source == "gnss" and session.antenna is None:
-        notices.append(
-            Notice(
-                "antenna-unknown",
-                "The session does not say where the antenna stands ([antenna] xyz_m): it is taken as the vehicle's "
-                "origin, and heights are the antenna's.",
-            )
+        notices.append(Notice("antenna-unknown", text))
+    if session.lidar.mounting == Mounting():
+        text = (
+            "The session does not state the mounting of the scanner ([lidar] xyz_m, rpy_deg). Its frame is assumed to "
+            "be the vehicle frame."
         )
-    if session.lidar.mounting.xyz_m == (0.0, 0.0, 0.0) and session.lidar.mounting.rpy_deg == (0.0, 0.0, 0.0):
-        notices.append(
-            Notice(
-                "mounting-identity",
-                "The session does not say how the scanner is mounted ([lidar] xyz_m, rpy_deg): its frame is taken as "
-                "the vehicle's.",
-            )
-        )
+        notices.append(Notice("mounting-identity", text))
     return notices
 
 
 def gap_notices(placement: Placement, located: Located) -> list[Notice]:
-    """The gaps into which scans fall."""
+    """Gaps of the trajectory during the scans."""
     gaps = located.trajectory.gaps_s
     inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
     if not len(inside):
         return []
     length = inside[:, 1] - inside[:, 0]
     longest = int(np.argmax(length))
-    return [
-        Notice(
-            "gaps",
-            f"Positions are missing for {length.sum():.1f} s of the scans' time (gaps: {len(inside)}, the longest "
-            f"{length[longest]:.1f} s from {iso_utc(float(inside[longest, 0]))}); scans in them have no pose.",
-        )
-    ]
+    text = (
+        f"Positions are missing for {length.sum():.1f} s during the scans ({len(inside)} gaps, the longest of "
+        f"{length[longest]:.1f} s from {iso_utc(float(inside[longest, 0]))}). Scans in gaps have no pose."
+    )
+    return [Notice("gaps", text)]
 
 
 def placement_notices(placement: Placement) -> list[Notice]:
-    """What of the recording is not in the cloud."""
+    """Scans and points that are not in the cloud."""
     notices = []
     if placement.points_without_pose:
-        share = placement.points_without_pose / placement.points_read
-        in_gaps = placement.points_without_pose - placement.points_outside
-        notices.append(
-            Notice(
-                "points-without-pose",
-                f"{placement.points_without_pose:,} of {placement.points_read:,} points ({share:.1%}) are not in the cloud, "
-                f"because no pose is known at their time: {placement.points_outside:,} before the positions begin or after "
-                f"they end, {in_gaps:,} in gaps between them.",
-            )
+        lost, outside = placement.points_without_pose, placement.points_outside
+        text = (
+            f"{lost:,} of {placement.points_read:,} points ({lost / placement.points_read:.1%}) are not in the cloud "
+            f"because they have no pose: {outside:,} before the first or after the last position, "
+            f"{lost - outside:,} in gaps between positions."
         )
+        notices.append(Notice("points-without-pose", text))
     if placement.scans_standing:
-        notices.append(
-            Notice(
-                "standing-left-out",
-                f"{placement.scans_standing} scans at a stand ({placement.points_standing} points) are left out, as asked.",
-            )
+        text = (
+            f"{placement.scans_standing} scans of the standing vehicle ({placement.points_standing} points) are left "
+            "out, as requested."
         )
+        notices.append(Notice("standing-left-out", text))
     return notices

@@ -92,11 +92,11 @@ def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
 
 def external_states(
     paths: Sequence[Path], session: Session, trajectory: Trajectory
-) -> tuple[ToolStates, tuple[Notice, ...]] | None:
-    """The states in the files that the session names, by the clock of the positions, and what is odd about them.
+) -> tuple[ToolStates | None, tuple[Notice, ...]]:
+    """Tool states from the files that the session names, by the clock of the positions, and warnings about them.
 
     Args:
-        paths: the files; none where the session names none.
+        paths: the files; without any there are no states.
         session: says which task of several, and how the clocks differ.
         trajectory: of the vehicle: a state that lasts to the end of the drive ends with it.
 
@@ -104,7 +104,7 @@ def external_states(
         InputError: if they cannot be read, hold no states, or none in the time of the trajectory.
     """
     if not paths:
-        return None
+        return None, ()
     assert session.implement is not None
     reader = open_recording(paths, ReadOptions(task=session.recording.task))
     if not isinstance(reader, GivesStates):

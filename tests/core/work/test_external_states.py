@@ -59,7 +59,7 @@ def test_table__gives_back_the_states_it_was_written_from(
     path = tmp_path_factory.mktemp("table") / "states.csv"
     write_states(path, states)
     found = external_states([path], session(), TRAJECTORY)
-    assert found is not None
+    assert found[0] is not None
     known = states.state != ToolState.UNKNOWN
     assert found[0].common_share == 0.3
     for name in ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s"):
@@ -72,7 +72,7 @@ def test_table__gives_the_same_polygons_as_the_states_seen(tmp_path: Path) -> No
     assert work.states is not None
     write_states(tmp_path / "states.csv", work.states)
     found = external_states([tmp_path / "states.csv"], session(), TRAJECTORY)
-    assert found is not None
+    assert found[0] is not None
     unseen = replace(work, seen=None, history=None, ground=None)
     again = with_ground(replace(unseen, external=found[0]), TRAJECTORY, FRAME, TILLER).ground
     assert again is not None
@@ -89,7 +89,7 @@ def test_last_state__ends_with_the_drive(tmp_path: Path) -> None:
     path = tmp_path / "states.csv"
     path.write_text(f"t_s,state\n{BEGIN_S + 5.0!r},down\n")
     found = external_states([path], session(), TRAJECTORY)
-    assert found is not None
+    assert found[0] is not None
     assert found[0].end_s.tolist() == [TRAJECTORY.span_s[1]]
 
 
@@ -132,7 +132,7 @@ def test_a_clock_that_is_off__is_refused_with_what_would_fit(tmp_path: Path) -> 
     assert error.value.code == "no-common-time"
     assert "states_minus_gnss_s = 32400.0" in error.value.remedy
     found = external_states([path], session(ahead_s=32_400.0), TRAJECTORY)
-    assert found is not None
+    assert found[0] is not None
     assert found[0].begin_s == pytest.approx(states_of(TRAJECTORY, *DOWN_S).begin_s, abs=1e-5)
 
 
