@@ -192,11 +192,7 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
 
 
 def _target_crs(edit: FarmEdit, wanted: CRS | None) -> CRS | None:
-    """The CRS of the farm map; None for a new one without `wanted`.
-
-    Raises:
-        RefusedError: if it has another one than `wanted`.
-    """
+    """The CRS of the farm map; None for a new one without `wanted`."""
     current = edit.crs()
     if current is not None and wanted is not None and not current.equals(wanted, ignore_axis_order=True):
         raise RefusedError(

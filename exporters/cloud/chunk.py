@@ -107,15 +107,10 @@ def differs(column: NDArray[Any]) -> bool:
 
 def _first_record(points: Columns) -> bytes:
     """The first point as a LAS record."""
-    record = FIRST.pack(
-        points.x[0],
-        points.y[0],
-        points.z[0],
-        points.intensity[0],
-        points.returns[0],
-        points.classification[0],
-        points.point_source_id[0],
-        points.gps_time[0],
-    )
+    columns = (
+        points.x, points.y, points.z, points.intensity, points.returns, points.classification,
+        points.point_source_id, points.gps_time,
+    )  # fmt: skip
+    record = FIRST.pack(*(column[0] for column in columns))
     colour = b"" if points.rgb is None else points.rgb[:, 0].astype("<u2").tobytes()
     return record + colour + points.extra[:, 0].tobytes()

@@ -153,10 +153,8 @@ class Octree:
         self._spilled()
         cube = self._enclose()
         if self._spool is None or self._thread is None:
-            self._spool, self._thread = (
-                RecordSpool(self._buffer.dtype, self._limits.folder),
-                ThreadPoolExecutor(1, "spill"),
-            )
+            self._spool = RecordSpool(self._buffer.dtype, self._limits.folder)
+            self._thread = ThreadPoolExecutor(1, "spill")
             self._spill(self._spool, cube, self._buffer[:half])
             self._first = half
         full = self._buffer[self._first : self._end]
@@ -165,11 +163,7 @@ class Octree:
         self._held = self._first
 
     def _spilled(self) -> None:
-        """Wait for the thread that writes to the file.
-
-        Raises:
-            OSError: if it cannot be written.
-        """
+        """Wait for the thread that writes to the file."""
         if self._spilling is not None:
             self._spilling.result()
             self._spilling = None

@@ -66,8 +66,9 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
 def _add_style(document: ET.Element, layer: str) -> None:
     line, fill = _COLOURS.get(layer, _PLAIN)
     style = ET.SubElement(document, "Style", id=layer)
-    _text(ET.SubElement(style, "LineStyle"), "color", line)
-    _text(style.find("LineStyle"), "width", "2")
+    stroke = ET.SubElement(style, "LineStyle")
+    _text(stroke, "color", line)
+    _text(stroke, "width", "2")
     _text(ET.SubElement(style, "PolyStyle"), "color", fill)
 
 
@@ -135,6 +136,5 @@ def _field_text(value: Any) -> str | None:
     return f"{value:.4f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
-def _text(parent: ET.Element | None, tag: str, text: str) -> None:
-    assert parent is not None
+def _text(parent: ET.Element, tag: str, text: str) -> None:
     ET.SubElement(parent, tag).text = printable(text)

@@ -252,9 +252,8 @@ def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
         (EFFECTIVE_TIME, "16", "Time at work"),
         (EFFECTIVE_TIME + 1, "16", "Other time"),
     )
-    for number, _ in enumerate(described, start=3):
-        ET.SubElement(tool, "DOR", A=str(number))
     for number, (ddi, trigger, name) in enumerate(described, start=3):
+        ET.SubElement(tool, "DOR", A=str(number))
         ET.SubElement(device, "DPD", A=str(number), B=f"{ddi:04X}", C="1", D=trigger, E=name)
 
 

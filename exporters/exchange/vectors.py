@@ -119,11 +119,7 @@ def _write_flatgeobuf(path: Path, layer: gpd.GeoDataFrame) -> None:
 
 
 def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
-    """GeoParquet 1.1, compressed by zstandard, with the bounding box of each row.
-
-    Raises:
-        FurrowmapError: if pyarrow is not installed.
-    """
+    """GeoParquet 1.1, compressed by zstandard, with the bounding box of each row."""
     try:
         layer.to_parquet(path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True)
     except ImportError:

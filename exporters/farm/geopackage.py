@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import getpass
-import json
 import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
@@ -29,7 +27,7 @@ from furrowmap.exporters.farm.database import (
 )
 from furrowmap.exporters.farm.edit import KNOWN_COLUMNS, LAYER_SETTING, SCHEMA, SETTINGS, KnownSession, row_of
 from furrowmap.exporters.farm.lock import exclusive
-from furrowmap.exporters.farm.project import PROJECT
+from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio
@@ -188,15 +186,16 @@ class GeopackageEdit:
         """Store the project where QGIS looks for it; one that a user has changed stays."""
         self._begin()
         content = archive.hex()  # as QGIS itself writes and expects it
-        moment = dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%S")
-        metadata = json.dumps({"last_modified_time": moment, "last_modified_user": _user()})
         with self._open() as database:
             database.execute(
                 "CREATE TABLE IF NOT EXISTS qgis_projects(name TEXT PRIMARY KEY, metadata BLOB, content BLOB)"
             )
             stored = database.execute("SELECT content FROM qgis_projects WHERE name = ?", (PROJECT,)).fetchone()
             if stored is None or (stored[0] != content and is_unchanged(database, "project", str(stored[0]))):
-                database.execute("INSERT OR REPLACE INTO qgis_projects VALUES (?, ?, ?)", (PROJECT, metadata, content))
+                database.execute(
+                    "INSERT OR REPLACE INTO qgis_projects VALUES (?, ?, ?)",
+                    (PROJECT, project_metadata(_user()), content),
+                )
                 store_hash(database, "project", content)
 
     def finish(self) -> None:

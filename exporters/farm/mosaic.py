@@ -140,11 +140,7 @@ def write_mosaic(
 
 
 def _target_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
-    """The CRS of the mosaic, with the heights of the surfaces.
-
-    Raises:
-        RefusedError: if the surfaces have several and none is asked for, or have several height systems.
-    """
+    """The CRS of the mosaic, with the heights of the surfaces."""
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
         raise RefusedError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final
@@ -29,7 +28,7 @@ from furrowmap.exporters.farm.edit import (
     check_schema,
     row_of,
 )
-from furrowmap.exporters.farm.project import PROJECT
+from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
@@ -193,8 +192,7 @@ class PostgisEdit:
         stored = self._one(SQL("SELECT content FROM {} WHERE name = %s").format(table), PROJECT)
         if stored is not None and (bytes(stored) == archive or self._setting("project") != _hash(bytes(stored))):
             return
-        moment = dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%S")
-        metadata = json.dumps({"last_modified_time": moment, "last_modified_user": self._connection.info.user})
+        metadata = project_metadata(self._connection.info.user)
         query = SQL(
             "INSERT INTO {} VALUES (%s, %s, %s) "
             "ON CONFLICT (name) DO UPDATE SET metadata = excluded.metadata, content = excluded.content"
@@ -203,11 +201,7 @@ class PostgisEdit:
         self._set("project", _hash(archive))
 
     def _postgis(self) -> str:
-        """The schema of the extension.
-
-        Raises:
-            InputError: if the database has none.
-        """
+        """The schema of the extension."""
         schema = self._one(
             "SELECT nspname FROM pg_extension JOIN pg_namespace n ON n.oid = extnamespace WHERE extname = 'postgis'"
         )
@@ -272,11 +266,7 @@ class PostgisEdit:
         self._set(f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode()))
 
     def _srid(self, crs: CRS) -> int:
-        """PostGIS's number of a CRS.
-
-        Raises:
-            RefusedError: if PostGIS does not know it.
-        """
+        """PostGIS's number of a CRS."""
         code = crs.to_epsg()
         known = SQL("SELECT srid FROM {}.spatial_ref_sys WHERE auth_name = 'EPSG' AND auth_srid = %s")
         srid = None if code is None else self._one(known.format(Identifier(self._extension)), code)

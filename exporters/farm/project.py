@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import io
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -56,6 +57,12 @@ class ProjectLayer:
     def id(self) -> str:
         """Its name within the project."""
         return f"furrowmap_{self.name}"
+
+
+def project_metadata(user: str) -> str:
+    """The JSON that QGIS stores beside a project."""
+    moment = dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    return json.dumps({"last_modified_time": moment, "last_modified_user": user})
 
 
 def project_archive(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -49,6 +50,11 @@ TRAJECTORY: Final = "trajectory"
 def style_of(raster: str) -> str:
     """Name of the style file beside a raster, which QGIS loads with it."""
     return str(Path(raster).with_suffix(".qml"))
+
+
+def packaged_style(name: str) -> str:
+    """A QGIS style of this package."""
+    return files("furrowmap.exporters").joinpath("styles", name).read_text("utf-8")
 
 
 RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS)

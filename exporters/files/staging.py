@@ -91,28 +91,27 @@ def recover(folder: Path) -> None:
     process = owner.get("process")
     foreign = owner.get("host") == platform.node() and process != os.getpid()
     if foreign and isinstance(process, int) and is_running(process):
-        raise RefusedError(
-            f"{folder}: another run (process {process}) is writing there.",
-            "Two runs into one folder would mix their products.",
-            "Wait for the other run, or choose another folder with -o.",
-            code="output-busy",
-        )
+        raise _busy(folder, f"another run (process {process}) is writing there")
     if (staging / _COMPLETE).exists():
         _move_in(folder)
     else:
         shutil.rmtree(staging)
 
 
+def _busy(folder: Path, what: str) -> RefusedError:
+    return RefusedError(
+        f"{folder}: {what}.",
+        "Two runs into one folder would mix their products.",
+        "Wait for the other run, or choose another folder with -o.",
+        code="output-busy",
+    )
+
+
 def _claim(staging: Path) -> None:
     try:
         staging.mkdir()
     except FileExistsError:
-        raise RefusedError(
-            f"{staging.parent}: another run has just started to write there.",
-            "Two runs into one folder would mix their products.",
-            "Wait for the other run, or choose another folder with -o.",
-            code="output-busy",
-        ) from None
+        raise _busy(staging.parent, "another run has just started to write there") from None
     (staging / _OWNER).write_text(json.dumps({"host": platform.node(), "process": os.getpid()}))
 
 

@@ -40,6 +40,10 @@ _OPTIONS: Final = {
     "OVERVIEW_RESAMPLING": "AVERAGE",
     "BIGTIFF": "IF_SAFER",
 }
+_SCRATCH: Final = {
+    "driver": "GTiff", "dtype": "float32", "nodata": float("nan"), "tiled": True, "blockxsize": 256, "blockysize": 256,
+    "interleave": "band", "SPARSE_OK": "TRUE", "BIGTIFF": "IF_SAFER",
+}  # fmt: skip
 _CACHE_BYTES: Final = 64 << 20
 
 
@@ -95,21 +99,12 @@ def cog_output(
     Raises:
         OSError: if the file cannot be written.
     """
-    profile = {
-        "driver": "GTiff",
+    profile = _SCRATCH | {
         "height": grid.rows,
         "width": grid.columns,
         "count": len(bands),
-        "dtype": "float32",
-        "nodata": float("nan"),
         "crs": _raster_crs(crs),
         "transform": rasterio.Affine(*grid.transform),
-        "tiled": True,
-        "blockxsize": 256,
-        "blockysize": 256,
-        "interleave": "band",
-        "SPARSE_OK": "TRUE",
-        "BIGTIFF": "IF_SAFER",
     }
     with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
         scratch = unfinished.with_name(f"{unfinished.name}.bands")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_pass
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import CHANGE, DSM, DSM_BEFORE, SWATHS, style_of
+from furrowmap.exporters.files.result_folder import CHANGE, DSM, DSM_BEFORE, SWATHS, packaged_style, style_of
 from furrowmap.exporters.rasters.cog import (
     STANDARD_ERROR,
     SURFACE_BANDS,
@@ -105,8 +104,7 @@ def write_rasters(
     if differences is None:
         (folder / SWATHS).unlink()
     for name in (*bands, *([SWATHS] if differences is not None else [])):
-        style = files("furrowmap.exporters").joinpath("styles", STYLES[name]).read_text(encoding="utf-8")
-        (folder / style_of(name)).write_text(style, encoding="utf-8")
+        (folder / style_of(name)).write_text(packaged_style(STYLES[name]), encoding="utf-8")
     return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, differences)
 
 

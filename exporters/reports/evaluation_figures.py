@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.evaluation.evaluation import Evaluation
-from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Row, Table
+from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Row
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 
@@ -50,7 +50,7 @@ def evaluation_figures(found: Evaluation) -> dict[str, Any]:
             "every_other_epoch_median_m": _metres(matched.interpolation_m[0]),
             "every_other_epoch_p95_m": _metres(matched.interpolation_m[1]),
         },
-        "tables": {kind: _table(rows) for kind, rows in found.tables.items()},
+        "tables": {kind: {name: _row(row) for name, row in rows.items()} for kind, rows in found.tables.items()},
         "stated_sigmas": _rounded(found.within_sigmas) if found.within_sigmas else None,
         "test_ahead_s": (
             {"estimate": round(found.time_ahead_s[0], 4), "standard_error": round(found.time_ahead_s[1], 4)}
@@ -68,16 +68,7 @@ def evaluation_figures(found: Evaluation) -> dict[str, Any]:
             "longest_gap_s": round(log.longest_gap_s, 3),
             "all_gaps_s": round(log.all_gaps_s, 3),
             "gap_list": [{"begin": iso_utc(gap.begin_s), "length_s": round(gap.length_s, 3)} for gap in log.gap_list],
-            "age_of_corrections": (
-                {
-                    "epochs": log.age.epochs,
-                    "median_s": round(log.age.median_s, 2),
-                    "p95_s": round(log.age.p95_s, 2),
-                    "greatest_s": round(log.age.greatest_s, 2),
-                }
-                if log.age
-                else None
-            ),
+            "age_of_corrections": _rounded(vars(log.age), 2) if log.age else None,
         },
         "warnings": found.notices,
     }
@@ -102,27 +93,13 @@ def write_epochs(path: Path, found: Evaluation) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEADER)
         for k, t_s in enumerate(matched.t_s.tolist()):
-            table.writerow(
-                [
-                    iso_utc(t_s),
-                    repr(t_s),
-                    *(column[k] for column in numbers),
-                    labels[int(found.fix[k])],
-                    labels[int(matched.reference_fix[k])],
-                    int(matched.interpolated[k]),
-                    *(column[k] for column in sigmas),
-                    _cell(float(found.age_s[k])),
-                    int(found.outlier[k]),
-                ]
-            )
+            fixes = labels[int(found.fix[k])], labels[int(matched.reference_fix[k])], int(matched.interpolated[k])
+            last = *(column[k] for column in sigmas), _cell(float(found.age_s[k])), int(found.outlier[k])
+            table.writerow([iso_utc(t_s), repr(t_s), *(column[k] for column in numbers), *fixes, *last])
 
 
 def _cell(value: float) -> str:
     return f"{value:.4f}" if math.isfinite(value) else ""
-
-
-def _table(rows: Table) -> dict[str, Any]:
-    return {quantity: _row(row) for quantity, row in rows.items()}
 
 
 def _row(row: Row) -> dict[str, Any]:

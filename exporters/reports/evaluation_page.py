@@ -60,7 +60,7 @@ def page(found: Evaluation) -> str:
         section("Errors over time", _graphs(found)),
         section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
         section("Continuity", _continuity(found)),
-        section("Definitions", _definitions()),
+        section("Definitions", _list([f"{name}: {text}" for name, text in DEFINITIONS.items()])),
         *([section("Warnings", _list([notice.text for notice in found.notices]))] if found.notices else []),
     ]
     return filled(
@@ -83,9 +83,9 @@ def _by(service: str) -> str:
 
 
 def _kind(kind: str) -> str:
-    return (
-        "All kinds of fix" if kind == "all" else kind.upper() if kind in ("ppp", "dgps", "pps") else kind.capitalize()
-    )
+    if kind == "all":
+        return "All kinds of fix"
+    return kind.upper() if kind in ("ppp", "dgps", "pps") else kind.capitalize()
 
 
 def _figures(found: Evaluation) -> list[str]:
@@ -234,10 +234,6 @@ def _continuity(found: Evaluation) -> str:
 
 def _cell(text: str) -> str:
     return f'<td style="white-space: normal; text-align: left">{escape(text)}</td>'
-
-
-def _definitions() -> str:
-    return _list([f"{name}: {words}" for name, words in DEFINITIONS.items()])
 
 
 def _list(texts: Sequence[str]) -> str:

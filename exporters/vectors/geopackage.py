@@ -6,7 +6,6 @@ import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +19,7 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 
 _UTC_OFFSET: Final = 100
@@ -145,8 +145,7 @@ def write_styles(path: Path, layers: Sequence[str]) -> None:
         path: of the GeoPackage.
         layers: names of layers of `field.gpkg`.
     """
-    folder = files("furrowmap.exporters").joinpath("styles")
-    store_styles(path, {name: folder.joinpath(f"{name}.qml").read_text("utf-8") for name in layers})
+    store_styles(path, {name: packaged_style(f"{name}.qml") for name in layers})
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
@@ -195,11 +194,7 @@ def _pack(path: Path) -> None:
 
 
 def _check(path: Path, counts: Mapping[str, int]) -> None:
-    """Check the file and its number of features.
-
-    Raises:
-        OSError: if they differ from what was written.
-    """
+    """Check the file and its number of features."""
     with closing(sqlite3.connect(path)) as database:
         verdict = database.execute("PRAGMA integrity_check").fetchone()[0]
         found = {name: database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0] for name in counts}  # noqa: S608
