@@ -88,7 +88,8 @@ def columns_of(parts: Sequence[Chosen]) -> Columns:
             for column, name in zip(rgb, COLOUR, strict=True):
                 column[start:end] = part.records[name][part.members]
         start = end
-    return Columns(*numbers, rgb=rgb, extra=extra)
+    x, y, z, intensity, returns, classification, point_source_id, gps_time = numbers
+    return Columns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
 
 
 @numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
