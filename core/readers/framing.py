@@ -25,9 +25,9 @@ class Framing(NamedTuple):
     """Where the parts of a frame are, as byte offsets from its start.
 
     Attributes:
-        sync_1, sync_2: the two bytes that a frame begins with.
-        kind_high_at, kind_low_at: offsets of the bytes that state the kind of a frame.
-        kind_mask: bits of those that count.
+        sync_1, sync_2: the first two bytes of a frame.
+        kind_high_at, kind_low_at: offsets of the bytes with its kind.
+        kind_mask: the bits of those that are used.
         length_at: offset of the length, 16 bits, little-endian.
         extra: bytes of a frame that its length does not count.
         least, most: the valid range of the length.
@@ -51,7 +51,7 @@ class Framing(NamedTuple):
 
     @property
     def sync(self) -> bytes:
-        """The bytes that a frame begins with."""
+        """The first two bytes of a frame."""
         return bytes((self.sync_1, self.sync_2))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +16,36 @@ from furrowmap.core.readers.source import Source
 CHUNK_BYTES: Final = 1 << 22
 
 
+Kind = TypeVar("Kind")
+
+
 @dataclass
-class FrameCounts:
-    """Counts over a stream.
+class MessageCounts(Generic[Kind]):
+    """Counts over a stream of messages.
 
     Attributes:
-        kinds: intact frames by their kind.
-        bad: frames with a wrong checksum or length.
-        cut: frames that the stream's end cuts.
-        frame_bytes: bytes of intact frames.
+        kinds: intact messages by kind.
+        bad: messages with a wrong checksum or length.
+        cut: messages that are not complete.
+        message_bytes: bytes that belong to messages.
         stream_bytes: all bytes.
     """
 
-    kinds: Counter[int] = field(default_factory=Counter)
+    kinds: Counter[Kind] = field(default_factory=Counter)
     bad: int = 0
     cut: int = 0
-    frame_bytes: int = 0
+    message_bytes: int = 0
     stream_bytes: int = 0
 
     @property
     def intact(self) -> int:
-        """Number of intact frames."""
+        """Number of intact messages."""
         return self.kinds.total()
 
     @property
     def other_bytes(self) -> int:
-        """Bytes that belong to no intact frame."""
-        return self.stream_bytes - self.frame_bytes
+        """Bytes that belong to no message."""
+        return self.stream_bytes - self.message_bytes
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class Messages:
 
 
 def read_messages(
-    source: Source, framing: Framing, layouts: Mapping[int, np.dtype[np.void]], counts: FrameCounts
+    source: Source, framing: Framing, layouts: Mapping[int, np.dtype[np.void]], counts: MessageCounts[int]
 ) -> dict[int, list[Messages]]:
     """The messages of some kinds in a stream, piece by piece.
 
@@ -98,7 +101,7 @@ def read_messages(
         counts.kinds.update(dict(zip(kinds.tolist(), times.tolist(), strict=True)))
         counts.bad += frames.bad
         counts.cut += frames.cut
-        counts.frame_bytes += frames.intact_bytes
+        counts.message_bytes += frames.intact_bytes
         counts.stream_bytes += len(block)
         for kind, layout in layouts.items():
             of_kind = frames.kind == kind

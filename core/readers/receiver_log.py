@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.framing import Framing, find_frames
-from furrowmap.core.readers.messages import FrameCounts, Messages, read_messages
+from furrowmap.core.readers.messages import MessageCounts, Messages, read_messages
 from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.errors import InputError, Notice
@@ -67,11 +67,11 @@ class ReceiverLog(PositionLog):
         """Name of a kind of message."""
 
     @abstractmethod
-    def _no_position_messages(self, name: str, frames: str, counts: FrameCounts) -> InputError:
+    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
         """The error of a log without messages with positions; `frames` describes those it has."""
 
     def _read(self, paths: list[Path]) -> Positions:
-        counts = FrameCounts()
+        counts = MessageCounts[int]()
         parts: dict[int, list[Messages]] = {kind: [] for kind in self.layouts}
         ends: list[int] = []
         for source in self._sources(paths):

@@ -44,7 +44,7 @@ class NmeaLog(PositionLog):
             return 0.0
         counts = SentenceCounts()
         sentences, _ = scan_bytes(head.data, counts)
-        share = counts.nmea_bytes / len(head.data)
+        share = counts.message_bytes / len(head.data)
         if len(sentences) and share >= MOST_OTHER_BYTES:
             return 0.9
         return 0.6 if share >= LEAST_NMEA_BYTES and len(sentences.of(Kind.GGA)) else 0.0
@@ -69,7 +69,7 @@ class NmeaLog(PositionLog):
             "talkers": _by(counts, lambda address: "proprietary" if address.startswith("P") else address[:2]),
             "sentences": _by(counts, lambda address: address if address.startswith("P") else address[2:]),
             "intact": counts.intact,
-            "bad_checksums": counts.bad_checksums,
+            "bad_checksums": counts.bad,
             "cut_or_without_checksum": counts.cut,
             "begun_in_mid_line": counts.behind_cut,
             "other_bytes": counts.other_bytes,
@@ -81,18 +81,18 @@ class NmeaLog(PositionLog):
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
     """Number of intact sentences by a part of their address, in descending order."""
     by_part: Counter[str] = Counter()
-    for address, count in counts.addresses.items():
+    for address, count in counts.kinds.items():
         by_part[part(address)] += count
     return dict(by_part.most_common())
 
 
 def _damage_notices(counts: SentenceCounts, name: str) -> list[Notice]:
     notices = []
-    if counts.bad_checksums or counts.cut:
+    if counts.bad or counts.cut:
         notices.append(
             Notice(
                 "sentences-damaged",
-                f"{name}: {counts.bad_checksums} sentences with a wrong checksum and {counts.cut} that are truncated "
+                f"{name}: {counts.bad} sentences with a wrong checksum and {counts.cut} that are truncated "
                 "or "
                 f"have none are skipped; {counts.intact} are intact.",
             )

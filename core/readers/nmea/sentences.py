@@ -7,9 +7,8 @@ binary messages and truncated sentences may directly precede intact ones.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self
 
@@ -17,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.messages import MessageCounts
 from furrowmap.core.readers.source import Source
 
 CHUNK_BYTES: Final = 1 << 22
@@ -96,34 +96,14 @@ class Sentences:
 
 
 @dataclass
-class SentenceCounts:
-    """Counts over a stream.
+class SentenceCounts(MessageCounts[str]):
+    """Counts over a stream of sentences; their kind is the address, such as ``GNGGA`` or ``PSTI``.
 
     Attributes:
-        addresses: intact sentences by address, such as ``GNGGA`` or ``PSTI``.
-        bad_checksums: sentences with a wrong checksum.
-        cut: sentences without a checksum, because they are truncated or were written without one.
         behind_cut: intact sentences that begin where a truncated one ends, in the middle of a line.
-        nmea_bytes: bytes of all of these, line ends included.
-        stream_bytes: all bytes.
     """
 
-    addresses: Counter[str] = field(default_factory=Counter)
-    bad_checksums: int = 0
-    cut: int = 0
     behind_cut: int = 0
-    nmea_bytes: int = 0
-    stream_bytes: int = 0
-
-    @property
-    def intact(self) -> int:
-        """Number of intact sentences."""
-        return self.addresses.total()
-
-    @property
-    def other_bytes(self) -> int:
-        """Bytes that belong to no sentence."""
-        return self.stream_bytes - self.nmea_bytes
 
 
 def read_sentences(source: Source, counts: SentenceCounts, base: int = 0) -> Iterator[Sentences]:
@@ -164,11 +144,11 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
     sums = np.zeros(4, np.int64)
     rows, sentences, used = _scan(np.frombuffer(data, np.uint8), last, kind, talker, at, values, address, sums)
     names, times = np.unique(address[:sentences].view("S8"), return_counts=True)
-    counts.addresses.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
-    counts.bad_checksums += int(sums[_BAD])
+    counts.kinds.update({bytes(n).decode("ascii"): int(c) for n, c in zip(names, times, strict=True)})
+    counts.bad += int(sums[_BAD])
     counts.cut += int(sums[_CUT])
     counts.behind_cut += int(sums[_BEHIND])
-    counts.nmea_bytes += int(sums[_BYTES])
+    counts.message_bytes += int(sums[_BYTES])
     found = Sentences(kind[:rows], talker[:rows].view("S2").ravel(), at[:rows] + base, values[:rows])
     return found, used
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.framing import CRC, Framing
-from furrowmap.core.readers.messages import FrameCounts, Messages, at_equal, layout
+from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import Positions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.sbf.names import NAMES
@@ -107,7 +107,7 @@ class SbfLog(ReceiverLog):
         )
         return replace(positions, facts=facts)
 
-    def _no_position_messages(self, name: str, frames: str, counts: FrameCounts) -> InputError:  # noqa: ARG002
+    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
         return InputError(
             f"{name}: no positions in this SBF log ({frames}).",
             "Positions are read from PVTGeodetic or PVTCartesian; raw observations (MeasEpoch) have to be processed "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
 from furrowmap.core.readers.framing import FLETCHER, Framing
-from furrowmap.core.readers.messages import FrameCounts, Messages, at_equal, layout, paired
+from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import Positions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.ubx.names import NAMES
@@ -136,7 +136,7 @@ class UbxLog(ReceiverLog):
             return None if not np.isfinite(utc_s).all() else utc_s
         return np.where(np.isfinite(utc_s), utc_s, gps_to_utc_s(gps_s))
 
-    def _no_position_messages(self, name: str, frames: str, counts: FrameCounts) -> InputError:
+    def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
         raw = RAWX in counts.kinds
         return InputError(
             f"{name}: no positions in this UBX log ({frames}).",

@@ -517,7 +517,7 @@ def test_scan__noise_between_sentences_hides_none(bodies: list[str], data: st.Da
     counts = SentenceCounts()
     scan_bytes(stream, counts)
     expected = Counter(body.split(",")[0] for body in bodies)
-    assert expected <= counts.addresses
+    assert expected <= counts.kinds
 
 
 @given(BODIES, st.lists(st.integers(1, 600), max_size=6))
@@ -533,8 +533,8 @@ def test_scan__pieces_of_a_stream_give_what_the_whole_gives(bodies: list[str], c
         parts.append(found)
         base, rest = base + used, rest[used:]
     joined = Sentences.joined(parts)
-    assert counts.addresses == whole.addresses
-    assert (counts.bad_checksums, counts.cut) == (whole.bad_checksums, whole.cut)
+    assert counts.kinds == whole.kinds
+    assert (counts.bad, counts.cut) == (whole.bad, whole.cut)
     np.testing.assert_array_equal(joined.at, expected.at)
     np.testing.assert_array_equal(joined.values, expected.values)
 

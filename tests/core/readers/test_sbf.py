@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pyproj import Transformer
 
 from furrowmap.core.readers.framing import find_frames
-from furrowmap.core.readers.messages import FrameCounts, read_messages
+from furrowmap.core.readers.messages import MessageCounts, read_messages
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.sbf.log import LAYOUTS, SBF, SbfLog
 from furrowmap.core.readers.sbf.names import NAMES
@@ -162,7 +162,7 @@ def test_blocks__are_found_whatever_stands_between_and_wherever_the_stream_is_cu
 def test_blocks__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
     """A block at every eighth byte, each claiming 32 kB: were each read through, these 4 MB would take minutes."""
     (tmp_path / "hostile").write_bytes(b"$@\x12\x34\xa7\x4f\xfc\x7f" * 500_000)
-    counts = FrameCounts()
+    counts = MessageCounts[int]()
     with Source(tmp_path / "hostile") as source:
         read_messages(source, SBF, {}, counts)
     assert (counts.intact, counts.bad + counts.cut) == (0, 500_000)

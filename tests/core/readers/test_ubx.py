@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.framing import find_frames
-from furrowmap.core.readers.messages import FrameCounts, read_messages
+from furrowmap.core.readers.messages import MessageCounts, read_messages
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
@@ -267,7 +267,7 @@ def frame_by_hand(kind: int, payload: bytes) -> bytes:
 def test_frames__that_claim_much_are_not_read_over_and_over(tmp_path: Path) -> None:
     """A frame at every sixth byte, each claiming 8 kB: were each read through, these 6 MB would take minutes."""
     (tmp_path / "hostile").write_bytes(b"\xb5\x62\x01\x07\xff\x1f" * 1_000_000)
-    counts = FrameCounts()
+    counts = MessageCounts[int]()
     with Source(tmp_path / "hostile") as source:
         read_messages(source, UBX, {}, counts)
     assert (counts.intact, counts.bad + counts.cut) == (0, 1_000_000)
