@@ -77,7 +77,7 @@ def test_sample__has_the_area_of_its_field(shared_data: Path) -> None:
         (b"SQLite format 3\0" + b"x" * 200, "field.geojson"),
     ],
 )
-def test_no_boundary__is_told_with_the_file_and_the_reason(tmp_path: Path, content: bytes, why: str) -> None:
+def test_no_boundary__is_reported_with_the_file_and_the_reason(tmp_path: Path, content: bytes, why: str) -> None:
     file = tmp_path / "field.geojson"
     file.write_bytes(content)
     with pytest.raises(InputError, match=why) as error:
@@ -86,6 +86,6 @@ def test_no_boundary__is_told_with_the_file_and_the_reason(tmp_path: Path, conte
     assert "field.geojson" in error.value.what
 
 
-def test_missing_file__is_told(tmp_path: Path) -> None:
+def test_missing_file__is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         read_boundary(tmp_path / "nothing.geojson")

@@ -48,16 +48,16 @@ def outcome(
         opened = reader([path], OPTIONS)
         try:
             assert 0.0 <= reader.recognise(look(path)) <= 1.0
-            told = opened.inspect()
+            inspection = opened.inspect()
         except InputError as error:
             return error
         try:
             whole = opened.track() if isinstance(opened, TRACKS) else opened.poses()
         except InputError as error:
-            assert error.code in {notice.code for notice in told.notices}  # noqa: PT017 (not all are refused)
+            assert error.code in {notice.code for notice in inspection.notices}  # noqa: PT017 (not all are refused)
         else:
-            assert len(whole) == told.facts["epochs" if isinstance(opened, TRACKS) else "poses"]
-        return told
+            assert len(whole) == inspection.facts["epochs" if isinstance(opened, TRACKS) else "poses"]
+        return inspection
 
 
 @functools.cache
@@ -70,7 +70,7 @@ def piece(path: Path) -> bytes:
 @given(damage=DAMAGE)
 def test_nmea(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None:
     result = outcome(NmeaLog, damaged(piece(shared_data / "tractor_loop/gnss.nmea"), damage))
-    # A log is always told, unless the damage makes it look compressed.
+    # A log is always reported, unless the damage makes it look compressed.
     assert isinstance(result, Inspection) or result.code == "empty-file"
 
 

@@ -131,14 +131,14 @@ HELD: dict[str, tuple[int | tuple[int, int], dict[str, int], str, str, float | N
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> None:
+def test_inspect__reports_the_content_of_the_sample(name: str, shared_data: Path) -> None:
     count, fixes, first, last, path_m = HELD[name]
     path = shared_data / name
     assert NmeaLog.recognise(look(path)) > 0.5
     began = time.perf_counter()
-    told = NmeaLog([path], ReadOptions()).inspect()
+    inspection = NmeaLog([path], ReadOptions()).inspect()
     assert time.perf_counter() - began < 2.0
-    facts = told.facts
+    facts = inspection.facts
     by_line, intact = count if isinstance(count, tuple) else (count, count)
     assert facts["sentences"]["GGA"] == intact
     assert 0 <= intact - by_line <= facts["begun_in_mid_line"] + 5
@@ -146,15 +146,15 @@ def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> N
     assert facts["epochs"] == sum(fixes.values())
     assert facts["first"].removesuffix(" (no date)") == first
     assert facts["last"].removesuffix(" (no date)") == last
-    assert [clock.clock for clock in told.clocks] == ([] if " (no date)" in facts["first"] else [Clock.GNSS])
-    assert any(notice.code == "no-date" for notice in told.notices) == (" (no date)" in facts["first"])
+    assert [clock.clock for clock in inspection.clocks] == ([] if " (no date)" in facts["first"] else [Clock.GNSS])
+    assert any(notice.code == "no-date" for notice in inspection.notices) == (" (no date)" in facts["first"])
     if path_m is not None:
         assert facts["distance_m"] == pytest.approx(path_m, abs=max(0.6, 0.003 * path_m))
 
 
 def inspected(shared_data: Path, name: str) -> tuple[dict[str, Any], dict[str, str]]:
-    told = NmeaLog([shared_data / "gnss" / name], ReadOptions()).inspect()
-    return told.facts, {notice.code: notice.text for notice in told.notices}
+    inspection = NmeaLog([shared_data / "gnss" / name], ReadOptions()).inspect()
+    return inspection.facts, {notice.code: notice.text for notice in inspection.notices}
 
 
 def test_inspect__counts_types_talkers_and_damage(shared_data: Path) -> None:
@@ -172,7 +172,7 @@ def test_inspect__counts_types_talkers_and_damage(shared_data: Path) -> None:
         assert inspected(shared_data, name)[0]["bad_checksums"] == 1
 
 
-def test_inspect__tells_gaps_rate_speed_and_place(shared_data: Path) -> None:
+def test_inspect__reports_gaps_rate_speed_and_place(shared_data: Path) -> None:
     facts, notices = inspected(shared_data, "car_reference/derived_rover_rtk.nmea")
     assert facts["rate_hz"] == 5.0
     assert facts["gaps"]["count"] == 20
@@ -187,7 +187,7 @@ def test_inspect__tells_gaps_rate_speed_and_place(shared_data: Path) -> None:
     assert facts["epochs_without_position"] == 17
 
 
-def test_inspect__says_what_else_is_in_the_file(shared_data: Path) -> None:
+def test_inspect__reports_what_else_is_in_the_file(shared_data: Path) -> None:
     facts, notices = inspected(shared_data, "nmea/f9p_nmea_in_binary.log")
     assert facts["other_bytes"] == pytest.approx(1_095_124, abs=10)
     assert "88 %" in notices["bytes-skipped"]
@@ -202,7 +202,7 @@ def test_inspect__missing_separation_means_no_ellipsoidal_height(shared_data: Pa
     assert "height_m" not in facts
 
 
-def test_inspect__worthless_times_before_the_first_fix_are_told(shared_data: Path) -> None:
+def test_inspect__invalid_times_before_the_first_fix_are_reported(shared_data: Path) -> None:
     facts, notices = inspected(shared_data, "nmea/clock_jump_at_first_fix.nmea")
     assert facts["epochs_without_position"] == 7
     assert "23:59:" in notices["clock-set-at-first-fix"]
@@ -215,7 +215,7 @@ def test_inspect__time_running_back_is_dropped_and_counted(shared_data: Path) ->
     assert "time-runs-back" in notices
 
 
-def test_track__receivers_with_talkers_of_their_own_are_told_apart(shared_data: Path) -> None:
+def test_track__receivers_with_talkers_of_their_own_are_separated(shared_data: Path) -> None:
     path = shared_data / "gnss/nmea/three_receivers_interleaved_gl_gn_ga.nmea"
     reader = NmeaLog([path], ReadOptions(date="2025-09-09"))
     track = reader.track()
@@ -241,7 +241,9 @@ def test_track__receivers_under_one_talker_are_refused(shared_data: Path) -> Non
     assert "receivers-interleaved" in notices
 
 
-def test_track__receivers_that_share_talker_and_times_are_told_apart_from_pieces_in_disorder(tmp_path: Path) -> None:
+def test_track__receivers_that_share_talker_and_times_are_distinguished_from_parts_in_the_wrong_order(
+    tmp_path: Path,
+) -> None:
     both = (gga(f"1200{k // 2:02d}.00", 30 + k / 1e4 + k % 2) for k in range(80))
     with pytest.raises(InputError) as error:
         track_of(write(tmp_path, *both), date="2026-06-11")
@@ -346,12 +348,12 @@ def test_track__midnight_without_dates(tmp_path: Path) -> None:
     np.testing.assert_array_equal(track_of(path, date="2026-06-11").t_s, expected)
     np.testing.assert_array_equal(track_of(path, near_s=utc("2026-06-12T03:00:00")).t_s, expected)
     np.testing.assert_array_equal(track_of(path, near_s=utc("2026-06-11T21:00:00")).t_s, expected)
-    told = NmeaLog([path], ReadOptions()).inspect()
-    assert told.facts["span_s"] == 3.0
-    assert told.facts["last"] == "00:00:01.000 (no date)"
+    inspection = NmeaLog([path], ReadOptions()).inspect()
+    assert inspection.facts["span_s"] == 3.0
+    assert inspection.facts["last"] == "00:00:01.000 (no date)"
 
 
-def test_track__without_any_date_says_how_to_give_one(tmp_path: Path) -> None:
+def test_track__without_any_date_explains_how_to_state_one(tmp_path: Path) -> None:
     path = write(tmp_path, gga("120000.00"), gga("120001.00"))
     with pytest.raises(InputError) as error:
         track_of(path)
@@ -377,7 +379,7 @@ def test_track__dates_of_an_unset_calendar_do_not_count(tmp_path: Path) -> None:
         np.testing.assert_array_equal(track_of(path).t_s, utc("2026-06-11T10:15:00") + np.arange(2))
 
 
-def test_track__a_stated_date_that_the_sentences_contradict_is_told(tmp_path: Path) -> None:
+def test_track__a_stated_date_that_the_sentences_contradict_is_reported(tmp_path: Path) -> None:
     path = write(tmp_path, gga("120000.00"), rmc("120000.00", "110626"))
     reader = NmeaLog([path], ReadOptions(date="2026-06-12"))
     assert reader.track().t_s[0] == utc("2026-06-11T12:00:00")
@@ -471,7 +473,7 @@ def test_track__without_gga_is_refused(tmp_path: Path) -> None:
         assert error.value.code == "no-positions"
 
 
-def test_track__jumps_are_told(tmp_path: Path) -> None:
+def test_track__jumps_are_reported(tmp_path: Path) -> None:
     minutes = 30 + np.arange(40) * 1e-4
     minutes[20:] += 5 / 1852
     path = write(tmp_path, *(gga(f"1200{k:02d}.00", m, quality=5 if k < 20 else 4) for k, m in enumerate(minutes)))
@@ -575,10 +577,10 @@ def test_scan__numbers_come_back(lat: float, lon: float, tod_ms: int, altitude: 
     ],
 )
 def test_track__impossible_positions_are_none(body: str, tmp_path: Path) -> None:
-    told = NmeaLog([write(tmp_path, sentence(body))], ReadOptions(date="2026-06-11")).inspect()
-    assert told.facts["intact"] == 1
-    assert told.facts["epochs"] == 0
-    assert told.facts["epochs_without_position"] == 1
+    inspection = NmeaLog([write(tmp_path, sentence(body))], ReadOptions(date="2026-06-11")).inspect()
+    assert inspection.facts["intact"] == 1
+    assert inspection.facts["epochs"] == 0
+    assert inspection.facts["epochs_without_position"] == 1
 
 
 def test_read__an_hour_at_10_hz_is_a_matter_of_a_second(tmp_path: Path) -> None:

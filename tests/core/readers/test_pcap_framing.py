@@ -153,7 +153,7 @@ def test_capture__of_an_unknown_link_type_is_counted_not_guessed(tmp_path: Path)
         (lambda f: f[:38] + b"\0\x03" + f[40:], "damaged headers"),
     ],
 )
-def test_capture__tells_why_a_frame_gave_nothing(tmp_path: Path, damage, why: str) -> None:  # type: ignore[no-untyped-def]
+def test_capture__counts_why_a_frame_has_no_datagram(tmp_path: Path, damage, why: str) -> None:  # type: ignore[no-untyped-def]
     content: list[Frame] = [(T0, frame(b"good")), (T0 + 1, damage(frame(b"something"))), (T0 + 2, frame(b"good"))]
     found, capture = read(write_pcap(tmp_path / "a.pcap", content))
     assert [data for _, data in found] == [b"good", b"good"]
@@ -260,7 +260,7 @@ def test_pcapng__steps_over_damage_in_the_middle(tmp_path: Path) -> None:
     assert [n.code for n in capture.notices] == ["damaged-records"]
 
 
-def test_capture__in_a_cut_stream_says_so(tmp_path: Path) -> None:
+def test_capture__in_a_truncated_stream_is_reported(tmp_path: Path) -> None:
     path = write_pcap(tmp_path / "a.pcap", [(T0 + i, frame(np.random.default_rng(i).bytes(1206))) for i in range(50)])
     packed = tmp_path / "a.pcap.gz"
     packed.write_bytes(gzip.compress(path.read_bytes())[:30_000])

@@ -55,11 +55,11 @@ def refusal(path: Path, **options: Any) -> InputError:
 def test_samples__are_read_whole(name: str, count: int, gaps: int, longest_s: float, shared_data: Path) -> None:
     path = shared_data / name
     assert PoseCsv.recognise(look(path)) == 1.0
-    told = PoseCsv([path], ReadOptions()).inspect()
-    assert told.facts["poses"] == count
-    assert (told.facts["gaps"]["count"], told.facts["gaps"]["longest_s"]) == (gaps, longest_s)
-    assert told.facts["rate_hz"] == 100.0
-    assert told.notices == ()
+    inspection = PoseCsv([path], ReadOptions()).inspect()
+    assert inspection.facts["poses"] == count
+    assert (inspection.facts["gaps"]["count"], inspection.facts["gaps"]["longest_s"]) == (gaps, longest_s)
+    assert inspection.facts["rate_hz"] == 100.0
+    assert inspection.notices == ()
     track = poses(path)
     expected = np.loadtxt(path, delimiter=",", skiprows=1, usecols=range(7))
     np.testing.assert_allclose(track.t_s, expected[:, 0], rtol=0, atol=1e-6)
@@ -129,9 +129,9 @@ def test_times__gps_since_1980_or_of_a_week(tmp_path: Path) -> None:
     error = refusal(path)
     assert error.code == "no-gps-week"
     assert "week = N" in error.remedy
-    told = PoseCsv([path], ReadOptions()).inspect()
-    assert told.clocks == ()
-    assert [notice.code for notice in told.notices] == ["no-gps-week"]
+    inspection = PoseCsv([path], ReadOptions()).inspect()
+    assert inspection.clocks == ()
+    assert [notice.code for notice in inspection.notices] == ["no-gps-week"]
 
 
 def test_times__a_stated_scale_that_the_header_contradicts_is_refused(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_times__milliseconds_are_refused(tmp_path: Path) -> None:
     assert "time_unix_s" in error.what
 
 
-def test_rows__that_lack_a_number_or_repeat_a_time_are_left_out_and_told(tmp_path: Path) -> None:
+def test_rows__that_lack_a_number_or_repeat_a_time_are_dropped_and_reported(tmp_path: Path) -> None:
     given_rows = rows(300)
     given_rows[3] = given_rows[3].replace("1.5", "")
     given_rows[5] = given_rows[5].replace("200.5", "inf")
@@ -207,7 +207,7 @@ def test_files__compressed_and_cut(shared_data: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "a,b\n1,2\n", "roll,pitch\n1,2\n", HEADER, "x" * 10_000 + "\n1\n", HEADER + "\n\0\n"]
 )
-def test_recognise__says_no_to_other_text(text: str, tmp_path: Path) -> None:
+def test_recognise__rejects_other_text(text: str, tmp_path: Path) -> None:
     path = tmp_path / "other.csv"
     path.write_text(text or " ")
     assert PoseCsv.recognise(look(path)) == 0.0

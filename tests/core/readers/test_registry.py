@@ -11,7 +11,7 @@ import pytest
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording, readers
 from furrowmap.core.values.errors import InputError
 
-# Files of the folder gnss that are NMEA 0183; of the others the suffix tells the reader.
+# Files of the folder gnss that are NMEA 0183; the suffix of the others shows their reader.
 NMEA = (
     *("nmea/*", "clas/*.nmea", "car_reference/*.nmea"),
     *("walk_f9p/walk.nmea", "walk_f9p/walk_raw_mixed.log"),
@@ -47,7 +47,7 @@ def test_readers__are_all_found_and_named_apart() -> None:
     assert len(formats) == len(set(formats))
 
 
-def test_gnss_samples__are_told_or_refused(shared_data: Path) -> None:
+def test_gnss_samples__are_reported_or_refused(shared_data: Path) -> None:
     folder = shared_data / "gnss"
     nmea = {path for pattern in NMEA for path in folder.glob(pattern)}
     assert len(nmea) == 21 + 2 + 1 + 2
@@ -102,7 +102,7 @@ def test_other_formats__are_named(shared_data: Path, tmp_path: Path) -> None:
     assert "which a session names under [crs]" in refused(tmp_path / "SemiDyna2026.par").what
 
 
-def test_folder__without_a_bag_is_told_as_one(tmp_path: Path) -> None:
+def test_folder__without_a_bag_is_reported_as_one(tmp_path: Path) -> None:
     (tmp_path / "field").mkdir()
     error = refused(tmp_path / "field")
     assert (error.code, "is a folder without a ROS 2 bag" in error.what) == ("unknown-format", True)

@@ -1,4 +1,4 @@
-"""Bags that are compressed, split, killed, cut or garbled: what can be read is read, and what is lost is told."""
+"""Bags that are compressed, split, killed, cut or garbled: what can be read is read, and what is lost is reported."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ KINDS: dict[str, Make] = {
 }
 
 
-def codes(told: Any) -> set[str]:
-    return {notice.code for notice in told.notices}
+def codes(inspection: Any) -> set[str]:
+    return {notice.code for notice in inspection.notices}
 
 
-def bag_codes(told: Any) -> set[str]:
-    return {code for code in codes(told) if code.startswith("bag-")}
+def bag_codes(inspection: Any) -> set[str]:
+    return {code for code in codes(inspection) if code.startswith("bag-")}
 
 
 def counts(path: Path) -> dict[str, int]:
-    return {topic: told["messages"] for topic, told in Recognised.of(path).inspect().facts["topics"].items()}
+    return {topic: facts["messages"] for topic, facts in Recognised.of(path).inspect().facts["topics"].items()}
 
 
 WHOLE = {"/points": 3, "/fix": 6, "/imu": 1}
@@ -62,7 +62,7 @@ def test_compressed_bags_are_read_as_they_are(tmp_path: Path, kind: str, pack: C
     packed = tmp_path / "recording.packed"
     packed.write_bytes(pack(KINDS[kind](tmp_path).read_bytes()))
     inspection = Recognised.of(packed).inspect()
-    assert {topic: told["messages"] for topic, told in inspection.facts["topics"].items()} == WHOLE
+    assert {topic: facts["messages"] for topic, facts in inspection.facts["topics"].items()} == WHOLE
     assert inspection.facts["scans"]["points"] == 3 * 64
     assert inspection.facts["positions"]["epochs"] == 6
 
@@ -99,7 +99,7 @@ def test_parts_of_a_split_bag_are_read_in_the_order_of_their_numbers(tmp_path: P
     assert received == sorted(received)
 
 
-def test_a_missing_part_and_an_empty_part_are_told(tmp_path: Path) -> None:
+def test_a_missing_part_and_an_empty_part_are_reported(tmp_path: Path) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     metadata = folder / "metadata.yaml"
     text = metadata.read_text()
@@ -123,7 +123,7 @@ def test_nothing_outside_a_bag_s_folder_is_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["", "&", "rosbag2_bagfile_information: 5", "[" * 5000, "a: !!python/name:os.system"], ids=len
 )
-def test_damaged_metadata_are_told_and_done_without(tmp_path: Path, text: str) -> None:
+def test_damaged_metadata_are_reported_and_ignored(tmp_path: Path, text: str) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     (folder / "metadata.yaml").write_text(text)
     inspection = Recognised.of(folder).inspect()
@@ -131,7 +131,7 @@ def test_damaged_metadata_are_told_and_done_without(tmp_path: Path, text: str) -
     assert bag_codes(inspection) == {"bag-metadata-damaged"}
 
 
-def test_metadata_that_count_other_messages_are_told(tmp_path: Path) -> None:
+def test_metadata_that_count_other_messages_are_reported(tmp_path: Path) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     metadata = folder / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("\n  message_count: 10\n", "\n  message_count: 12\n"))
@@ -233,7 +233,7 @@ def test_every_cut_gives_the_beginning_or_a_refusal(tmp_path: Path, kind: str) -
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_a_declared_size_is_not_believed_before_the_bytes_have_come(tmp_path: Path, kind: str) -> None:
+def test_a_declared_size_is_not_trusted_before_the_bytes_are_read(tmp_path: Path, kind: str) -> None:
     """Every length field that could be blown up, blown up in turn: no allocation follows it."""
     path = KINDS[kind](tmp_path)
     data = path.read_bytes()
@@ -326,7 +326,7 @@ def test_the_fix_of_a_nav_sat_fix(tmp_path: Path, status: int, sigma_m: float | 
     assert ("gnss-fix-guessed" in codes(reader)) == (status == 2)
 
 
-def test_positions_out_of_order_are_put_in_order_and_told(tmp_path: Path) -> None:
+def test_positions_out_of_order_are_put_in_order_and_reported(tmp_path: Path) -> None:
     steps = (0, 1, 3, 2, 2, 4)
     recorded = [("/fix", T0_NS + k, nav_sat_fix(T0_NS + step * 10**8)) for k, step in enumerate(steps)]
     reader = open_recording([write_bag2(tmp_path / "bag", recorded)], ReadOptions())
@@ -334,13 +334,13 @@ def test_positions_out_of_order_are_put_in_order_and_told(tmp_path: Path) -> Non
     assert "gnss-time-back" in codes(reader)
 
 
-def test_nothing_is_told_twice(tmp_path: Path) -> None:
+def test_nothing_is_reported_twice(tmp_path: Path) -> None:
     reader = open_recording([write_bag2(tmp_path / "bag", mixed())], ReadOptions())
     reader.inspect()
-    told = list(reader.notices)
+    notices = list(reader.notices)
     reader.track()
     list(reader.scans())
-    assert reader.notices == told
+    assert reader.notices == notices
 
 
 def test_a_position_nowhere_on_earth_is_left_out(tmp_path: Path) -> None:

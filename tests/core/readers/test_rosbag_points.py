@@ -91,7 +91,7 @@ def test_every_layout_gives_the_points_that_were_put_in(
     assert not codes(decoder)
 
 
-def test_a_message_without_times_per_point_is_told() -> None:
+def test_a_message_without_times_per_point_is_reported() -> None:
     points = revolution()[["x", "y", "z", "intensity", "ring"]]
     (scan,), decoder = scans_of(cloud(np.array(points, points.dtype)))
     assert set(scan.t_s) == {T0_S}

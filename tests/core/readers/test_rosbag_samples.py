@@ -65,12 +65,12 @@ def opened_by_rosbags(path: Path) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_inspect_tells_topics_counts_and_span(shared_data: Path, name: str) -> None:
+def test_inspect_reports_topics_counts_and_span(shared_data: Path, name: str) -> None:
     form, topics, first_s, last_s, slots, epochs = HELD[name]
     inspection = inspected(shared_data / "rosbag" / name)
     facts = inspection.facts
     assert inspection.format == form
-    assert {topic: told["messages"] for topic, told in facts["topics"].items()} == topics
+    assert {topic: found["messages"] for topic, found in facts["topics"].items()} == topics
     assert facts["messages"] == sum(topics.values())
     recorder = inspection.clocks[0]
     assert recorder.clock is Clock.RECORDER
@@ -83,12 +83,12 @@ def test_inspect_tells_topics_counts_and_span(shared_data: Path, name: str) -> N
     assert not [notice for notice in inspection.notices if notice.code.startswith("bag-")]
 
 
-def test_inspect_counts_imu_messages_and_says_that_nobody_reads_them(shared_data: Path) -> None:
+def test_inspect_counts_imu_messages_and_reports_that_they_are_not_used(shared_data: Path) -> None:
     facts = inspected(shared_data / "rosbag" / "husky_imu_odom_fix.bag").facts
     assert facts["imu_messages_not_used"] == {"/imu/data": 11865}
 
 
-def test_inspect_tells_the_models_of_the_packets(shared_data: Path) -> None:
+def test_inspect_reports_the_models_of_the_packets(shared_data: Path) -> None:
     assert inspected(shared_data / "rosbag" / "vlp16_dual_rosbag2").facts["scans"]["model"] == "VLP-16"
     assert inspected(shared_data / "rosbag" / "vlp32c_single_rosbag2").facts["scans"]["model"] == "VLP-32C"
 
@@ -125,11 +125,11 @@ def test_a_cut_bag_gives_what_was_written_before(shared_data: Path, cut: str, wh
     every = list(BagFiles([folder / whole]).messages())
     assert recovered == every[: len(recovered)]
     assert len(recovered) >= least * len(every)
-    told = {notice.code: notice.text for notice in files.notices}
-    assert "are lost" in told["bag-cut"]
+    texts = {notice.code: notice.text for notice in files.notices}
+    assert "are lost" in texts["bag-cut"]
 
 
-def test_positions_of_a_cut_bag_are_used_and_the_loss_is_told(shared_data: Path) -> None:
+def test_positions_of_a_cut_bag_are_used_and_the_loss_is_reported(shared_data: Path) -> None:
     reader = open_recording([shared_data / "rosbag" / "damaged_truncated.bag"], ReadOptions())
     assert len(reader.track()) == 517
     assert "bag-cut" in {notice.code for notice in reader.notices}

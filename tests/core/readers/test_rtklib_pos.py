@@ -55,7 +55,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> None:
+def test_inspect__reports_the_content_of_the_sample(name: str, shared_data: Path) -> None:
     fixes, first, last, service = HELD[name]
     path = shared_data / "gnss" / name
     facts = Recognised.of(path).inspect().facts
@@ -162,7 +162,7 @@ def test_sexagesimal_and_cartesian__are_the_same_place(tmp_path: Path) -> None:
     assert (cartesian.sigma_e_m[0], cartesian.sigma_n_m[0], cartesian.sigma_h_m[0]) == pytest.approx((0.1, 0.1, 0.1))
 
 
-def test_what_is_not_certain__is_told_or_refused(tmp_path: Path) -> None:
+def test_what_is_not_certain__is_reported_or_refused(tmp_path: Path) -> None:
     row = "2026/06/11 01:00:0{}.0 36.1 140.2 55.5 1 10 0.01 0.02 0.03\n"
     rows = "".join(row.format(k) for k in range(5))
     log = RtklibPos([written(tmp_path, rows)], ReadOptions())

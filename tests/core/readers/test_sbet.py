@@ -77,17 +77,17 @@ def test_sample__is_the_flight_of_its_point_cloud(shared_data: Path) -> None:
     np.testing.assert_allclose(gps_to_utc_s(WEEK * 604_800 + np.asarray(in_week.gps_time)), t_s, atol=1e-6)
 
 
-def test_inspect__tells_what_the_sample_holds(shared_data: Path) -> None:
-    told = Sbet([shared_data / "sbet/flight_derived.sbet"], ReadOptions()).inspect()
-    facts = told.facts
+def test_inspect__reports_the_content_of_the_sample(shared_data: Path) -> None:
+    inspection = Sbet([shared_data / "sbet/flight_derived.sbet"], ReadOptions()).inspect()
+    facts = inspection.facts
     assert (facts["poses"], facts["rate_hz"], facts["gaps"]["count"]) == (14_600, 200.0, 0)
     assert facts["seconds_of_week"] == [407106.003, 407178.999]
     assert facts["lat_deg"] == pytest.approx([29.7145, 29.7150], abs=5e-5)
     assert facts["lon_deg"] == pytest.approx([-95.3629, -95.3123], abs=5e-5)
     assert facts["h_m"] == pytest.approx([514.0, 553.1], abs=0.05)
     assert facts["roll_deg"] == pytest.approx([-18.5, 4.0], abs=0.05)
-    assert told.clocks == ()
-    assert [notice.code for notice in told.notices] == ["no-gps-week"]
+    assert inspection.clocks == ()
+    assert [notice.code for notice in inspection.notices] == ["no-gps-week"]
     dated = Sbet([shared_data / "sbet/flight_derived.sbet"], ReadOptions(week=WEEK)).inspect()
     assert dated.facts["first"].startswith("2012-03-08")
     assert len(dated.clocks) == 1
@@ -163,7 +163,7 @@ def test_files__of_one_trajectory_follow_each_other(tmp_path: Path) -> None:
         poses(b, a, week=WEEK)
 
 
-def test_recognise__says_no_to_other_binary_files(shared_data: Path, tmp_path: Path) -> None:
+def test_recognise__rejects_other_binary_files(shared_data: Path, tmp_path: Path) -> None:
     noise = np.random.default_rng(1).bytes(136 * 50)
     for data in (b"\0" * 1360, noise, np.arange(17 * 20, dtype="<f8").tobytes(), b"text " * 100):
         assert Sbet.recognise(look(write(tmp_path, data))) == 0.0

@@ -77,7 +77,7 @@ def test_track__is_what_pysbf2_reads(name: str, shared_data: Path) -> None:
         assert 2.0 * track.sigma_h_m[k] == pytest.approx(m.VAccuracy, abs=0.011)
 
 
-def test_inspect__tells_times_and_fixes(shared_data: Path) -> None:
+def test_inspect__reports_times_and_fixes(shared_data: Path) -> None:
     facts = SbfLog([shared_data / "gnss/sbf/sbfdata.sbf"], ReadOptions()).inspect().facts
     assert facts["blocks"] == {"PVTCartesian": 58, "PosCovCartesian": 58, "VelCovCartesian": 58, "BaseVectorCart": 58}
     assert facts["epochs_by_fix"] == {"single": 58}

@@ -58,7 +58,7 @@ def test_source__of_streams_behind_each_other(tmp_path: Path, kind: str) -> None
 
 
 @pytest.mark.parametrize("kind", ["gzip", "xz", "zstd"])
-def test_source__cut_keeps_what_is_there_and_says_so(tmp_path: Path, kind: str) -> None:
+def test_source__cut_keeps_what_is_there_and_is_reported(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "a"
     packed = PACK[kind](CONTENT)
     path.write_bytes(packed[: len(packed) // 2])

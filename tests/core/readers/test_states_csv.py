@@ -54,14 +54,14 @@ def test_columns__in_any_order_with_what_else_there_is(tmp_path: Path) -> None:
         ("2026-06-11T08:02:00Z,up", "rows-out-of-order", "line 6"),
     ],
 )
-def test_a_bad_row__is_told_with_its_line(tmp_path: Path, row: str, code: str, word: str) -> None:
+def test_a_bad_row__is_reported_with_its_line(tmp_path: Path, row: str, code: str, word: str) -> None:
     with pytest.raises(InputError) as error:
         read(tmp_path, f"{TABLE}{row}\n")
     assert error.value.code == code
     assert word in error.value.what
 
 
-def test_inspect__tells_times_of_each_state(tmp_path: Path) -> None:
+def test_inspect__reports_times_of_each_state(tmp_path: Path) -> None:
     path = tmp_path / "states.csv"
     path.write_text(TABLE)
     facts = Recognised.of(path).inspect().facts

@@ -46,7 +46,7 @@ def track_of(path: Path, **options: Any) -> GnssTrack:
 
 
 @pytest.mark.parametrize("name", HELD)
-def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> None:
+def test_inspect__reports_the_content_of_the_sample(name: str, shared_data: Path) -> None:
     count, fixes, first, last = HELD[name]
     facts = UbxLog([shared_data / "gnss" / name], ReadOptions()).inspect().facts
     assert facts["messages"]["NAV-PVT"] == count
@@ -56,7 +56,7 @@ def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("flags", "told"),
+    ("flags", "used"),
     [
         ({"isMoving": 1, "carrSoln": 2}, True),
         ({"isMoving": 0, "carrSoln": 2}, False),  # the bearing of a base beside the field
@@ -66,7 +66,7 @@ def test_inspect__tells_what_the_sample_holds(name: str, shared_data: Path) -> N
     ],
 )
 def test_track__heading_is_that_of_a_moving_base_with_its_ambiguities_fixed(
-    tmp_path: Path, shared_data: Path, flags: dict[str, int], told: bool
+    tmp_path: Path, shared_data: Path, flags: dict[str, int], used: bool
 ) -> None:
     """Beside each NAV-PVT of a log a NAV-RELPOSNED, written by pyubx2, but at the third epoch."""
     with (shared_data / "gnss/ubx/f9p_rtk_float_1hz.ubx").open("rb") as stream:
@@ -82,7 +82,7 @@ def test_track__heading_is_that_of_a_moving_base_with_its_ambiguities_fixed(
                     log.write(pyubx2.UBXMessage("NAV", "NAV-RELPOSNED", pyubx2.GET, **values, **stated).serialize())
                 number += 1
     heading = track_of(tmp_path / "rover.ubx").heading_deg
-    expected = np.array([(350.0 + 2.5 * k) % 360.0 if told and k != 2 else np.nan for k in range(10)])
+    expected = np.array([(350.0 + 2.5 * k) % 360.0 if used and k != 2 else np.nan for k in range(10)])
     np.testing.assert_allclose(heading, expected, atol=1e-5)
 
 

@@ -279,7 +279,7 @@ def test_dual__the_nearer_return_is_the_first(
     assert scan.t_s[-1] - (110.592e-6 if expected else 0) == pytest.approx(scan.t_s[0] - (2.304e-6 if expected else 0))
 
 
-def test_unknown_return_mode__is_told_and_pairs_count_as_dual() -> None:
+def test_unknown_return_mode__is_reported_and_pairs_count_as_dual() -> None:
     packets = [bytes(p[:1204]) + b"\x00" + p[1205:] for p in turning(30, mode=DUAL, packet_us=PACKET_US / 2)]
     decoder = decode(packets)
     assert decoder.counts.points == 30 * 192
@@ -290,7 +290,7 @@ def codes(decoder: PacketDecoder) -> list[str]:
     return [notice.code for notice in decoder.notices()]
 
 
-def test_return_mode__that_changes_is_followed_and_told() -> None:
+def test_return_mode__that_changes_is_followed_and_reported() -> None:
     single = turning(30)
     dual = turning(30, 30 * PACKET_US, 30 * 480, mode=DUAL, packet_us=PACKET_US / 2)
     decoder = decode(single + dual)
@@ -298,7 +298,7 @@ def test_return_mode__that_changes_is_followed_and_told() -> None:
     assert codes(decoder) == ["return-mode-changed"]
 
 
-def test_model__stated_wins_over_the_packets_and_is_told() -> None:
+def test_model__stated_overrides_the_packets_and_is_reported() -> None:
     packets = turning(40, product=VLP16)
     decoder = decode(packets, "Puck Hi-Res")
     assert decoder.model is model_named("puck hi res")
@@ -308,7 +308,7 @@ def test_model__stated_wins_over_the_packets_and_is_told() -> None:
     assert "VLP-16 (0x22) in 40 packets" in notice.text
 
 
-def test_model__that_contradicts_the_packet_rate_is_told() -> None:
+def test_model__that_contradicts_the_packet_rate_is_reported() -> None:
     decoder = decode(turning(40, product=VLP16), "HDL-32E")
     texts = {notice.code: notice.text for notice in decoder.notices()}
     assert texts.keys() == {"model-differs", "packet-rate"}

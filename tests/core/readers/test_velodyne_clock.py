@@ -152,7 +152,7 @@ def test_settle__takes_stamps_that_fit_the_recorder_s_hour_as_set_by_gps(ahead_s
     np.testing.assert_allclose(clock.utc_s(stamps(t_s), t_s + ahead_s), t_s, atol=1e-6)
 
 
-def test_settle__says_where_the_recorder_set_the_stamps() -> None:
+def test_settle__reports_where_the_recorder_set_the_stamps() -> None:
     t_s = every(100)
     clock, (notice,) = settle(stamps(t_s - 0.02), t_s, [])
     assert clock.kind is Clock.RECORDER

@@ -72,7 +72,7 @@ SAMPLES: list[tuple[str, tuple[Any, ...], Clock, list[str]]] = [
 
 
 @pytest.mark.parametrize(("name", "facts", "clock", "notices"), SAMPLES, ids=[s[0] for s in SAMPLES])
-def test_inspect__tells_what_is_in_each_sample(
+def test_inspect__reports_what_is_in_each_sample(
     shared_data: Path, name: str, facts: tuple[Any, ...], clock: Clock, notices: list[str]
 ) -> None:
     found = Recognised.of(shared_data / "velodyne" / name).inspect()
@@ -82,7 +82,7 @@ def test_inspect__tells_what_is_in_each_sample(
     assert set(codes(found)) == {*notices, *(["clock-recorder"] if clock is HOST else [])}
 
 
-def test_inspect__tells_place_and_clocks_of_a_sensor_with_gps(shared_data: Path) -> None:
+def test_inspect__reports_place_and_clocks_of_a_sensor_with_gps(shared_data: Path) -> None:
     found = inspected(shared_data / "velodyne" / "vlp16_single_gps.pcap")
     assert found.facts["gps_position"] == {"lat_deg": 36.82913093, "lon_deg": -2.40757155}
     assert found.facts["sender"] == "10.0.0.100 to port 2368"
@@ -282,7 +282,7 @@ def test_two_sensors__are_refused_by_name(tmp_path: Path) -> None:
     assert "src host 192.168.1.20" in error.value.lines[2]
 
 
-def test_two_sensors__a_few_stray_packets_are_left_out_and_told(tmp_path: Path) -> None:
+def test_two_sensors__a_few_stray_packets_are_dropped_and_reported(tmp_path: Path) -> None:
     content = recording(300)
     clean = read(write_pcap(tmp_path / "clean.pcap", content))
     content[100:100] = [(content[100][0], frame(data_packet(99, 5), sender="192.168.1.77"))]

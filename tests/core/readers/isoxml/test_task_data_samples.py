@@ -1,4 +1,4 @@
-"""Real task data: what an independent decoder found in them, and what is odd in each told."""
+"""Real task data: what an independent decoder found in them, and what is unusual in each."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_sprayer__simulated_positions_and_a_gps_time_that_cannot_be(shared_data:
     assert task.counted_m2 == pytest.approx(8966, abs=10)
 
 
-def test_zone__of_a_clock_that_is_told_by_the_tasks_times(shared_data: Path) -> None:
+def test_zone__of_a_clock_that_comes_from_the_tasks_times(shared_data: Path) -> None:
     local_s = {t.id: t.local_minus_utc_s for t in tasks_of(shared_data / "isoxml/other/no_status_position_jumps.zip")}
     assert {local_s[name] for name in ("TSK-6", "TSK-8", "TSK-9", "TSK-14", "TSK-22")} == {-18_000.0}
     (transport,) = tasks_of(shared_data / "isoxml/other/transport_totals_2022.zip")
@@ -127,7 +127,7 @@ def test_mac__its_own_files_are_passed_over(shared_data: Path) -> None:
     assert np.array_equal(mac.track.lon_deg, plain.track.lon_deg)
 
 
-def test_damaged_archive__is_read_and_its_damage_told(shared_data: Path) -> None:
+def test_damaged_archive__is_read_and_its_damage_reported(shared_data: Path) -> None:
     content, tasks = read_tasks(open_task_files(shared_data / "isoxml/hostile/corrupt_zip_and_bad_positions.zip"))
     assert ["500,000 foreign bytes" in notice.text for notice in content.notices] == [True]
     by_log = {log: task for task in tasks for log in task.logs}
@@ -171,7 +171,7 @@ def test_every_sample__is_inspected_or_refused(shared_data: Path) -> None:
     assert all(all(lines) for _, lines in refused)
 
 
-def test_a_lost_time_log__is_told_and_the_others_read(shared_data: Path, tmp_path: Path) -> None:
+def test_a_lost_time_log__is_reported_and_the_others_read(shared_data: Path, tmp_path: Path) -> None:
     folder = tmp_path / "TASKDATA"
     folder.mkdir()
     for name in ("TASKDATA.XML", "TLG00006.xml", "TLG00006.bin", "TLG00007.bin"):

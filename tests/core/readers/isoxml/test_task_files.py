@@ -57,7 +57,7 @@ def test_entities__are_refused(tmp_path: Path) -> None:
     assert refused(tmp_path).code == "xml-hostile"
 
 
-def test_damage__of_an_entry_is_told(tmp_path: Path) -> None:
+def test_damage__of_an_entry_is_reported(tmp_path: Path) -> None:
     path = archive(tmp_path / "a.zip", [MAIN], text=EMPTY + " " * 500)
     data = bytearray(path.read_bytes())
     data[len(MAIN) + 34] ^= 0xFF
@@ -74,7 +74,7 @@ def test_names__are_found_in_any_case_and_one_folder_down(tmp_path: Path) -> Non
     assert "TASKDATA.XML" in open_task_files(inside / "taskdata.xml").names()
 
 
-def test_an_external_file_that_is_not_there__is_told(tmp_path: Path) -> None:
+def test_an_external_file_that_is_not_there__is_reported(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text(EMPTY.replace("/>", '><XFR A="PFD00001" B="1"/></ISO11783_TaskData>'))
     (notice,) = read_content(open_task_files(tmp_path)).notices
     assert notice.code == "external-file-lost"
@@ -113,6 +113,6 @@ def test_damage__anywhere_ends_in_an_answer_or_three_lines(shared_data: Path, tm
     assert all(answers)
 
 
-def test_an_unknown_encoding__is_told(tmp_path: Path) -> None:
+def test_an_unknown_encoding__is_reported(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text(f'<?xml version="1.0" encoding="UTF-4"?>{EMPTY}')
     assert "UTF-4" in refused(tmp_path).what

@@ -1,4 +1,4 @@
-"""Time logs: every record and value as packed, damage told, nothing else changed by it."""
+"""Time logs: every record and value as packed, damage size, nothing else changed by it."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def drive(count: int) -> list[Record]:
 
 
 @pytest.mark.parametrize("lost", [1, 3, 7])
-def test_damage__costs_a_few_records_and_is_told(lost: int) -> None:
+def test_damage__costs_a_few_records_and_is_reported(lost: int) -> None:
     whole = [record.pack() for record in drive(100)]
     head = b"".join(whole[:50])
     data = head[:-lost] + b"".join(whole[50:])
@@ -94,9 +94,9 @@ def test_damage__a_log_cut_short_keeps_its_whole_records() -> None:
 @given(st.binary(max_size=600))
 def test_noise__never_gives_more_than_it_holds(noise: bytes) -> None:
     log = read_time_log(header(CHANNELS), noise, "TLG00001")
-    told = sum(len(one.value[one.record == k]) * 5 + 16 for one in (log,) for k in range(len(log)))
-    assert told <= len(noise)
-    assert told == len(noise) or log.notices
+    size = sum(len(one.value[one.record == k]) * 5 + 16 for one in (log,) for k in range(len(log)))
+    assert size <= len(noise)
+    assert size == len(noise) or log.notices
     assert np.all(log.channel < len(CHANNELS))
 
 

@@ -109,12 +109,12 @@ def test_good__extra_dimensions_are_named_as_laspy_names_them(good: Path) -> Non
     ]
 
 
-def test_good__only_true_lies_are_told(good: Path) -> None:
-    told = {}
+def test_good__only_true_errors_are_reported(good: Path) -> None:
+    by_file = {}
     for name in GOOD:
         cloud = open_cloud(good / name)
-        told[name] = {notice.code for notice in (*cloud.notices, *survey(cloud).notices())}
-    assert {name: codes for name, codes in told.items() if codes} == {
+        by_file[name] = {notice.code for notice in (*cloud.notices, *survey(cloud).notices())}
+    assert {name: codes for name, codes in by_file.items() if codes} == {
         "ellipsoid.copc.laz": {"creation-date"},
         "las11_pf1_geotiff.las": {"gps-time-impossible"},  # POSIX seconds of the day on which the file was made
         "las12_pf0_geographic4326.las": {"returns-differ"},
@@ -206,7 +206,7 @@ def test_week_times_called_standard__are_taken_for_week_times(good: Path, tmp_pa
     assert next(cloud.batches()).t_s is None
 
 
-def test_two_crs__the_one_that_the_header_announces_holds_and_the_other_is_told(good: Path, tmp_path: Path) -> None:
+def test_two_crs__the_one_that_the_header_announces_is_used_and_the_other_reported(good: Path, tmp_path: Path) -> None:
     source = good / "las14_pf6_both_wkt_and_geotiff.las"
     said = b'PARAMETER["central_meridian",-100]'
     assert said in source.read_bytes()
@@ -219,7 +219,7 @@ def test_two_crs__the_one_that_the_header_announces_holds_and_the_other_is_told(
     assert [notice.code for notice in cloud.notices if notice.code.startswith("crs")] == ["crs-contradiction"]
 
 
-def test_not_there__is_told(tmp_path: Path) -> None:
+def test_not_there__is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
         open_cloud(tmp_path / "cloud.laz")
     with pytest.raises(InputError, match="is a folder"):

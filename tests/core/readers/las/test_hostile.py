@@ -101,7 +101,7 @@ def test_hostile__all_files_end_by_themselves_in_time_and_memory(outcomes: dict[
 
 
 @pytest.mark.parametrize("name", ERRORS)
-def test_hostile__error_names_file_and_lie(outcomes: dict[str, dict[str, Any]], name: str) -> None:
+def test_hostile__error_names_file_and_fault(outcomes: dict[str, dict[str, Any]], name: str) -> None:
     found = outcomes[name]
     assert found.get("error") == ERRORS[name]
     assert name in found["lines"][0]
@@ -109,7 +109,9 @@ def test_hostile__error_names_file_and_lie(outcomes: dict[str, dict[str, Any]], 
 
 
 @pytest.mark.parametrize("name", NOTICES)
-def test_hostile__what_can_be_read_is_read_and_the_lie_told(outcomes: dict[str, dict[str, Any]], name: str) -> None:
+def test_hostile__what_can_be_read_is_read_and_the_error_reported(
+    outcomes: dict[str, dict[str, Any]], name: str
+) -> None:
     points, codes = NOTICES[name]
     found = outcomes[name]
     assert (found.get("points"), set(found.get("notices", ["error"]))) == (points, codes), found
@@ -127,7 +129,7 @@ def test_hostile__what_can_be_read_is_read_and_the_lie_told(outcomes: dict[str, 
         ("d_gps_times_nan_and_1e300.las", ["1e+300"]),
     ],
 )
-def test_hostile__both_figures_are_told(outcomes: dict[str, dict[str, Any]], name: str, said: list[str]) -> None:
+def test_hostile__both_figures_are_reported(outcomes: dict[str, dict[str, Any]], name: str, said: list[str]) -> None:
     text = " ".join(outcomes[name]["texts"])
     assert [figure for figure in said if figure not in text] == []
 
@@ -154,9 +156,7 @@ def test_damaged__whatever_changes_in_a_file_it_is_refused_or_read(shared_data: 
             del data[chance.randrange(len(data)) :]
         paths.append(tmp_path / f"{number}_{name}")
         paths[-1].write_bytes(data)
-    found, _ = read(
-        paths
-    )  # the decoder may panic, which it tells on standard error, and which is an error like any other
+    found, _ = read(paths)  # the decoder may panic (printed on standard error), which is an error like any other
     assert len(found) == len(paths)
     assert all(answer["spent_s"] <= SECONDS for answer in found.values())
     assert all(answer["points"] == answer["promised"] for answer in found.values() if "error" not in answer)
