@@ -20,7 +20,7 @@ from furrowmap.core.adjustment.problem import Iterate, Problem
 from furrowmap.core.adjustment.steps import session_step
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
 from furrowmap.core.estimation.states import State
-from furrowmap.core.estimation.vehicle import wheeled_vehicle
+from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.portions import Gap, in_gaps
 from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.values.gnss import Fix
@@ -91,7 +91,7 @@ def carried(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bo
         ends = np.clip((begin_s, end_s), knots.t_s[0], knots.t_s[-1])
         within = slice(*np.searchsorted(p.returns.t_s, ends).tolist())
         positions = with_carried(p.positions, p.knots, state, (p.origin_m, p.lever_m), *rest)
-        observations = wheeled_vehicle(positions, p.origin_m, p.lever_m)
+        observations = with_positions(p.observations, positions)
         small = replace(p, returns=p.returns.part(within), positions=positions, knots=knots, observations=observations)
         weight = it.return_weight[within].copy()
         there = replace(it, state=state.part(part), observations=observations, return_weight=weight, unused=())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,3 +30,14 @@ def wheeled_vehicle(
     """
     antenna = AntennaPositions.of(positions, origin_m, lever_m)
     return (antenna, AntennaHeadings(positions), GnssDrift(positions), MotionPrior(), Wheels(), Level())
+
+
+def with_positions(observations: Iterable[Observation], positions: Positions) -> tuple[Observation, ...]:
+    """The observations with other positions of the antenna, each of its whole weight."""
+
+    def changed(one: Observation) -> Observation:
+        if isinstance(one, AntennaPositions):
+            return AntennaPositions.of(positions, one.origin_m, one.lever_m)
+        return replace(one, positions=positions) if isinstance(one, AntennaHeadings | GnssDrift) else one
+
+    return tuple(changed(one) for one in observations)
