@@ -1,1 +1,1 @@
-"""From scans to the state of the tool: what moves up and down in the vehicle's frame, how high it stands, and when."""
+"""Detection of the implement in scans: its shape, its height over time and its states."""

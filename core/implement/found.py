@@ -1,4 +1,4 @@
-"""What was found to move up and down, and what of it is needed to see it in every scan and to show it."""
+"""The detected implement, reduced to what later scans and the report need."""
 
 from __future__ import annotations
 
@@ -16,26 +16,18 @@ from furrowmap.core.implement.views import Heights, Views
 from furrowmap.core.values.tool_states import ToolState
 
 USUAL_LIFT_M: Final = 0.45
-"""How high a tool is taken to be lifted where nothing shows it: an ordinary figure, good to 10 or 15 cm."""
+"""Assumed lift where it is not observed, accurate to 10 or 15 cm."""
 _IMAGES: Final = 15
-"""So many scans make a depth image."""
+"""Scans per depth image."""
 _OFTEN: Final = 0.3
-"""A pixel that shows the implement in a larger share of the scans with the tool up, or down, is its own."""
+"""Least share of the scans in one state in which a pixel of the implement shows it."""
 _MARGIN: Final = 8
-"""Columns on both sides of the implement that are looked at beside its own."""
+"""Columns added on both sides of the implement."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A template and what it finds in all scans.
-
-    Attributes:
-        views: of the scans.
-        image: range image of the reference scan.
-        template: of the reference's position.
-        still_m: as in :class:`~furrowmap.core.implement.model.Region`.
-        heights: of the scans.
-    """
+    """A template at the position of a reference scan with range image `image`, and its heights in all scans."""
 
     views: Views
     image: NDArray[np.float32]
@@ -44,23 +36,20 @@ class Outcome:
     heights: Heights
 
     def likely(self, number: int) -> NDArray[np.bool_]:
-        """Which points of a scan are rather the implement than clutter."""
+        """Which points of a scan are more likely implement than clutter."""
         return self.views.likely(number, float(self.heights.height_m[number]), self.template, self.still_m)
 
 
 @dataclass(frozen=True)
 class Found:
-    """An outcome that is a tool, with its levels."""
+    """An outcome that behaves like a tool, with its two positions."""
 
     outcome: Outcome
     levels: Levels
 
 
-def described(found: Found, lift_m: float) -> Implement:
-    """What is needed to see the implement in every scan, and to show it.
-
-    Where its working position is out of view it is lifted by `lift_m`, or by as much as is seen.
-    """
+def describe_implement(found: Found, lift_m: float) -> Implement:
+    """The implement; `lift_m` applies where its working position is out of view, if larger than the observed lift."""
     outcome, levels = found.outcome, found.levels
     shows, own = _shows(found)
     first, count = _arc(np.flatnonzero(shows.any(axis=0)))
@@ -84,7 +73,7 @@ def described(found: Found, lift_m: float) -> Implement:
 
 
 def _shows(found: Found) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(lasers, COLUMNS): pixels that show the implement now and then, and those that show it often."""
+    """(lasers, COLUMNS): pixels that show the implement sometimes, and often."""
     outcome, levels = found.outcome, found.levels
     up = outcome.heights.height_m > 0.5 * (levels.low_m + levels.high_m)
     now_and_then, often = np.zeros((2, *outcome.image.shape), bool)
@@ -100,7 +89,7 @@ def _shows(found: Found) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def _region(outcome: Outcome, first: int, count: int) -> Region:
-    """Where the implement is to be looked for, if it shows in `count` columns from `first` on."""
+    """Search region for an implement in `count` columns from `first` on."""
     views = outcome.views
     columns = np.zeros(COLUMNS, bool)
     columns[(first - _MARGIN + np.arange(count + 2 * _MARGIN)) % COLUMNS] = True
@@ -116,14 +105,14 @@ def _region(outcome: Outcome, first: int, count: int) -> Region:
 
 
 def _arc(at: NDArray[np.intp]) -> tuple[int, int]:
-    """First column and number of columns of the shortest arc that holds the columns `at`, given in their order."""
+    """First column and length of the shortest arc that contains the sorted columns `at`."""
     gaps = np.diff(np.append(at, at[0] + COLUMNS))
     widest = int(np.argmax(gaps))
     return int(at[(widest + 1) % len(at)]), COLUMNS - int(gaps[widest]) + 1
 
 
 def _showing(found: Found, state: ToolState) -> list[int]:
-    """Numbers of a few scans with the implement in a state."""
+    """Indices of a few scans with the implement in a state."""
     heights, levels = found.outcome.heights, found.levels
     if state == levels.hidden:
         away = np.flatnonzero(~heights.sure)

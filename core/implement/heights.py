@@ -1,4 +1,4 @@
-"""The height of the tool, turn by turn of the sensor."""
+"""Height of the tool in each revolution of the sensor."""
 
 from __future__ import annotations
 
@@ -20,27 +20,26 @@ from furrowmap.core.values.scan import Scan
 FloatArray = NDArray[np.float64]
 
 _BEYOND_M: Final = 0.2
-"""Heights are looked for so far below the working and above the lifted position."""
+"""Search range below the working and above the lifted position."""
 _BESIDE_M: Final = 0.8
-"""So far on both sides of the implement's box the soil beside it is looked at."""
+"""Width of the soil strips on both sides of the box of the implement."""
 _SOIL_M: Final = 0.3
-"""Soil lies no farther from the session's plane."""
+"""Greatest distance of soil from the ground plane."""
 _SOIL_BIN_M: Final = 0.01
 _FEWEST_SOIL: Final = 20
 
 
 @dataclass(frozen=True)
 class ToolHeights:
-    """What the turns of the sensor show of the tool; one turn lies between two passages of the column farthest from it.
+    """The tool in n revolutions, which start at the column opposite to it.
 
     Attributes:
-        t_s: (n,) UTC at which the tool was seen.
-        height_m: (n,) above its working position; nan where it was not seen.
-        seen: (n,) share of its usual points that were seen.
-        contrast: (n,) log-likelihood by which the best height is better than the best on the other side of the
-            threshold.
-        whole: (n,) bool, False where a recording's start, end or a pause cut the turn short.
-        soil_m: (n,) height of the soil beside it above the plane on which the vehicle stands; nan where not seen.
+        t_s: (n,) UTC of its points.
+        height_m: (n,) above its working position; nan where not seen.
+        seen: (n,) share of its usual points.
+        contrast: (n,) log-likelihood of the best height over the best on the other side of the threshold.
+        whole: (n,) bool, False for a revolution truncated by the start, the end or a pause.
+        soil_m: (n,) height of the soil beside it above the ground plane; nan where not seen.
         scan: (m,) int64 numbers of the scans with returns.
         scan_begin_s: (m,) UTC of the first return of each.
         scan_end_s: (m,) of the last one.
@@ -58,15 +57,15 @@ class ToolHeights:
 
 
 class ToolHeightTracker:
-    """Takes the scans of a recording one after another and measures the tool's height in each turn.
+    """Measures the height of the tool in each revolution from successive scans.
 
-    A scan is cut at azimuth 0, which may lie across the implement; its points are therefore sorted into turns that
-    begin and end where the sensor looks away from it, and a moving tool is not seen at two heights.
+    Scans are cut at azimuth 0, which may cross the implement; points are therefore regrouped into revolutions that
+    start opposite to it.
 
     Args:
         mounting: of the sensor.
-        implement: what to look for.
-        working_depth_m: as the session states it.
+        implement: the detected one.
+        working_depth_m: from the session.
     """
 
     def __init__(self, mounting: Mounting, implement: Implement, working_depth_m: float | None) -> None:
@@ -85,7 +84,7 @@ class ToolHeightTracker:
         self._scans = array("d")
 
     def add(self, scan: Scan) -> None:
-        """The next scan of the recording."""
+        """Add the next scan."""
         if not len(scan):
             return
         begin_s, end_s = float(scan.t_s[0]), float(scan.t_s[-1])
@@ -115,14 +114,14 @@ class ToolHeightTracker:
         self._end_turn(whole=goes_on)
 
     def heights(self) -> ToolHeights:
-        """Everything measured so far, the turn under way included."""
+        """All heights so far, including the current revolution."""
         self._end_turn(whole=False)
         t_s, height, seen, contrast, whole, soil = np.array(self._turns).reshape(-1, 6).T
         number, begin_s, end_s = np.array(self._scans).reshape(-1, 3).T
         return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, number.astype(np.int64), begin_s, end_s)
 
     def _end_turn(self, *, whole: bool) -> None:
-        """Note what the turn under way shows; what was seen behind the split is of the next one."""
+        """Finish the current revolution; points beyond the split belong to the next one."""
         looked, seen = self._times[0]
         if looked[0]:
             points, total_s = seen if seen[0] >= FEWEST_POINTS else looked
@@ -151,7 +150,7 @@ class ToolHeightTracker:
 
 
 def _median(counts: NDArray[np.int64]) -> float:
-    """The median of the soil's heights, from their histogram."""
+    """Median soil height from the histogram."""
     total = int(counts.sum())
     if total < _FEWEST_SOIL:
         return float("nan")
@@ -165,9 +164,9 @@ def _median(counts: NDArray[np.int64]) -> float:
 def _gather(  # type: ignore[no-untyped-def]
     xyz_m, laser, t_s, rotation, lever_m, columns, still_m, split, clockwise, ground, box, grid, views, soil, times
 ):  # fmt: skip
-    """Sort a scan's points into side view and soil of the turn under way (0) and of the next (1).
+    """Add the points of a scan to side view and soil of the current revolution (0) and the next (1).
 
-    `times` counts and sums the times of all points looked at (0) and of those of the side view (1).
+    `times` has number and sum of the times of all points (0) and of those of the side view (1).
     """
     lasers, width = still_m.shape
     _, view_columns, view_rows = views.shape

@@ -1,10 +1,10 @@
-"""The implement found in a thinned recording: what moves up and down while the rest of the body stands still.
+"""Detection of the implement in sampled scans: what moves up and down while the rest of the body is static.
 
-Scans are compared with a reference scan, pixel by pixel of their range images. Pixels that agree show the body (or the
-implement in the same position); where they differ above the ground, and the points of one scan are those of the other
-at another height, something has been lifted or lowered. Its side view becomes the template; the heights of all scans
-and the template are then improved in turn. That is done from several reference scans, as one that shows little of the
-implement may lead astray; the most likely outcome counts.
+Scans are compared with a reference scan by the pixels of their range images. Equal pixels show the body (or the
+implement
+in the same position); points above the ground that differ, but match those of the other scan at another height, were
+lifted or lowered. Their side view is the template, which is refined with the heights of all scans in turn. Several
+reference scans are tried, and the most likely outcome is used.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.found import USUAL_LIFT_M, Found, Outcome, described
+from furrowmap.core.implement.found import USUAL_LIFT_M, Found, Outcome, describe_implement
 from furrowmap.core.implement.levels import FEWEST_SCANS, MOVED_M, find_positions
 from furrowmap.core.implement.model import Box, Hint, Learned, Levels
 from furrowmap.core.implement.near_scans import NearScan
@@ -28,34 +28,29 @@ FloatArray = NDArray[np.float64]
 
 _ANYWHERE: Final[Box] = (-9.0, 4.0, -4.5, 4.5)
 _CALM_M: Final = 0.03
-"""Ranges of one pixel in successive scans that differ by more are of something that moves; so are heights."""
+"""Greatest difference in range of one pixel, or in height, between successive scans of a static object."""
 _ALIKE: Final = 0.3
-"""Where a smaller share of a scan's points differs from another scan, the tool stands as it does there."""
+"""With a smaller share of differing points, two scans show the tool at the same height."""
 _CHOSEN: Final = 24
-"""So many pairs of scans are chosen for being unlike each other, and as many evenly over the session."""
+"""Pairs of scans chosen for their dissimilarity, and as many evenly spread."""
 _REFERENCES: Final = 6
 _ROUNDS: Final = 2
 _AT_M: Final = 0.04
-"""A tool nearer than this to one of its positions is there."""
+"""Tolerance of the two positions."""
 _OTHER_TRAVEL_M: Final = 0.10
 _BETTER: Final = 1.01
-"""Another travel must differ by so much, and fit by so much better, to be believed."""
+"""Least difference of another travel, and least ratio of its fit, to replace the first."""
 _BEYOND_M: Final = 0.2
-"""Heights are looked for so far beyond both positions."""
+"""Search range beyond both positions."""
 _NO_GROUND: Final = Notice(
     "implement-no-ground",
-    "The ground near the vehicle is not where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it, so the "
-    "implement cannot be told from it. Whether it works is unknown throughout.",
+    "The ground near the vehicle is not where the mounting of the scanner ([lidar] xyz_m, rpy_deg) puts it, so the "
+    "implement cannot be separated from it. Its state is unknown throughout.",
 )
 
 
 def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
-    """Find the implement in scans spread over a session.
-
-    Args:
-        scans: in the order of time.
-        hint: where to look; without it, all around the vehicle.
-    """
+    """Find the implement in scans in order of time, all around the vehicle unless `hint` narrows the search."""
     ground = ground_plane(scans)
     if ground is None:
         return Learned(None, (_NO_GROUND,))
@@ -67,7 +62,7 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
     if found is None or box is None:
         return Learned(None, (_nothing(views, hint),))
     lift_m = hint.lift_m if hint is not None else None
-    return Learned(described(found, lift_m or USUAL_LIFT_M), _out_of_view(found.levels.hidden, lift_m))
+    return Learned(describe_implement(found, lift_m or USUAL_LIFT_M), _out_of_view(found.levels.hidden, lift_m))
 
 
 def _hinted(hint: Hint) -> Box:
@@ -78,7 +73,7 @@ def _hinted(hint: Hint) -> Box:
 
 
 def _find(views: Views) -> Found | None:
-    """What moves up and down, if anything does."""
+    """What moves up and down, if anything."""
     pairs = views.pairs[views.pairs[:, 0] % 2 == 0] if len(views) else views.pairs
     if len(pairs) < FEWEST_SCANS:
         return None
@@ -102,11 +97,10 @@ def _find(views: Views) -> Found | None:
 
 
 def _by_travel(found: Found) -> Found | None:
-    """What is found with another travel between the two positions, where the scans on their way speak for one.
+    """The result with another travel between the two positions, if scans of the moving tool fit it better; else None.
 
-    A scanner may see other parts of a lifted tool than of a lowered one, so that one position's side view fits the
-    other's at a height that is not true. On its way the tool shows both kinds of parts: the travel at which both
-    positions together look most like that is the tool's. None where the travel found is as good.
+    A scanner may see different parts of a lifted and of a lowered tool, so that the two side views match at a wrong
+    height; a moving tool shows both sets of parts.
     """
     outcome, levels = found.outcome, found.levels
     views, height, sure = outcome.views, outcome.heights.height_m, outcome.heights.sure
@@ -135,7 +129,7 @@ def _by_travel(found: Found) -> Found | None:
 def _worth(
     views: Views, sides: Sequence[NDArray[np.float32]], lower: FloatArray, upper: FloatArray, levels: Levels, rows: int
 ) -> float:
-    """Log-likelihood a point of scans on their way, if the travel is larger by so many rows than the heights say."""
+    """Log-likelihood per point of scans of the moving tool for a travel larger by `rows`."""
     moved = np.zeros_like(upper)
     moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
     template = Template.of(views.grid, lower + moved)
@@ -145,10 +139,10 @@ def _worth(
 
 
 def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Places in `numbers` of scans that are unlike each other: rare positions shall not drown in frequent ones.
+    """Indices in `numbers` of dissimilar scans, so that rare positions are represented.
 
-    Each is the one farthest from all before it (Gonzalez 1985, Clustering to minimize the maximum intercluster
-    distance) by a coarse side view.
+    Farthest-point sampling of coarse side views (Gonzalez 1985, Clustering to minimize the maximum intercluster
+    distance).
     """
     coarse = np.array([_coarse(views.side(number, None)) for number in numbers.tolist()])
     distance = np.full(len(numbers), np.inf)
@@ -160,7 +154,7 @@ def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _coarse(side: NDArray[np.float32]) -> FloatArray:
-    """A side view in cells of 0.3 m × 0.1 m, as roots, so that many points of one place do not outweigh all others."""
+    """A side view in cells of 0.3 m × 0.1 m, as square roots, so that dense cells do not dominate."""
     columns, rows = side.shape[0] // 3 * 3, side.shape[1] // 5 * 5
     cells = side[:columns, :rows].reshape(columns // 3, 3, rows // 5, 5).sum(axis=(1, 3))
     roots: FloatArray = np.sqrt(cells.ravel(), dtype=np.float64)
@@ -168,10 +162,7 @@ def _coarse(side: NDArray[np.float32]) -> FloatArray:
 
 
 def _from_reference(views: Views, reference: int) -> Outcome | None:
-    """What moves against one scan; None if nothing does, or if the scan shows something on its way.
-
-    A scan that is cut in the middle of the tool shows a moving one at two heights.
-    """
+    """What moves relative to one scan; None if nothing does, or if the tool moves in that scan."""
     image, view = views.images[reference], views.views[reference]
     beside = views.images[reference + 1 if reference % 2 == 0 else reference - 1]
     if not len(view) or view.differs(beside, _CALM_M).mean() > 0.5:
@@ -195,7 +186,7 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
 
 
 def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]) -> Outcome | None:
-    """What stands still, template, and heights anew, by the heights that are known; None if all are of one position."""
+    """Static pixels, template and heights, refined from known heights; None if all are of one position."""
     middle = float(np.quantile(height[known], (0.02, 0.98)).mean())
     sides = [known & (height > middle), known & ~(height > middle)]
     if not all(side.any() for side in sides):
@@ -208,7 +199,7 @@ def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, know
 
 
 def _steady(views: Views, height: FloatArray) -> NDArray[np.bool_]:
-    """(scans,) whether the scan next to it shows the tool at the same height."""
+    """(scans,) whether an adjacent scan has the tool at the same height."""
     steady = np.zeros(len(height), bool)
     first, second = views.pairs.T
     alike = np.abs(height[second] - height[first]) < _CALM_M
@@ -217,7 +208,7 @@ def _steady(views: Views, height: FloatArray) -> NDArray[np.bool_]:
 
 
 def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, still: NDArray[np.float32]) -> FloatArray:
-    """Mean side view of some scans, each lowered by its height and counted as one."""
+    """Mean side view of chosen scans, lowered by their heights, with equal weights."""
     total = np.zeros((views.grid.columns, views.grid.rows))
     for number in np.flatnonzero(chosen).tolist():
         side = views.side(number, still, float(height[number]))
@@ -226,10 +217,7 @@ def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, stil
 
 
 def _box_of(found: Found) -> Box | None:
-    """A box around the implement: where most of the scans that show it best have points that are likely its own.
-
-    None where no place is: what was found is scattered, and no implement.
-    """
+    """A box around the implement, from likely points in most of the best scans; None if these are scattered."""
     outcome, views = found.outcome, found.outcome.views
     sure = np.flatnonzero(outcome.heights.sure)
     best = sure[np.argsort(-outcome.heights.explained[sure])][: max(FEWEST_SCANS, len(sure) // 3)]
@@ -250,30 +238,28 @@ def _box_of(found: Found) -> Box | None:
 
 
 def _nothing(views: Views, hint: Hint | None) -> Notice:
-    """Why there are no states of the tool."""
+    """The reason for the missing states of the tool."""
     points = float(np.median([len(view) for view in views.views])) if len(views) else 0.0
     if hint is not None and points < FEWEST_POINTS:
         return Notice(
             "implement-not-seen",
-            f"The scanner does not see the implement: where [implement] xy_m says it is, a scan has {points:.0f} "
-            "points above the ground. Whether it works is unknown throughout.",
+            f"The scanner does not see the implement: at [implement] xy_m a scan has {points:.0f} points above the "
+            "ground. Its state is unknown throughout.",
         )
     return Notice(
         "implement-never-moves",
-        "Nothing that the scanner sees near the vehicle can be followed up and down in this recording: whether the "
-        "implement works is unknown throughout.",
+        "No object near the vehicle moves up and down in this recording: the state of the implement is unknown "
+        "throughout.",
     )
 
 
 def _out_of_view(hidden: ToolState, lift_m: float | None) -> tuple[Notice, ...]:
     if hidden == ToolState.DOWN:
-        known = (
-            "as the session states" if lift_m is not None else "an ordinary figure; [implement] lift_m states another"
-        )
+        known = "from the session" if lift_m is not None else "a default; set [implement] lift_m"
         text = (
-            "The scanner sees the implement only when it is lifted. It is taken as down where it is out of view, and "
-            f"its working position as {lift_m or USUAL_LIFT_M:g} m below the lifted one ({known}): times and "
-            "heights are rough. A scanner that looks further down sees it at work."
+            "The scanner sees the implement only when it is lifted. It is taken as down where it is out of view, with "
+            f"its working position {lift_m or USUAL_LIFT_M:g} m below the lifted one ({known}): times and heights are "
+            "approximate. Tilt the scanner further down to see it at work."
         )
     elif hidden == ToolState.UP:
         text = "The scanner sees the implement only when it is down. It is taken as up where it is out of view."

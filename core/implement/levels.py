@@ -1,4 +1,4 @@
-"""The two positions of a tool in its heights, and whether they are those of a tool at all."""
+"""The two positions of a tool from its heights, and whether they are plausible."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from furrowmap.core.values.tool_states import ToolState
 FloatArray = NDArray[np.float64]
 
 MOVED_M: Final = 0.10
-"""Less travel than this is taken for a frame that swings."""
+"""Least travel of a tool; less is a swinging frame."""
 FEWEST_SCANS: Final = 3
 _NOISE_M: Final = 0.04
-"""Heights of successive scans that scatter by more are no heights of a tool."""
+"""Greatest scatter between successive scans."""
 SHORTEST_S: Final = 1.5
-"""What changes between up and down more often than this, in the mean, is no tool."""
+"""Least mean time between changes of state."""
 _LEFT_M: Final = 0.03
-"""What is seen lower or higher by more than where it stands is on its way."""
+"""Tolerance of a position."""
 _AWAY_SHARE: Final = 0.3
-"""With a smaller share of the usual points something is out of view, and not only covered."""
+"""With a smaller share of the usual points the tool is out of view, not only occluded."""
 _FEWEST_SHARE: Final = 0.02
 _FEWEST_LEAVING: Final = 2
 _MOST_AWAY: Final = 0.7
-"""What is seen up and down both, but is away for a larger share of the time, is something that came by."""
+"""Greatest share of time out of view of a tool that is seen in both positions."""
 
 
 def find_positions(views: Views, heights: Heights) -> Levels | None:
-    """Lower and upper position; None where the heights are not those of something that is lifted and lowered."""
+    """Lower and upper position; None where nothing is lifted and lowered."""
     return _seen_to_move(views, heights) or _seen_to_leave(views, heights)
 
 
 def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
-    """The two positions of what is seen in both, or on most of its way between them."""
+    """The two positions of a tool that is seen in both, or on most of its travel."""
     sure, height = heights.sure, heights.height_m
     if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
         return None
@@ -52,7 +52,7 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
     limit = min(_NOISE_M, (high - low) / 8.0)
     if sigma_low < limit and sigma_high < limit and away < _MOST_AWAY * len(sure):
         return Levels(low, high, ToolState.UNKNOWN, min(sigma_low, sigma_high), max(sigma_low, sigma_high))
-    # out of view in one state: the few heights on that side are those of the tool on its way
+    # out of view in one state: the few heights on that side are of the moving tool
     if sigma_high < limit and away > below and below < above:
         return Levels(float(np.quantile(height[lower], 0.1)), high, ToolState.DOWN, sigma_high, sigma_high)
     if sigma_low < limit and away > above and above < below:
@@ -61,10 +61,7 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
 
 
 def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
-    """The position of what stands at one height for long, and is away for long, seen to leave downwards or upwards.
-
-    Just before it leaves, or when it comes, it must be seen a little lower (or higher) than where it stands.
-    """
+    """The position of a tool with one constant height and long absences, which is seen to leave downward or upward."""
     sure, height = heights.sure, heights.height_m
     if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
         return None
@@ -89,7 +86,7 @@ def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
 
 
 def _split(height: FloatArray) -> float:
-    """The height that parts `height` into two groups with the least variance within (Otsu 1979)."""
+    """Threshold between two groups with the least variance within (Otsu 1979)."""
     ordered = np.sort(height)
     n = np.arange(1, len(ordered))
     total, square = np.cumsum(ordered)[:-1], np.cumsum(ordered**2)[:-1]
@@ -100,14 +97,14 @@ def _split(height: FloatArray) -> float:
 
 
 def _sigma(views: Views, height: FloatArray, side: NDArray[np.bool_]) -> float:
-    """Standard deviation of the heights on one side, by the differences of successive scans."""
+    """Standard deviation of the heights on one side, from differences of successive scans."""
     first, second = views.pairs.T
     step = (height[second] - height[first])[side[first] & side[second]]
     return float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)) if len(step) else float("inf")
 
 
 def _dwell_s(views: Views, upper: NDArray[np.bool_], lower: NDArray[np.bool_]) -> float:
-    """How long the tool stays up or down in the mean, by how often it changes between successive scans."""
+    """Mean time in one state, from the changes between successive scans."""
     pairs = views.pairs
     if not len(pairs):
         return float("inf")

@@ -1,8 +1,7 @@
-"""The vehicle and its implement as places of the vehicle frame, learned from what scans see of them again and again.
+"""Voxels of the vehicle frame occupied by vehicle and implement, learned from scans.
 
-A scanner that sits on a vehicle sees the vehicle's body at the same ranges in scan after scan, while the land passes
-by. The implement stands as still in a frame of its own, which rises and sinks with it: it fills all places that it
-passes on its way from the working to the lifted position.
+The body of the vehicle appears at constant ranges in every scan. The implement is static in a frame that moves up and
+down with it, and occupies all voxels between its working and its lifted position.
 """
 
 from __future__ import annotations
@@ -27,28 +26,28 @@ from furrowmap.core.values.scan import Scan
 
 VOXEL_M: Final = 0.1
 _LOW_M: Final = np.array([-9.0, -4.5, -0.35])
-"""Where the voxels begin: behind, to the right, below the ground under the vehicle."""
+"""Origin of the voxels: behind, to the right, below the ground."""
 _SHAPE: Final = (130, 90, 45)
 _OTHER: Final = np.uint8(PointClass.OTHER)
 _STILL_M: Final = 0.03
-"""Ranges of one pixel that differ by less are of what stands still: three times the noise of a scanner."""
+"""Range tolerance of static pixels: three times the noise of a scanner."""
 VEHICLE_SHARE: Final = 0.4
-"""What stands still in a voxel in this share of the scans on the move is the vehicle."""
+"""Least share of moving scans with static points in a voxel of the vehicle."""
 IMPLEMENT_SHARE: Final = 0.15
-"""What stands in a voxel of the implement's frame in this share of the scans that show it is the implement: less, as a
-reversible one shows each side half the time, and a trailed one swings."""
+"""Least share for the implement in its own frame: lower, as reversible ploughs show each side half the time and trailed
+tools swing."""
 FEWEST_SCANS: Final = 20
 _STANDS_ROW: Final = round((0.45 - _LOW_M[2]) / VOXEL_M)
-"""What is seen as low as this stands on the ground or works in it: wheels, a levelling board."""
+"""What reaches below this stands on the ground or works in it: wheels, a levelling board."""
 
 
 @dataclass(frozen=True)
 class Machine:
-    """Which places of the vehicle frame belong to the vehicle and to the implement.
+    """Voxels of vehicle and implement.
 
     Attributes:
-        mounting: of the sensor, as it was when they were learned.
-        ground: on which the vehicle stands.
+        mounting: of the sensor.
+        ground: plane under the vehicle.
         classes: (130, 90, 45) uint8, VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind the
             origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
     """
@@ -59,7 +58,7 @@ class Machine:
 
     @cached_property
     def _to_voxels(self) -> NDArray[np.float64]:
-        """(3, 4) takes lidar coordinates to voxels: the mounting, and the slope of the ground taken off the height."""
+        """(3, 4) from lidar coordinates to voxels: the mounting, with heights above the ground plane."""
         level, slope_x, slope_y = self.ground
         upright = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-slope_x, -slope_y, 1.0]])
         turned = upright @ self.mounting.rotation
@@ -76,15 +75,13 @@ class Machine:
 def learn_machine(
     scans: Sequence[NearScan], moving: NDArray[np.bool_], mounting: Mounting, implement: Implement | None
 ) -> Machine | None:
-    """The vehicle and its implement; None where too few scans are on the move to tell them from the land.
-
-    It is None also where no ground shows at the height at which the mounting has it.
+    """Learn the vehicle and its implement; None with too few moving scans, or without ground where the mounting has it.
 
     Args:
         scans: spread over a session.
-        moving: (scans,) whether the vehicle was on the move.
-        mounting: of the sensor, by which the scans are in the vehicle frame.
-        implement: as it was found.
+        moving: (scans,) whether the vehicle moved.
+        mounting: of the sensor.
+        implement: the detected one.
     """
     numbers = np.flatnonzero(moving).tolist()
     if len(numbers) < FEWEST_SCANS:
@@ -110,7 +107,7 @@ def learn_machine(
 
 
 class _Counts:
-    """In how many scans there is something in each voxel."""
+    """Number of scans with points in each voxel."""
 
     def __init__(self, ground: Plane) -> None:
         self._ground = np.array(ground)
@@ -119,18 +116,18 @@ class _Counts:
         self._scans = 0
 
     def add(self, xyz_m: NDArray[np.float32], lowered_m: float = 0.0) -> None:
-        """Count the points of a scan, after lowering them."""
+        """Count the points of a scan, lowered by `lowered_m`."""
         self._scans += 1
         _count(xyz_m, self._ground, lowered_m, self._scans, self._last, self._count)
 
     def often(self, share: float) -> NDArray[np.bool_]:
-        """Where there is something in this share of the scans."""
+        """Voxels occupied in this share of the scans."""
         often: NDArray[np.bool_] = self._count >= max(share * self._scans, 1.0)
         return often
 
 
 def _tool(scans: Sequence[NearScan], implement: Implement) -> NDArray[np.bool_]:
-    """The voxels that the implement passes between its positions."""
+    """The voxels of the implement between its positions."""
     region, template, levels = implement.region, implement.template, implement.levels
     views = views_of(scans, region.ground, region.box_m)
     heights = views.heights(template, region.still_m)
@@ -149,7 +146,7 @@ def _tool(scans: Sequence[NearScan], implement: Implement) -> NDArray[np.bool_]:
 
 
 def _raised(voxels: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
-    """What is in the voxels, higher by some rows."""
+    """The voxels shifted up."""
     out = np.zeros_like(voxels)
     height = voxels.shape[2]
     out[..., max(rows, 0) : height + min(rows, 0)] = voxels[..., max(-rows, 0) : height - max(rows, 0)]
@@ -157,7 +154,7 @@ def _raised(voxels: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
 
 
 def _with_foot(voxels: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The voxels with those next to them, and down through the ground what they stand on."""
+    """The voxels dilated by one, and extended down through the ground where they reach near it."""
     grown: NDArray[np.bool_] = binary_dilation(voxels, np.ones((3, 3, 3), bool))
     lowest = np.argmax(grown, axis=2)
     stands = grown.any(axis=2) & (lowest <= _STANDS_ROW)
@@ -167,7 +164,7 @@ def _with_foot(voxels: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 @numba.njit(cache=True, nogil=True)
 def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-untyped-def]
-    """Count each voxel once a scan in which a point lies that is clear of the ground."""
+    """Count each voxel with points clear of the ground once per scan."""
     for i in range(len(xyz_m)):
         x, y = xyz_m[i, 0], xyz_m[i, 1]
         above = xyz_m[i, 2] - ground[0] - ground[1] * x - ground[2] * y
@@ -182,7 +179,7 @@ def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-un
 
 @numba.njit(cache=True, nogil=True)
 def _looked_up(xyz_m, to_voxels, classes):  # type: ignore[no-untyped-def]
-    """The class of the voxel in which each point of the lidar frame lies; OTHER beyond them."""
+    """Class of the voxel of each point in the lidar frame; OTHER outside."""
     n = len(xyz_m)
     out = np.empty(n, np.uint8)
     a0, a1, a2, a3 = to_voxels[0, 0], to_voxels[0, 1], to_voxels[0, 2], to_voxels[0, 3]

@@ -1,4 +1,4 @@
-"""The implement as a session shows it: where it is seen, what it looks like, how far it travels."""
+"""The detected implement: where it is seen, its shape and its travel."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Plane = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Hint:
-    """Where a session says the implement is.
+    """The implement as stated in a session.
 
     Attributes:
-        xy_m: middle of the tool's line in the vehicle frame.
+        xy_m: middle of the line of the tool in the vehicle frame.
         width_m: working width.
-        box_m: where it shows, if that is stated as well.
-        lift_m: how far it is lifted, if that is.
+        box_m: region of the implement, if stated.
+        lift_m: lift, if stated.
     """
 
     xy_m: tuple[float, float]
@@ -36,16 +36,16 @@ class Hint:
 
 @dataclass(frozen=True)
 class Region:
-    """Where the implement shows.
+    """Where the implement is seen.
 
     Attributes:
-        ground: on which the vehicle stands.
+        ground: plane under the vehicle.
         box_m: around the implement.
         columns: (COLUMNS,) bool, columns of the range image that show it.
-        still_m: (lasers, COLUMNS) float32, range of what stands still there; nan elsewhere.
-        split: the column farthest from it, where its view is cut into turns.
-        clockwise: whether azimuth grows in the course of a scan.
-        turn_s: how long a turn takes.
+        still_m: (lasers, COLUMNS) float32, range of static pixels; nan elsewhere.
+        split: the opposite column, at which points are split into revolutions.
+        clockwise: whether azimuth increases within a scan.
+        turn_s: duration of a revolution.
     """
 
     ground: Plane
@@ -59,13 +59,13 @@ class Region:
 
 @dataclass(frozen=True)
 class DepthImages:
-    """What the sensor sees of the implement.
+    """Depth images of the implement.
 
     Attributes:
         up_m: (lasers, n) float32, median range with the implement up, lowest laser first; nan where nothing is seen.
         down_m: the same with the implement down.
-        implement: (lasers, n) bool, pixels that show the implement in one position or another.
-        azimuth_deg: (n,) float64 of the columns' middles, counted on through 360 where they pass azimuth 0.
+        implement: (lasers, n) bool, pixels that show the implement in any position.
+        azimuth_deg: (n,) float64 of column centres, continuous across azimuth 0.
     """
 
     up_m: NDArray[np.float32]
@@ -79,11 +79,11 @@ class Levels:
     """The two positions of a tool.
 
     Attributes:
-        low_m: height of the lower one against the template; of the lowest one in view, where it works out of view.
+        low_m: height of the lower one relative to the template; the lowest in view, where it works out of view.
         high_m: of the upper one.
-        hidden: the state in which the tool is out of view: UNKNOWN where it is in view in both.
-        sigma_m: standard deviation of heights, the tool standing still.
-        jitter_m: the same with the tool's own movement at work.
+        hidden: state in which the tool is out of view; UNKNOWN if none.
+        sigma_m: standard deviation of heights of the static tool.
+        jitter_m: the same including its motion at work.
     """
 
     low_m: float
@@ -95,16 +95,15 @@ class Levels:
 
 @dataclass(frozen=True)
 class Implement:
-    """What is needed to see the implement in every scan, and to show it.
+    """The implement, for measuring its height in every scan and for the report.
 
     Attributes:
-        region: where to look for it.
+        region: search region.
         template: its side view.
         levels: its positions.
-        working_m: height of the working position against the template; where it works out of view, as far below the
-            lifted position as is usual.
-        points: usual number of its points in a scan that shows it well.
-        gain: usual log-likelihood gained by each of them.
+        working_m: height of the working position relative to the template; assumed where it works out of view.
+        points: usual number of its points in a scan.
+        gain: usual log-likelihood gain of each of them.
         images: for a report.
     """
 
@@ -122,22 +121,14 @@ class Implement:
         return self.levels.high_m - self.working_m
 
     def threshold_m(self, working_depth_m: float | None) -> float:
-        """The height above the working position that parts down from up: the working depth, or half the travel.
-
-        A depth that the tool hardly clears when lifted cannot be meant from its working position.
-        """
-        half = 0.5 * self.lifted_m
+        """Height above the working position between down and up: the working depth if well below the lift, else
+        half.""" half = 0.5 * self.lifted_m
         return working_depth_m if working_depth_m is not None and working_depth_m < 1.5 * half else half
 
 
 @dataclass(frozen=True)
 class Learned:
-    """The implement, or why there is none.
-
-    Attributes:
-        implement: None where nothing was seen to move up and down.
-        notices: for the report.
-    """
+    """The implement, None where nothing moves up and down, with notices for the report."""
 
     implement: Implement | None
     notices: tuple[Notice, ...]

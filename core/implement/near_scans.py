@@ -1,4 +1,4 @@
-"""A thinned recording: what scans spread over the whole of it saw near the vehicle."""
+"""Points near the vehicle in scans spread over a recording."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 
 MOST_SCANS: Final = 320
-"""So many scans are kept at most."""
+"""Most scans kept."""
 MOST_POINTS: Final = 16_384
-"""So many points of a scan are kept at most."""
+"""Most points kept of a scan."""
 _NEAR_M: Final = np.array([[-9.0, 4.0], [-4.5, 4.5], [-4.0, 4.0]])
-"""Where an implement may be: from, to along x, y and z of the vehicle frame."""
+"""Where an implement may be: range along x, y and z of the vehicle frame."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class NearScan:
     """The points of one scan near the vehicle.
 
     Attributes:
-        index: counts the whole scans of the recording from 0.
+        index: of the complete scan in the recording.
         begin_s: UTC of its first return.
         end_s: of its last one.
-        clockwise: whether azimuth grows in the course of the scan.
+        clockwise: whether azimuth increases within the scan.
         xyz_m: (n, 3) float32 in the vehicle frame.
         range_m: (n,) float32 from the sensor.
         laser: (n,) uint8.
@@ -46,17 +46,17 @@ class NearScan:
     column: NDArray[np.int32]
 
     def image(self, lasers: int) -> NDArray[np.float32]:
-        """(lasers, COLUMNS) range image; nan where nothing near was seen."""
+        """(lasers, COLUMNS) range image; nan without near points."""
         image: NDArray[np.float32] = np.full((lasers, COLUMNS), np.nan, np.float32)
         image[self.laser, self.column] = self.range_m
         return image
 
 
 class NearScans:
-    """Keeps scans evenly spread over a recording of unknown length, never more than :data:`MOST_SCANS`.
+    """Keeps at most :data:`MOST_SCANS` scans, evenly spread over a recording of unknown length.
 
-    They are kept in pairs of successive whole scans, which tell noise from movement. When there are too many, every
-    other pair is dropped and the stride from pair to pair doubles.
+    They are kept in pairs of successive complete scans, to separate noise from motion. When full, every other pair is
+    dropped and the stride doubles.
     """
 
     def __init__(self, mounting: Mounting) -> None:
@@ -67,7 +67,7 @@ class NearScans:
         self.scans: list[NearScan] = []
 
     def add(self, scan: Scan) -> None:
-        """Take note of a scan; in a long recording most are passed over at no cost."""
+        """Add a scan; in a long recording most are skipped at no cost."""
         if not scan.whole or not len(scan):
             return
         if len(self.scans) == MOST_SCANS:
@@ -93,7 +93,7 @@ class NearScans:
 
 @numba.njit(cache=True, nogil=True)
 def _near_points(xyz_m, laser, rotation, lever_m, near_m):  # type: ignore[no-untyped-def]
-    """Points within `near_m`: vehicle coordinates, range, laser, column; and by how many columns azimuth rose."""
+    """Points within `near_m`: vehicle coordinates, range, laser, column; and the total change of column."""
     n = len(xyz_m)
     xyz = np.empty((n, 3), np.float32)
     distance = np.empty(n, np.float32)

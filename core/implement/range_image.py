@@ -1,4 +1,4 @@
-"""Range images: what the sensor saw, laser by laser over azimuth (Nakagawa et al., LiDAR scan matching, figure 5)."""
+"""Range images: ranges by laser and azimuth (Nakagawa et al., LiDAR scan matching, figure 5)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS: Final = 720
-"""Columns of a range image: half a degree each, the first at azimuth 0, in the order of azimuth."""
+"""Columns of half a degree in order of azimuth from 0."""
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -34,7 +34,7 @@ def column_of(x, y):  # type: ignore[no-untyped-def]
 
 
 def median_image(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The median range of each pixel of range images (n, lasers, columns); nan where more than half saw nothing."""
+    """Median range of each pixel of range images (n, lasers, columns); nan where less than half have a return."""
     out: NDArray[np.float32] = np.full(images.shape[1:], np.nan, np.float32)
     seen = np.isfinite(images).sum(axis=0) * 2 > len(images)
     if seen.any():

@@ -1,4 +1,4 @@
-"""What was learned of an implement, kept for the next session of the same machine."""
+"""Saving a detected implement for other sessions of the same machine."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.tool_states import ToolState
 
 FORM: Final = 1
-"""Version of the file's form."""
+"""Version of the file format."""
 
 
 def save_implement(path: Path, implement: Implement) -> None:
-    """Write what was learned as a NumPy archive.
+    """Write an implement as a NumPy archive.
 
     Raises:
         OSError: if it cannot be written there.
@@ -47,7 +47,7 @@ def save_implement(path: Path, implement: Implement) -> None:
 
 
 def load_implement(path: Path) -> Implement:
-    """What an earlier session learned.
+    """Read an implement of an earlier session.
 
     Raises:
         InputError: if the file cannot be read, or is none of :func:`save_implement`.
@@ -58,9 +58,9 @@ def load_implement(path: Path) -> Implement:
         implement = _implement(arrays)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
-            f"{path} holds no implement that a run has learned ({error}).",
-            "The session names it as [implement] learned, so the run did not start.",
-            "Name the implement.npz of an earlier run with the same scanner on the same machine, or leave the key out.",
+            f"{path} is not an implement file of an earlier run ({error}).",
+            "The session refers to it as [implement] learned, so the run did not start.",
+            "Use the implement.npz of an earlier run with the same scanner on the same machine, or remove the key.",
             code="implement-unreadable",
         ) from error
     return implement
@@ -71,10 +71,10 @@ def _implement(arrays: dict[str, Any]) -> Implement:
 
     Raises:
         KeyError: one is missing.
-        ValueError: the arrays do not fit each other, or the file is of another form.
+        ValueError: the arrays do not fit each other, or the file has another version.
     """
     if int(arrays["form"]) != FORM:
-        raise ValueError(f"form {int(arrays['form'])}, where this version reads {FORM}")
+        raise ValueError(f"format version {int(arrays['form'])}, supported is {FORM}")
     split, clockwise, turn_s = arrays["turn"].tolist()
     x_m, z_m, columns, rows = arrays["grid"].tolist()
     low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()

@@ -1,4 +1,4 @@
-"""From heights to states: when the tool went into the ground and when it left it."""
+"""States and transitions of the tool from its heights."""
 
 from __future__ import annotations
 
@@ -21,35 +21,34 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 FloatArray = NDArray[np.float64]
 
 _GAP_S: Final = 1.5
-"""A tool that is out of sight for longer may have been lifted and lowered again."""
+"""Longest time out of sight without an unknown state."""
 _MOVE_S: Final = 1.0
-"""No longer than this is it on its way from where it was last seen."""
+"""Longest motion out of view."""
 _STEP_M: Final = 0.12
-"""A height that differs by so much from those before and behind it is that of something else."""
+"""Height outlier threshold against the neighbours in time."""
 _LEVEL_M: Final = 0.004
-"""How well the working position itself is known."""
+"""Standard deviation of the working position."""
 _LEVEL_REACH: Final = 2.5
-"""Heights that differ from it by more standard deviations are those of a tool on its way."""
+"""Heights farther from it, in standard deviations, are of a moving tool."""
 _LEVEL_ROUNDS: Final = 8
 _WORTH: Final = 0.05
-"""Share of the points' log-likelihood that counts, as neighbouring points err together."""
+"""Weight of the log-likelihood, as errors of neighbouring points are correlated."""
 _BLINK_S: Final = 0.45
-"""A tool out of view for less has been covered, not lowered."""
+"""A tool out of view for less was occluded, not lowered."""
 _JITTER_S: Final = 0.2
-"""Between turns so far apart a tool's own movement at work, of some hertz, is not seen; what is missed
-grows as the square of the time (as a sine over a chord)."""
+"""Interval of revolutions at which jitter of some hertz is fully missed; the missed part grows as its square."""
 _LIFT_SIGMA_M: Final = 0.12
-"""How well a working position is known that is never in view."""
+"""Standard deviation of a working position that is never in view."""
 _USUAL_MPS: Final = 0.4
-"""A lift takes about a second."""
+"""Usual speed of a lift."""
 _UNSEEN: Final = 0.9
-"""Confidence of the state in which the tool is out of view."""
+"""Confidence of a state out of view."""
 _COVERED: Final = 0.5
-"""Share of an interval's confidence that remains where the tool was covered for a while."""
+"""Factor of the confidence while the tool is occluded."""
 _UNCLEAR: Final = Notice(
     "implement-unclear",
-    "What the scanner sees of the implement changes too often to be a tool that is lifted and lowered: whether it "
-    "works is unknown throughout.",
+    "The height of the implement changes too often for a tool that is lifted and lowered: its state is unknown "
+    "throughout.",
 )
 
 
@@ -61,11 +60,11 @@ class ToolHistory:
         scan: (n,) int64 number of each scan with returns.
         t_s: (n,) UTC of the middle of each.
         tool_height_m: (n,) above the working position; nan where unknown.
-        soil_height_m: (n,) of the soil beside the tool, above the plane on which the vehicle stands; nan where unknown.
+        soil_height_m: (n,) of the soil beside the tool above the ground plane; nan where unknown.
         state: (n,) int8, values of :class:`ToolState`.
-        confidence: (n,) 0 to 1, that `state` is true.
-        states: the same as intervals, with the transitions' times.
-        threshold_m: the height above the working position below which the tool is down.
+        confidence: (n,) of `state`, 0 to 1.
+        states: the same as intervals, with times of transitions.
+        threshold_m: height above the working position below which the tool is down.
         lifted_m: height of the lifted tool.
         notices: for the report.
     """
@@ -85,14 +84,13 @@ class ToolHistory:
 def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: float | None) -> ToolHistory:
     """States and transitions of the tool from its heights.
 
-    A transition is the moment at which the height passes the threshold, interpolated between turns. It counts if the
-    tool then moves on by a margin, so that noise and a tool that dances at the threshold change nothing; the time is
-    still that of the passage.
+    A transition is the interpolated time at which the height crosses the threshold. It counts only if the tool then
+    moves on by a margin, so that jitter at the threshold has no effect.
 
     Args:
-        heights: of all turns.
-        implement: as it was learned.
-        working_depth_m: as the session states it.
+        heights: of all revolutions.
+        implement: the detected one.
+        working_depth_m: from the session.
     """
     threshold = implement.threshold_m(working_depth_m)
     height = _without_strays(heights.height_m, heights.whole)
@@ -122,11 +120,8 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
 
 
 def _working_level(down: FloatArray) -> float:
-    """The working position in the heights (n,) of a tool that is down: the median of those at work.
-
-    Heights of a tool on its way lie above it only; as a share of a short pass they would draw the median upwards.
-    """
-    level, reach = 0.0, np.inf
+    """Working position from heights (n,) of the lowered tool: their median without those of the moving tool above
+    it.""" level, reach = 0.0, np.inf
     for _ in range(_LEVEL_ROUNDS):
         near = down[np.abs(down - level) <= reach]
         if not len(near):
@@ -138,10 +133,7 @@ def _working_level(down: FloatArray) -> float:
 
 
 def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
-    """Heights without those that differ from both their neighbours while these agree.
-
-    A turn that was cut short shows a part of the tool only: there one neighbour is enough.
-    """
+    """Heights without those that differ from two equal neighbours; for truncated revolutions from one neighbour."""
     known = np.flatnonzero(np.isfinite(height))
     out = height.copy()
     if len(known):
@@ -154,7 +146,7 @@ def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
 
 
 def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, implement: Implement) -> FloatArray:
-    """(n,) that the tool is on the side of the threshold on which it was measured; 0 where it was not seen."""
+    """(n,) probability that the tool is on the measured side of the threshold; 0 where not seen."""
     sigma = np.hypot(implement.levels.jitter_m, _LEVEL_M)
     sure = ndtr(np.abs(height - threshold) / sigma) * expit(_WORTH * heights.contrast)
     unseen: FloatArray = np.zeros(len(height))
@@ -166,7 +158,7 @@ def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, impl
 def _states(
     heights: ToolHeights, height: FloatArray, confidence: FloatArray, threshold: float, implement: Implement
 ) -> ToolStates:
-    """Intervals of one state, with the times at which the tool passed the threshold."""
+    """Intervals of one state, with the times of the crossings."""
     lower = min(0.25 * threshold, 3.0 * implement.levels.jitter_m)
     upper = min(0.25 * (implement.lifted_m - threshold), 3.0 * implement.levels.jitter_m)
     beyond = np.full(len(height), ToolState.UNKNOWN, np.int8)
@@ -202,7 +194,7 @@ def _states(
 
 
 def _lasting(t_s: FloatArray, true: NDArray[np.bool_], least_s: float) -> NDArray[np.bool_]:
-    """(n,) `true` without those runs of it between whose neighbours on both sides less than `least_s` passes."""
+    """(n,) `true` without runs whose neighbours are less than `least_s` apart."""
     edges = np.flatnonzero(np.diff(true.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
     out = np.zeros(len(true), bool)
     for first, behind in edges:
@@ -212,14 +204,14 @@ def _lasting(t_s: FloatArray, true: NDArray[np.bool_], least_s: float) -> NDArra
 
 
 class _End(NamedTuple):
-    """Where an interval begins or ends: UTC and its standard deviation."""
+    """UTC of the start or end of an interval, with standard deviation."""
 
     t_s: float
     sigma_s: float
 
 
 class _Interval(NamedTuple):
-    """A time of one state."""
+    """An interval of one state."""
 
     begin: _End
     end: _End
@@ -241,22 +233,19 @@ def _tool_states(intervals: Sequence[_Interval]) -> ToolStates:
 
 
 def _longest_gap(t: FloatArray, height: FloatArray, beyond: NDArray[np.int8], a: int, b: int) -> float:
-    """The longest time between turns a and b in which nothing is known."""
+    """The longest time without heights between revolutions a and b."""
     inner = np.arange(a, b + 1)
     known = inner[np.isfinite(height[a : b + 1]) | (beyond[a : b + 1] != ToolState.UNKNOWN)]
     return float(np.diff(t[known]).max())
 
 
 def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float, implement: Implement) -> _End:
-    """When the tool passed the threshold between the turns a and b, and the standard deviation of that.
-
-    Where it is out of view on one side, it passed between the last turn that saw it and the next.
-    """
+    """Time of the crossing between revolutions a and b, with standard deviation."""
     if np.isnan(height[a]) or np.isnan(height[b]):
         return _passage_out_of_view(t, height, a, b, threshold)
     seen = a + np.flatnonzero(np.isfinite(height[a : b + 1]))
     above = height[seen] >= threshold
-    # the last passage in the direction of the change
+    # the last crossing in the direction of the change
     k = int(np.flatnonzero(above[1:] != above[:-1])[-1])
     i, j = seen[k], seen[k + 1]
     slope = (height[j] - height[i]) / (t[j] - t[i])
@@ -269,10 +258,9 @@ def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float
 
 
 def _crossing(t: FloatArray, height: FloatArray, threshold: float) -> float | None:
-    """When the cubic through four successive heights passes the threshold between the middle two.
+    """Crossing of the cubic through four successive heights between the middle two; None if unknown or not monotonic.
 
-    A lift speeds up and slows down, and its tool jitters: a straight line between turns 0.2 s apart would be late. None
-    where not all four are known, or where they do not go one way.
+    Linear interpolation between revolutions 0.2 s apart would be late, as a lift accelerates.
     """
     step = np.diff(height)
     if len(t) < 4 or not ((step > 0.0).all() or (step < 0.0).all()):
@@ -285,9 +273,9 @@ def _crossing(t: FloatArray, height: FloatArray, threshold: float) -> float | No
 
 
 def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float) -> _End:
-    """When the tool passed the threshold where it is out of view at the turn a or b.
+    """Time of the crossing where the tool is out of view at revolution a or b.
 
-    It leaves or enters the view between two turns; if the threshold lies beyond, it moves on as fast as it was seen.
+    It leaves or enters the view between two revolutions; beyond, its observed speed is extrapolated.
     """
     leaves = bool(np.isnan(height[b]))
     seen = np.flatnonzero(np.isfinite(height))
@@ -298,7 +286,7 @@ def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, thre
     half_turn_s = abs(border_s - float(t[edge]))
     travel = height[near] - height[edge]
     seen_mps = float(np.max(np.abs(travel[1:] / (t[near[1:]] - t[edge])), initial=0.0))
-    speed = max(seen_mps, _USUAL_MPS)  # near the end of its way, where it may be seen only, it is slow
+    speed = max(seen_mps, _USUAL_MPS)  # it may be visible only near the end of its travel, where it is slow
     beyond_m = abs(height[edge] - threshold) - speed * half_turn_s
     after_s = float(np.clip(beyond_m / speed, 0.0, _MOVE_S))
     at = border_s + (after_s if leaves else -after_s)
@@ -306,7 +294,7 @@ def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, thre
 
 
 def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray, reach_s: float) -> FloatArray:
-    """`values` at times `t_s`; nan where the known ones before and behind are further apart than `reach_s`."""
+    """`values` at times `t_s`; nan where the known ones around are farther apart than `reach_s`."""
     known = np.isfinite(values)
     if not known.any():
         return np.full(len(t_s), np.nan)

@@ -1,7 +1,7 @@
-"""The tool seen from the side: how likely a place of the (x, z) plane holds a point of it; the height at which it fits.
+"""The side view of a tool as a template in the (x, z) plane, and its fit to scans.
 
-A tool is lifted as a whole, so that its side view keeps its shape and moves up or down. Taking the side view, and not
-the whole body, leaves the same picture where a reversible plough has turned over or a trailed tool swings aside.
+A tool is lifted as a whole, so its side view moves up and down unchanged, also when a reversible plough turns over or a
+trailed tool swings aside.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ FloatArray = NDArray[np.float64]
 CELL_X_M: Final = 0.10
 CELL_Z_M: Final = 0.02
 CLUTTER: Final = 0.3
-"""Share of points above the ground that are expected to be something else: dust, straw, a post passed by."""
+"""Expected share of points above the ground from dust, straw or posts."""
 _ANYWHERE: Final = 0.3
-"""Share of the tool's points that are taken to lie at their height, but anywhere along x."""
+"""Share of the points of the tool spread evenly along x at their height."""
 _SMOOTH: Final = np.array([0.25, 0.5, 0.25])
 
 
@@ -30,10 +30,10 @@ class SideViewGrid:
     """Cells of the side view.
 
     Attributes:
-        x_m: where the first column begins.
-        z_m: where the lowest row begins, above the ground.
+        x_m: start of the first column.
+        z_m: start of the lowest row, above the ground.
         columns: along x.
-        rows: upwards.
+        rows: upward.
     """
 
     x_m: float
@@ -42,7 +42,7 @@ class SideViewGrid:
     rows: int
 
     def side_view(self, x_m: NDArray[np.float32], z_m: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(columns, rows) number of points in each cell; each is shared between the two rows nearest to its height."""
+        """(columns, rows) points in each cell, divided linearly between the two nearest rows."""
         view: NDArray[np.float32] = np.zeros((self.columns, self.rows), np.float32)
         _count(x_m, z_m, self.x_m, self.z_m, view)
         return view
@@ -54,7 +54,7 @@ class Template:
 
     Attributes:
         grid: its cells.
-        odds: (columns, rows) float32, how much likelier a point in the cell is the tool than clutter.
+        odds: (columns, rows) float32, of tool against clutter for a point in the cell.
     """
 
     grid: SideViewGrid
@@ -62,7 +62,7 @@ class Template:
 
     @classmethod
     def of(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> Template:
-        """The template of `views` (columns, rows): weights of the tool's points in each cell."""
+        """The template from weights (columns, rows) of the points of the tool."""
         total = float(views.sum())
         if total <= 0.0:
             return cls(grid, np.zeros(views.shape, np.float32))
@@ -74,18 +74,18 @@ class Template:
 
     @cached_property
     def gain(self) -> NDArray[np.float32]:
-        """(columns, rows) float32, log-likelihood that a point in the cell adds against clutter alone."""
+        """(columns, rows) float32, log-likelihood gain of a point in the cell over clutter alone."""
         return np.log1p(self.odds)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a side view agrees with a template at one height.
+    """Fit of a side view to a template.
 
     Attributes:
-        height_m: of the tool; nan where there is no point to fit.
-        explained: number of points that are the tool, by the template.
-        gain: log-likelihood gained.
+        height_m: of the tool; nan without points.
+        explained: expected number of points of the tool.
+        gain: log-likelihood gain.
     """
 
     height_m: float
@@ -94,11 +94,7 @@ class Fit:
 
 
 def fit_height(view: NDArray[np.float32], template: Template, low_m: float, high_m: float) -> tuple[Fit, FloatArray]:
-    """The height between `low_m` and `high_m` at which `view` agrees best with the template.
-
-    Returns:
-        the best fit, and the log-likelihood gained at each height from `low_m` on in steps of :data:`CELL_Z_M`.
-    """
+    """The best fit of `view` between `low_m` and `high_m`, and the gain at each height in steps of :data:`CELL_Z_M`."""
     low, high = round(low_m / CELL_Z_M), round(high_m / CELL_Z_M)
     scores, explained = _scores(view, template.gain, template.odds, low, high)
     best = int(np.argmax(scores))
@@ -109,7 +105,7 @@ def fit_height(view: NDArray[np.float32], template: Template, low_m: float, high
 
 
 def vertex(scores: FloatArray, best: int) -> float:
-    """By how many steps the top of the parabola through the largest score and its neighbours lies beside it."""
+    """Offset in steps of the vertex of the parabola through the largest score and its neighbours."""
     if not 0 < best < len(scores) - 1:
         return 0.0
     before, top, after = scores[best - 1 : best + 2]
@@ -134,7 +130,7 @@ def _count(x_m, z_m, x0, z0, view):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _scores(view, gain, odds, low, high):  # type: ignore[no-untyped-def]
-    """Log-likelihood gained, and points explained, with the template lifted by `low` to `high` rows."""
+    """Log-likelihood gain and points explained with the template lifted by `low` to `high` rows."""
     columns, rows = view.shape
     scores = np.zeros(high - low + 1)
     explained = np.zeros(high - low + 1)

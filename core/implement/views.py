@@ -1,4 +1,4 @@
-"""What of each scan may be the implement: points above the ground, near where it is looked for."""
+"""Candidate points of the implement in each scan: above the ground, within the search region."""
 
 from __future__ import annotations
 
@@ -18,31 +18,25 @@ FloatArray = NDArray[np.float64]
 
 CUT_M: Final = 0.15
 CUT_PER_M: Final = 0.03
-"""Points lower than this above the ground, and by so much more a metre of distance from the axle, may be soil, clods or
-straw: they tell nothing of the tool."""
+"""Points below this height, plus this much per metre of distance from the axle, may be soil or straw."""
 TOP_M: Final = 3.2
-"""Above this height no tool is expected."""
 AGREE_M: Final = 0.06
-"""Ranges of one pixel that differ by less are of one thing: some times the usual noise, and the slant in a pixel."""
-SEARCH_M: Final = 1.2
-"""No tool is lifted higher than this."""
+"""Range tolerance of one pixel: a multiple of the noise, plus the slope within a pixel."""
+SEARCH_M: Final = 1.2  # greatest lift
+# Detection: least points, least share of the usual points, least share of the usual gain of each.
 FEWEST_POINTS: Final = 25
-"""Fewer points show no tool."""
 FEWEST_SHARE: Final = 0.12
-"""Nor does a smaller share of the points that usually show it."""
 LEAST_GAIN: Final = 0.55
-"""Nor do points that are less like it, each, than this share of the usual."""
+# Ground plane: least share of near points in it, greatest distance from the tyres and slope.
 _GROUND_SHARE: Final = 0.15
-"""Where a smaller share of the points near the vehicle lies in a plane, it is not the ground."""
 _GROUND_M: Final = 0.5
 _GROUND_SLOPE: Final = 0.25
-"""Nor is it where it lies further from the tyres, or at a larger slope, than a mounting is ever off."""
 _GROUND_POINTS: Final = 40_000
 
 
 @dataclass(frozen=True)
 class View:
-    """Points of a scan that may be the implement.
+    """Candidate points of a scan.
 
     Attributes:
         xyz_m: (n, 3) float32: x and y of the vehicle frame, height above the ground.
@@ -60,20 +54,20 @@ class View:
         return len(self.range_m)
 
     def differs(self, image: NDArray[np.float32], by_m: float = AGREE_M) -> NDArray[np.bool_]:
-        """(n,) whether `image` shows something else there."""
+        """(n,) whether `image` has another range there."""
         differs: NDArray[np.bool_] = _differs(image, self.laser, self.column, self.range_m, by_m)
         return differs
 
 
 @dataclass(frozen=True)
 class Heights:
-    """What a template finds in scans.
+    """Fits of a template to n scans.
 
     Attributes:
-        height_m: (n,) against the template; nan where nothing fits.
-        explained: (n,) points that are the tool.
-        there: (n,) points that were there to be explained.
-        gain: (n,) log-likelihood gained.
+        height_m: (n,) relative to the template; nan where nothing fits.
+        explained: (n,) points of the tool.
+        there: (n,) candidate points.
+        gain: (n,) log-likelihood gain.
     """
 
     height_m: FloatArray
@@ -83,7 +77,7 @@ class Heights:
 
     @property
     def usual(self) -> tuple[float, float]:
-        """Points explained, and log-likelihood gained by each of them, in scans that show the tool well."""
+        """Median points explained, and gain of each, in scans that show the tool well."""
         well = self.explained > 0.5 * np.quantile(self.explained, 0.9)
         if not well.any():
             return 0.0, 0.0
@@ -91,10 +85,7 @@ class Heights:
 
     @property
     def sure(self) -> NDArray[np.bool_]:
-        """(n,) whether the tool is seen: its points are many, and lie where the tool's usually are.
-
-        Clutter is explained as well, wherever the template reaches it, but at places where few of its points are.
-        """
+        """(n,) whether the tool is seen: enough points, with a gain that clutter does not reach."""
         points, gain = self.usual
         return (
             (np.abs(self.height_m) < SEARCH_M - 2 * CELL_Z_M)
@@ -105,14 +96,14 @@ class Heights:
 
 @dataclass(frozen=True)
 class Views:
-    """A session as its scans show it where the implement is looked for.
+    """Scans within a search region.
 
     Attributes:
         scans: near points of each.
         images: (lasers, COLUMNS) range image of each.
-        views: of each, the points that may be the implement.
-        ground: on which the vehicle stands.
-        box_m: where the implement is looked for.
+        views: candidate points of each.
+        ground: plane under the vehicle.
+        box_m: search region.
         grid: of side views.
     """
 
@@ -127,27 +118,27 @@ class Views:
         return len(self.scans)
 
     def of(self, numbers: NDArray[np.intp]) -> Views:
-        """Some of the scans."""
+        """A subset of the scans."""
         chosen = numbers.tolist()
         scans, images, views = ([values[k] for k in chosen] for values in (self.scans, self.images, self.views))
         return Views(scans, images, views, self.ground, self.box_m, self.grid)
 
     @property
     def pairs(self) -> NDArray[np.intp]:
-        """(n, 2) numbers of scans that follow each other in the recording."""
+        """(n, 2) indices of successive scans of the recording."""
         index = np.array([scan.index for scan in self.scans], np.int64)
         first = np.flatnonzero(np.diff(index) == 1)
         return np.column_stack([first, first + 1])
 
     def side(self, number: int, still_m: NDArray[np.float32] | None, lifted_m: float = 0.0) -> NDArray[np.float32]:
-        """Side view of what differs from `still_m` in a scan, lowered by `lifted_m`; of everything if there is none."""
+        """Side view of the points that differ from `still_m` (all without it), lowered by `lifted_m`."""
         xyz = self.views[number].xyz_m
         if still_m is not None:
             xyz = xyz[self.views[number].differs(still_m)]
         return self.grid.side_view(xyz[:, 0], xyz[:, 2] - np.float32(lifted_m))
 
     def heights(self, template: Template, still_m: NDArray[np.float32]) -> Heights:
-        """What `template` finds in all scans, where they differ from what stands still."""
+        """Fit of `template` to the points of each scan that differ from static pixels."""
         found = np.zeros((len(self), 4))
         for number in range(len(self)):
             side = self.side(number, still_m)
@@ -156,7 +147,7 @@ class Views:
         return Heights(*found.T)
 
     def still(self, image: NDArray[np.float32], sides: Sequence[NDArray[np.bool_]]) -> NDArray[np.float32]:
-        """(lasers, COLUMNS) `image` where most scans of each of the `sides`, (scans,) bool, agree; nan elsewhere."""
+        """(lasers, COLUMNS) `image` where most scans of each of `sides`, (scans,) bool, equal it; nan elsewhere."""
         still = np.ones(image.shape, bool)
         for side in sides:
             there, agree = np.zeros(image.shape, np.int32), np.zeros(image.shape, np.int32)
@@ -169,7 +160,7 @@ class Views:
     def likely(
         self, number: int, height_m: float, template: Template, still_m: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Which points of a scan are rather the implement, standing at a height, than clutter."""
+        """Which points of a scan are more likely implement, at this height, than clutter."""
         view, grid = self.views[number], self.grid
         column = ((view.xyz_m[:, 0] - grid.x_m) / CELL_X_M).astype(np.intp)
         row = ((view.xyz_m[:, 2] - height_m - grid.z_m) / CELL_Z_M).astype(np.intp)
@@ -180,7 +171,7 @@ class Views:
 
 
 def views_of(scans: Sequence[NearScan], ground: Plane, box: Box) -> Views:
-    """The points of `scans` that may be the implement in `box`."""
+    """The candidate points of `scans` in `box`."""
     lasers = 1 + max((int(scan.laser.max(initial=0)) for scan in scans), default=0)
     grid = SideViewGrid(box[0], CUT_M, round((box[1] - box[0]) / CELL_X_M), round((TOP_M - CUT_M) / CELL_Z_M))
     bounds, plane = np.array(box), np.array(ground)
@@ -189,7 +180,7 @@ def views_of(scans: Sequence[NearScan], ground: Plane, box: Box) -> Views:
 
 
 def ground_plane(scans: Sequence[NearScan]) -> Plane | None:
-    """The plane on which the vehicle stands, as all scans together show it; None if they show none at its height."""
+    """Robust plane fit to the ground in all scans; None if there is none at the expected height."""
     if not scans:
         return 0.0, 0.0, 0.0
     stride = 1 + sum(len(scan.range_m) for scan in scans) // _GROUND_POINTS
@@ -226,7 +217,7 @@ def _select(xyz_m, range_m, laser, column, ground, box):  # type: ignore[no-unty
 
 @numba.njit(cache=True, nogil=True)
 def _differs(image, laser, column, range_m, by_m):  # type: ignore[no-untyped-def]
-    """Whether neither the pixel of a point nor its neighbours in azimuth show its range."""
+    """Whether neither the pixel of a point nor its neighbours in azimuth have its range."""
     out = np.empty(len(range_m), np.bool_)
     columns = image.shape[1]
     for i in range(len(range_m)):
@@ -239,7 +230,7 @@ def _differs(image, laser, column, range_m, by_m):  # type: ignore[no-untyped-de
 
 @numba.njit(cache=True, nogil=True)
 def _compare(image, laser, column, range_m, there, agree):  # type: ignore[no-untyped-def]
-    """Count for each pixel the points of a scan, and those whose range the image shows there."""
+    """Count the points of a scan in each pixel, and those with the range of the image."""
     columns = image.shape[1]
     for i in range(len(range_m)):
         there[laser[i], column[i]] += 1
