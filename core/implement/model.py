@@ -121,8 +121,8 @@ class Implement:
         return self.levels.high_m - self.working_m
 
     def threshold_m(self, working_depth_m: float | None) -> float:
-        """Height above the working position between down and up: the working depth if well below the lift, else
-        half.""" half = 0.5 * self.lifted_m
+        """Height above the working position between down and up: the working depth, or half the lift if less."""
+        half = 0.5 * self.lifted_m
         return working_depth_m if working_depth_m is not None and working_depth_m < 1.5 * half else half
 
 

@@ -20,31 +20,25 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 FloatArray = NDArray[np.float64]
 
+# Longest time out of sight without an unknown state, longest motion out of view, least absence that is not occlusion.
 _GAP_S: Final = 1.5
-"""Longest time out of sight without an unknown state."""
 _MOVE_S: Final = 1.0
-"""Longest motion out of view."""
+_BLINK_S: Final = 0.45
+# Outlier threshold against the neighbours in time; standard deviations of the working position, in view and never in view.
 _STEP_M: Final = 0.12
-"""Height outlier threshold against the neighbours in time."""
 _LEVEL_M: Final = 0.004
-"""Standard deviation of the working position."""
+_LIFT_SIGMA_M: Final = 0.12
 _LEVEL_REACH: Final = 2.5
-"""Heights farther from it, in standard deviations, are of a moving tool."""
+"""Heights farther from the working position, in standard deviations, are of a moving tool."""
 _LEVEL_ROUNDS: Final = 8
 _WORTH: Final = 0.05
 """Weight of the log-likelihood, as errors of neighbouring points are correlated."""
-_BLINK_S: Final = 0.45
-"""A tool out of view for less was occluded, not lowered."""
 _JITTER_S: Final = 0.2
 """Interval of revolutions at which jitter of some hertz is fully missed; the missed part grows as its square."""
-_LIFT_SIGMA_M: Final = 0.12
-"""Standard deviation of a working position that is never in view."""
-_USUAL_MPS: Final = 0.4
-"""Usual speed of a lift."""
+_USUAL_MPS: Final = 0.4  # of a lift
+# Confidence of a state out of view, and factor of the confidence while the tool is occluded.
 _UNSEEN: Final = 0.9
-"""Confidence of a state out of view."""
 _COVERED: Final = 0.5
-"""Factor of the confidence while the tool is occluded."""
 _UNCLEAR: Final = Notice(
     "implement-unclear",
     "The height of the implement changes too often for a tool that is lifted and lowered: its state is unknown "
@@ -120,8 +114,8 @@ def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: fl
 
 
 def _working_level(down: FloatArray) -> float:
-    """Working position from heights (n,) of the lowered tool: their median without those of the moving tool above
-    it.""" level, reach = 0.0, np.inf
+    """Working position from heights (n,) of the lowered tool: their median without those of the moving tool."""
+    level, reach = 0.0, np.inf
     for _ in range(_LEVEL_ROUNDS):
         near = down[np.abs(down - level) <= reach]
         if not len(near):
