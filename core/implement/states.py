@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 _GAP_S: Final = 1.5
 _MOVE_S: Final = 1.0
 _BLINK_S: Final = 0.45
-# Outlier threshold against the neighbours in time; standard deviations of the working position, in view and never in view.
+# Outlier threshold against the neighbours in time; standard deviations of the working position, in view and never seen.
 _STEP_M: Final = 0.12
 _LEVEL_M: Final = 0.004
 _LIFT_SIGMA_M: Final = 0.12
