@@ -1,4 +1,4 @@
-"""The verbs from end to end, on small recordings, called as a user calls them."""
+"""The commands from end to end, on small recordings, as a user runs them."""
 
 from __future__ import annotations
 
