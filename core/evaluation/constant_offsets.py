@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.compass import compass_word
+from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.errors import Notice
 
 FloatArray = NDArray[np.float64]
@@ -39,7 +39,7 @@ def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notic
     east, north = horizontal.mean(axis=0)
     length, scatter = float(np.hypot(east, north)), float(np.hypot(*horizontal.std(axis=0)))
     if length > max(LEAST_M, SIGMAS * scatter):
-        way = compass_word(float(east), float(north))
+        way = compass_direction(float(east), float(north))
         constant = (
             f"{test} has a constant offset of {length:.3f} m to the {way} of {reference}, with a scatter of "
             f"{scatter:.3f} m "

@@ -16,7 +16,7 @@ from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.compass import compass_word
+from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 
@@ -90,7 +90,7 @@ class SiteCoordinates:
         move, stated = self.brought.epoch, self.frame.stated
         if move is not None:
             across_m = float(np.hypot(move.east_m, move.north_m))
-            way = compass_word(move.east_m, move.north_m)
+            way = compass_direction(move.east_m, move.north_m)
             rise = "up" if move.up_m > 0 else "down"
             return (
                 f"are transformed from the current epoch to that of the map with {move.file}: "

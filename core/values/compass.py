@@ -8,6 +8,6 @@ from typing import Final
 _WORDS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
-def compass_word(east: float, north: float) -> str:
+def compass_direction(east: float, north: float) -> str:
     """The compass direction of a vector, to an eighth of a turn."""
     return _WORDS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]

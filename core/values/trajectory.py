@@ -32,7 +32,7 @@ SIGMAS = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
 """The columns of :attr:`Trajectory.sigma`."""
 
 
-HELD_BY = ("heading_from", "position_from", "height_from", "level_from")
+SOURCES = ("heading_from", "position_from", "height_from", "level_from")
 """Names of the attributes with the source of each unknown."""
 
 
@@ -92,7 +92,7 @@ class Trajectory:
     def __post_init__(self) -> None:
         n = len(self.t_s)
         shapes = {"xyz_m": (n, 3), "quaternion": (n, 4), "speed_mps": (n,), "motion": (n,), "fix": (n,)}
-        words = dict.fromkeys(HELD_BY, (n,))
+        words = dict.fromkeys(SOURCES, (n,))
         for name, shape in (shapes | {"sigma": (n, 6)} | words).items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"Trajectory.{name} has shape {getattr(self, name).shape}, not {shape}")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.values.trajectory import HELD_BY, SIGMAS, Motion
+from furrowmap.core.values.trajectory import SIGMAS, SOURCES, Motion
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.track import Event, ToolPath
@@ -91,7 +91,7 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
         "motion": _labels(poses.motion, {int(motion): motion.label for motion in Motion}),
         "fix": _labels(poses.fix, {int(fix): fix.label for fix in Fix}),
         **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMAS)},
-        **{name: getattr(poses, name).astype(object) for name in HELD_BY},
+        **{name: getattr(poses, name).astype(object) for name in SOURCES},
     }
     n = len(poses)
     state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)

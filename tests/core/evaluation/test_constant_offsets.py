@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.evaluation.constant_offsets import offset_notices
 from furrowmap.core.evaluation.receivers import evaluate_logs
-from furrowmap.core.values.compass import compass_word
+from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.errors import InputError
 
 
@@ -50,7 +50,7 @@ def test_compass_word__is_the_nearest_of_eight(azimuth_deg: float) -> None:
     words = {"north": 0, "north-east": 45, "east": 90, "south-east": 135, "south": 180, "south-west": 225,
              "west": 270, "north-west": 315}  # fmt: skip
     angle = np.radians(azimuth_deg)
-    off = (words[compass_word(float(np.sin(angle)), float(np.cos(angle)))] - azimuth_deg + 180.0) % 360.0 - 180.0
+    off = (words[compass_direction(float(np.sin(angle)), float(np.cos(angle)))] - azimuth_deg + 180.0) % 360.0 - 180.0
     assert abs(off) <= 22.5 + 1e-9
 
 

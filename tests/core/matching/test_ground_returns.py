@@ -20,7 +20,7 @@ from furrowmap.core.matching.returns import (
     ground_height_m,
     ground_returns,
 )
-from furrowmap.core.values.trajectory import HELD_BY, Motion
+from furrowmap.core.values.trajectory import SOURCES, Motion
 from tests.core.conftest import Recording
 
 
@@ -95,7 +95,7 @@ def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
     start = straight.located.trajectory
     begin = float(start.t_s[0]) + 4.0
     half = len(start.t_s) // 2
-    names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", *HELD_BY)
+    names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", *SOURCES)
     late = replace(start, **{name: getattr(start, name)[half:] for name in names})
     found = ground_returns(straight.scans(), straight.session.lidar.mounting, late)
     assert begin < late.t_s[0] + 4.0
