@@ -20,7 +20,7 @@ from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs
-from furrowmap.exporters.reports.page_parts import filled, key, key_figure, section
+from furrowmap.exporters.reports.page_parts import figure, filled, key, key_figure, remark, section
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
 
 FloatArray = NDArray[np.float64]
@@ -129,12 +129,10 @@ def _graphs(found: Evaluation) -> str:
         ("Z, up", error[:, 2], None),
     ]
     shown = [
-        f"<figure>{_graph(found, values, low, title)}<figcaption>{title}</figcaption></figure>"
-        for title, values, low in graphs
-        if np.isfinite(values).any()
+        figure(_graph(found, values, low, title), title) for title, values, low in graphs if np.isfinite(values).any()
     ]
     note = "The bars show the kind of fix. Values beyond the axis (1 % of the epochs) are drawn at its edge."
-    return f"{''.join(shown)}<p class='soft'>{note}</p>{_key(found)}"
+    return f"{''.join(shown)}{remark(note)}{_key(found)}"
 
 
 def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str) -> str:

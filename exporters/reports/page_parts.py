@@ -44,6 +44,16 @@ def key(rows: Iterable[tuple[str, str]]) -> str:
     return f'<ul class="key">{items}</ul>'
 
 
+def figure(content: str, caption: str) -> str:
+    """A drawing or an image with a caption in text."""
+    return f"<figure>{content}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def remark(text: str) -> str:
+    """A paragraph in small print."""
+    return f'<p class="soft">{escape(text)}</p>'
+
+
 def section(title: str, content: str) -> str:
     """A section of a page; the title is text, the content HTML."""
     return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"

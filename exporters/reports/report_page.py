@@ -21,7 +21,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.ground import Area
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
@@ -36,7 +36,7 @@ from furrowmap.exporters.reports.drawings import (
     tool_graph,
     work_map,
 )
-from furrowmap.exporters.reports.page_parts import filled, key, key_figure, section, table
+from furrowmap.exporters.reports.page_parts import figure, filled, key, key_figure, remark, section, table
 from furrowmap.exporters.reports.run_report import points_by_class
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
@@ -54,9 +54,7 @@ _FIX_WORDS: Final = {
     Fix.SINGLE: "single",
     Fix.NONE: "no position",
 }
-_NEAR: Final = np.array([253.0, 231.0, 37.0])
-_MIDDLE: Final = np.array([33.0, 145.0, 140.0])
-_FAR: Final = np.array([68.0, 1.0, 84.0])
+_NEAR_TO_FAR: Final = np.array([[253.0, 231.0, 37.0], [33.0, 145.0, 140.0], [68.0, 1.0, 84.0]])
 _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
@@ -109,11 +107,8 @@ def _summary(found: RunResult) -> str:
     """The session in a sentence or two."""
     ground = found.work.ground
     if ground is None:
-        return (
-            "The ground is mapped. Whether an implement worked it is unknown; the warnings below give the reason."
-            if found.work.notices
-            else "The ground is mapped."
-        )
+        reason = " Whether an implement worked it is unknown; the warnings below give the reason."
+        return f"The ground is mapped.{reason if found.work.notices else ''}"
     worked, missed = ground.figures.worked, ground.figures.missed
     if not ground.passes:
         return "The implement was never in the ground."
@@ -153,7 +148,7 @@ def _map_key(work: FieldWork, relief: Relief | None) -> str:
     note = "Areas in the map's plane."
     if relief is not None:
         note += " The relief is lit from the north-west."
-    return key(rows) + f'<p class="soft">{note}</p>'
+    return key(rows) + remark(note)
 
 
 def _tool(work: FieldWork) -> Iterable[str]:
@@ -166,7 +161,7 @@ def _tool(work: FieldWork) -> Iterable[str]:
         f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted, it is {100 * history.lifted_m:.0f} cm up. "
         "Brown: in the ground. Blue: lifted. Grey: unknown. Numbers: passes."
     )
-    yield section("The implement", f"<figure>{tool_graph(work)}<figcaption>{escape(note)}</figcaption></figure>")
+    yield section("The implement", figure(tool_graph(work), note))
 
 
 def _passes(work: FieldWork) -> Iterable[str]:
@@ -195,7 +190,7 @@ def _passes(work: FieldWork) -> Iterable[str]:
     )
     if more:
         note = f"{more} more passes are in the layer passes of field.gpkg. {note}"
-    yield section("Passes", f'<div class="scroll">{table(head, rows)}</div><p class="soft">{escape(note)}</p>')
+    yield section("Passes", f'<div class="scroll">{table(head, rows)}</div>{remark(note)}')
 
 
 def _classes(cloud: CopcSummary | None) -> Iterable[str]:
@@ -207,7 +202,7 @@ def _classes(cloud: CopcSummary | None) -> Iterable[str]:
         for name, count in points_by_class(cloud).items()
     ]
     note = "In brackets: number of the class in the cloud. Noise: isolated returns in the air, or below the ground."
-    yield section("Point classes", f'{table(("class", "points", "share"), rows)}<p class="soft">{note}</p>')
+    yield section("Point classes", table(("class", "points", "share"), rows) + remark(note))
 
 
 def _quality(poses: ScanPoses, frame: MapFrame) -> str:
@@ -220,8 +215,7 @@ def _quality(poses: ScanPoses, frame: MapFrame) -> str:
         f"Quality of the positions (top bar) and their stated standard deviation over time; below, on the map. "
         f"CRS: {frame.name}."
     )
-    graph = f"<figure>{quality_graph(poses)}<figcaption>{escape(note)}</figcaption></figure>"
-    return f'{graph}<div class="maps small">{quality_map(poses)}</div>{key(rows)}'
+    return f'{figure(quality_graph(poses), note)}<div class="maps small">{quality_map(poses)}</div>{key(rows)}'
 
 
 def _fix_word(fix: int) -> str:
@@ -240,11 +234,13 @@ def _accuracy(found: RunResult) -> str:
     if work.states is not None and len(work.states) > 1:
         rows.append(("lowering and lifting", _number(_median(work.states.begin_sigma_s[1:]), 3, " s")))
     if work.ground is not None:
-        rows += _ellipsoid(work.ground)
+        worked = work.ground.figures.worked
+        rows.append(("worked, in the map's plane", f"{_area(worked.grid_m2)} {_margin(worked)}"))
+        rows.append(("worked, on the ellipsoid", _area(worked.ellipsoid_m2)))
     sigmas = table(("median standard deviation", ""), rows)
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>No warnings.</p>"
-    return f'{sigmas}<p class="soft">On this page, ± is twice the standard deviation (95 % confidence).</p>{listed}'
+    return sigmas + remark("On this page, ± is twice the standard deviation (95 % confidence).") + listed
 
 
 def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
@@ -262,18 +258,8 @@ def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
         "Height differences of ground that the scanner saw several times without the tool passing in between, later "
         "minus earlier. Errors common to all swaths do not show."
     )
-    caption = "Share of the ground by difference. Map: swaths.tif."
-    graph = f"<figure>{swath_histogram(swaths)}<figcaption>{caption}</figcaption></figure>"
-    figures = table(("later minus earlier", ""), rows)
-    yield section("The same ground seen again", f'{figures}{graph}<p class="soft">{note}</p>')
-
-
-def _ellipsoid(ground: WorkedGround) -> list[tuple[str, str]]:
-    worked = ground.figures.worked
-    return [
-        ("worked, in the map's plane", f"{_area(worked.grid_m2)} {_margin(worked)}"),
-        ("worked, on the ellipsoid", _area(worked.ellipsoid_m2)),
-    ]
+    graph = figure(swath_histogram(swaths), "Share of the ground by difference. Map: swaths.tif.")
+    yield section("The same ground seen again", table(("later minus earlier", ""), rows) + graph + remark(note))
 
 
 def _views(work: FieldWork) -> Iterable[str]:
@@ -287,15 +273,14 @@ def _views(work: FieldWork) -> Iterable[str]:
         ("Static returns: the vehicle itself, all around", _depth_picture(seen.region.still_m, None)),
     ]
     shown = "".join(
-        f'<figure><img class="depth" src="{data_uri(picture)}" alt="{escape(text)}"><figcaption>{escape(text)}'
-        "</figcaption></figure>"
+        figure(f'<img class="depth" src="{data_uri(picture)}" alt="{escape(text)}">', text)
         for text, picture in pictures
     )
     note = (
         "Range images: a row for each laser, the highest on top, azimuth from left to right. Yellow is near, violet "
         "far; everything but the implement is pale."
     )
-    yield section("What the scanner sees of the implement", f'{shown}<p class="soft">{escape(note)}</p>')
+    yield section("What the scanner sees of the implement", shown + remark(note))
 
 
 def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
@@ -306,9 +291,7 @@ def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDAr
     shown = seen.images.implement & known if seen is not None else known
     low, high = np.quantile(range_m[shown if shown.any() else known], (0.02, 0.98))
     share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
-    colour = np.stack(
-        [np.interp(share, (0.0, 0.5, 1.0), channel) for channel in np.stack([_NEAR, _MIDDLE, _FAR]).T], axis=-1
-    )
+    colour = np.stack([np.interp(share, (0.0, 0.5, 1.0), channel) for channel in _NEAR_TO_FAR.T], axis=-1)
     colour = np.where(shown[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
     picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
     return picture
