@@ -184,7 +184,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             texts = [line.strip() for line in self.parameterAsString(parameters, name, context).splitlines()]
         elif kind == "new raster":
             texts = [self.parameterAsOutputLayer(parameters, name, context)]
-        elif kind == "new file":
+        elif kind in ("new file", "new folder"):
             texts = [self.parameterAsFileOutput(parameters, name, context)]
         else:
             texts = [self.parameterAsString(parameters, name, context)]

@@ -158,6 +158,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
         "farm_list": run("farm_list", FARM_MAP=base),
         "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT=folder / "farm.vrt"),
+        "temporary surfaces": run("surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT="TEMPORARY_OUTPUT", GROUND="none"),
         "temporary mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
@@ -413,6 +414,9 @@ def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], fold
 def test_output__that_is_temporary_is_where_the_answer_says(answers: dict[str, Any]) -> None:
     assert answers["temporary mosaic"]["error"] is None
     assert answers["temporary mosaic"]["written"] == ["OUTPUT"]
+    assert answers["temporary surfaces"]["error"] is None
+    assert {"DSM", "FOLDER", "OUTPUT"} <= set(answers["temporary surfaces"]["written"])
+    assert answers["temporary surfaces"]["outputs"]["OUTPUT"] == answers["temporary surfaces"]["outputs"]["FOLDER"]
 
 
 def test_errors__are_the_three_lines_of_the_command_line(
