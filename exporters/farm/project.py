@@ -71,7 +71,7 @@ def project_archive(
     bounds: tuple[float, float, float, float],
     span: tuple[dt.datetime, dt.datetime],
 ) -> bytes:
-    """The project as a `.qgz`.
+    """The project as a `.qgz`; QGIS completes its XML with defaults.
 
     Args:
         layers: the topmost of the map first.
@@ -79,21 +79,6 @@ def project_archive(
         bounds: west, south, east and north of the first view.
         span: of the temporal controller, in steps of a day.
     """
-    archive = io.BytesIO()
-    entry = zipfile.ZipInfo(f"{PROJECT}.qgs")  # dated 1980: the same project is the same archive
-    entry.compress_type = zipfile.ZIP_DEFLATED
-    with zipfile.ZipFile(archive, "w") as file:
-        file.writestr(entry, project_text(layers, crs, bounds, span))
-    return archive.getvalue()
-
-
-def project_text(
-    layers: Sequence[ProjectLayer],
-    crs: CRS,
-    bounds: tuple[float, float, float, float],
-    span: tuple[dt.datetime, dt.datetime],
-) -> str:
-    """The project's XML, of which QGIS completes the rest with its defaults."""
     root = ET.Element("qgis", {"version": _QGIS, "projectname": _TITLE})
     _text(root, "title", _TITLE)
     _put_crs(ET.SubElement(root, "projectCrs"), crs)
@@ -115,7 +100,12 @@ def project_text(
     _text(ET.SubElement(properties, "Paths"), "Absolute", "false", type="bool")
     _text(ET.SubElement(properties, "SpatialRefSys"), "ProjectionsEnabled", "1", type="int")
     ET.indent(root, " ")
-    return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
+    archive = io.BytesIO()
+    entry = zipfile.ZipInfo(f"{PROJECT}.qgs")  # dated 1980: the same project is the same archive
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr(entry, DOCTYPE + ET.tostring(root, encoding="unicode") + "\n")
+    return archive.getvalue()
 
 
 def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:

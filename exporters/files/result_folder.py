@@ -68,44 +68,26 @@ SURFACE_PRODUCTS: Final = (
 """All files that `furrowmap surface` may write."""
 
 
-class _Crs(msgspec.Struct):
-    map: str
-    coordinates: str
-    heights: str
-
-
-class _Session(msgspec.Struct):
-    name: str
-    crs: _Crs
-    lidar: dict[str, Any]
-
-
 class _Input(msgspec.Struct):
     name: str
     sha256: str
 
 
-class _Figures(msgspec.Struct):
-    start: str
-    end: str
-    points: int
-    bounds_m: tuple[tuple[float, float, float], tuple[float, float, float]]
-
-
-class _Coordinates(msgspec.Struct):
-    frame: str | None
-    epoch: float | None
-
-
-class _Report(msgspec.Struct):
-    """The keys of `report.json` that exports and farm maps need."""
-
-    furrowmap: str
-    session: _Session
-    inputs: list[_Input]
-    figures: _Figures
-    coordinates: _Coordinates
-    products: list[str]
+_Corner = tuple[float, float, float]
+_Crs = msgspec.defstruct("_Crs", [("map", str), ("coordinates", str), ("heights", str)])
+_Session = msgspec.defstruct("_Session", [("name", str), ("crs", _Crs), ("lidar", dict[str, Any])])
+_Figures = msgspec.defstruct(
+    "_Figures", [("start", str), ("end", str), ("points", int), ("bounds_m", tuple[_Corner, _Corner])]
+)
+_Coordinates = msgspec.defstruct("_Coordinates", [("frame", str | None), ("epoch", float | None)])
+_Report = msgspec.defstruct(
+    "_Report",
+    [
+        ("furrowmap", str), ("session", _Session), ("inputs", list[_Input]), ("figures", _Figures),
+        ("coordinates", _Coordinates), ("products", list[str]),
+    ],
+)  # fmt: skip
+"""The keys of `report.json` that exports and farm maps need."""
 
 
 @dataclass(frozen=True)
