@@ -72,8 +72,8 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         geometry={"type": "Polygon", "coordinates": [ring]},
         bbox=[min(lon), min(lat), max(lon), max(lat)],
         datetime=None,
-        start_datetime=_time(figures["start"]),
-        end_datetime=_time(figures["end"]),
+        start_datetime=datetime.fromisoformat(figures["start"]),
+        end_datetime=datetime.fromisoformat(figures["end"]),
         properties={
             "title": report["session"]["name"] or "Session without a name",
             "instruments": [report["session"]["lidar"].get("model") or ("lidar" if figures["points"] else "gnss")],
@@ -175,11 +175,7 @@ def _identifier(report: dict[str, Any]) -> str:
     """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
     words = "-".join(part for part in name.split("-") if part)[:80]
-    return f"{words or 'session'}-{_time(report['figures']['start']):%Y%m%dT%H%M%SZ}"
-
-
-def _time(text: str) -> datetime:
-    return datetime.fromisoformat(text)
+    return f"{words or 'session'}-{datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
 
 
 def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:

@@ -67,8 +67,8 @@ def page(found: Evaluation) -> str:
         title="Accuracy of a GNSS log",
         when=f"{iso_utc(float(matched.t_s[0]))} to {iso_utc(float(matched.t_s[-1]))}",
         summary=escape(
-            f"{Path(found.test).name}{_by(found.service)} against {Path(found.reference).name}"
-            f"{_by(found.reference_service)}: {len(matched):,} of {found.continuity.epochs:,} positions compared."
+            f"{_name(found.test, found.service)} against {_name(found.reference, found.reference_service)}: "
+            f"{len(matched):,} of {found.continuity.epochs:,} positions compared."
         ),
         figures=_figures(found),
         sections=sections,
@@ -78,8 +78,8 @@ def page(found: Evaluation) -> str:
     )
 
 
-def _by(service: str) -> str:
-    return f" ({service.upper()})" if service else ""
+def _name(file: str, service: str) -> str:
+    return f"{Path(file).name} ({service.upper()})" if service else Path(file).name
 
 
 def _kind(kind: str) -> str:
@@ -176,7 +176,7 @@ def _map(found: Evaluation) -> str:
     sheet = Sheet.of((west - margin, south - margin, east + margin, north + margin))
     parts = [sheet.line(reference[a:b], "way") for a, b in _unbroken(found) if b - a > 1]
     for a, b in pairwise(_edges(found)):
-        part = np.clip(test[a : b + 1 if b in _within(found) else b], *_corners(sheet))
+        part = np.clip(test[a : b + 1 if b in _within(found) else b], sheet.box_m[:2], sheet.box_m[2:])
         if len(part) > 1:
             parts.append(sheet.line(part, "curve", f'style="stroke:{fix_colour(int(found.fix[a]))}"'))
     return sheet.svg(parts, "Trajectories: the reference in brown, the test by its kind of fix")
@@ -185,11 +185,6 @@ def _map(found: Evaluation) -> str:
 def _within(found: Evaluation) -> set[int]:
     """Indices at which the kind of fix changes without a gap: a line continues to the next part."""
     return set(_edges(found)[1:-1]) - {a for a, _ in _unbroken(found)}
-
-
-def _corners(sheet: Sheet) -> tuple[FloatArray, FloatArray]:
-    west, south, east, north = sheet.box_m
-    return np.array([west, south]), np.array([east, north])
 
 
 def _key(found: Evaluation) -> str:
@@ -226,12 +221,9 @@ def _continuity(found: Evaluation) -> str:
         ),
         ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
     ]
-    body = "".join(f"<tr>{_cell(name)}{_cell(value)}</tr>" for name, value in rows)
+    cell = '<td style="white-space: normal; text-align: left">'
+    body = "".join(f"<tr>{cell}{escape(name)}</td>{cell}{escape(value)}</td></tr>" for name, value in rows)
     return f'<div class="scroll"><table>{body}</table></div>'
-
-
-def _cell(text: str) -> str:
-    return f'<td style="white-space: normal; text-align: left">{escape(text)}</td>'
 
 
 def _list(texts: Sequence[str]) -> str:
