@@ -27,6 +27,7 @@ from furrowmap.core.surfaces.spool import TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.threads import threads
 
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -86,7 +87,7 @@ def cloud_tiles(
     source = spooled.ground if method == "class" else spooled.points
     lows = _Lows(source, set(source.tiles))
     done = 0
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(threads()) as pool:
         points, of_ground = (
             FilteredTiles.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
             for spool in (spooled.points, spooled.ground)

@@ -1,1 +1,1 @@
-"""The ground that the tool worked: from a trajectory and the tool's states to polygons and figures."""
+"""Worked ground: polygons and figures from a trajectory and the states of the tool."""

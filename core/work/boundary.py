@@ -24,7 +24,7 @@ def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
         lon, lat = boundary.centroid.coords[0]
         raise InputError(
             f"The field's boundary lies at {lat:.4f}, {lon:.4f} (latitude, longitude): {frame.name} is not for there.",
-            "It is not the boundary of a field in this session.",
+            "It is not the boundary of the field of this session.",
             "Name the right file in `[field] boundary`; GeoJSON has longitude before latitude.",
             code="boundary-elsewhere",
         ) from error

@@ -1,4 +1,4 @@
-"""How deep the tool worked: its height against the soil beside it, pass by pass."""
+"""Working depth of each pass, from the height of the tool relative to the soil beside it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from furrowmap.core.work.sweep import PassTimes
 FloatArray = NDArray[np.float64]
 
 SETTLING_S: Final = 1.0
-"""At a pass's beginning and end the tool is still on its way."""
+"""Time at both ends of a pass in which the tool still moves."""
 FEWEST: Final = 5
 
 
@@ -40,16 +40,15 @@ def pass_depths(
 ) -> tuple[Depth, ...]:
     """The working depth of each pass.
 
-    The scanner sees how far the tool stands above or below the soil beside it, but not its tines in the soil: all
-    passes together are taken to have the working depth that the session states, and each pass to differ from it by
-    what is seen. Without a stated depth only the spread is known.
+    The scanner sees the tool relative to the soil beside it, but not its tines: the median of all passes is taken as
+    the stated working depth. Without a stated depth only the spread is known.
 
     Args:
         passes: in the order of time.
         t_s: (n,) UTC of the heights, increasing.
         tool_height_m: (n,) above the working position; nan where unknown.
         soil_height_m: (n,) of the soil beside the tool in the vehicle's frame; nan where unknown.
-        working_depth_m: as the session states it.
+        working_depth_m: from the session.
     """
     sunk = [_within(when, t_s, soil_height_m - tool_height_m) for when in passes]
     medians = [float(np.median(part)) if len(part) >= FEWEST else float("nan") for part in sunk]
@@ -63,6 +62,6 @@ def pass_depths(
 
 
 def _within(when: PassTimes, t_s: FloatArray, sunk_m: FloatArray) -> FloatArray:
-    """What is known of a pass, its ends left out."""
+    """Known values within a pass, without its ends."""
     inside = (t_s > when.begin_s + SETTLING_S) & (t_s < when.end_s - SETTLING_S)
     return sunk_m[inside & np.isfinite(sunk_m)]

@@ -1,4 +1,4 @@
-"""The tool's states from elsewhere, a table of times or a machine's log, and how they agree with those seen."""
+"""Tool states from a table of times or a machine log, and their comparison with those seen by the scanner."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from furrowmap.core.values.trajectory import Trajectory
 FloatArray = NDArray[np.float64]
 
 NEAR_S: Final = 0.5
-"""Differences shorter than this are those of the moment at which a tool counts as down."""
-MOST_TOLD: Final = 5
+"""Shorter differences come from different thresholds of a transition."""
+MOST_LISTED: Final = 5
 GOOD_SHARE: Final = 0.98
 
 
 @dataclass(frozen=True)
 class StateComparison:
-    """How states from elsewhere agree with those that the scans show, in the time in which both are known.
+    """Comparison of external states with those seen, over the time in which both are known.
 
     Attributes:
         compared_s: that time.
-        share: of it in which they are the same; nan where there is none.
-        differing_s: (m, 2) when they are not, from and to.
-        seen_down: (m,) bool: whether the scans show the tool down in each of these.
+        share: of it in which they are equal; nan where there is none.
+        differing_s: (m, 2) intervals in which they differ.
+        seen_down: (m,) whether the tool is seen down in each of these.
     """
 
     compared_s: float
@@ -44,35 +44,31 @@ class StateComparison:
     seen_down: NDArray[np.bool_]
 
     def notices(self, *, replaced: bool) -> list[Notice]:
-        """What the report tells: where states differ for longer than a transition takes.
-
-        Args:
-            replaced: whether the states from elsewhere were used.
-        """
+        """Notices where states differ for longer than a transition; `replaced`: external states were used."""
         used = "those from elsewhere are used" if replaced else "those seen are used"
         if not self.compared_s:
             text = f"States from elsewhere and those seen have no time in common; {used}."
             return [Notice("states-not-compared", text)]
         length_s = self.differing_s[:, 1] - self.differing_s[:, 0]
-        told = np.flatnonzero(length_s > NEAR_S)
-        if not len(told) and self.share >= GOOD_SHARE:
+        long = np.flatnonzero(length_s > NEAR_S)
+        if not len(long) and self.share >= GOOD_SHARE:
             return []
-        longest = sorted(told[np.argsort(-length_s[told], kind="stable")][:MOST_TOLD].tolist())
+        longest = sorted(long[np.argsort(-length_s[long], kind="stable")][:MOST_LISTED].tolist())
         places = "; ".join(
             f"{iso_utc(float(self.differing_s[k, 0]))} for {length_s[k]:.1f} s (seen "
             f"{'down' if self.seen_down[k] else 'up'})"
             for k in longest
         )
-        longest_told = f", the longest: {places}" if places else ""
+        listed = f", the longest: {places}" if places else ""
         text = (
             f"States from elsewhere agree with those seen in {self.share:.1%} of {self.compared_s:,.0f} s; {used}. "
-            f"They differ for more than {NEAR_S:g} s at {len(told)} times{longest_told}."
+            f"They differ for more than {NEAR_S:g} s at {len(long)} times{listed}."
         )
         return [Notice("states-differ", text)]
 
 
 def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
-    """How two histories of states agree."""
+    """Compare two histories of states."""
     cuts = np.unique(np.concatenate([seen.begin_s, seen.end_s, external.begin_s, external.end_s]))
     cuts = cuts[np.isfinite(cuts)]
     begin, end = cuts[:-1], cuts[1:]

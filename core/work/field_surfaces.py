@@ -1,4 +1,4 @@
-"""The surfaces of a run: the ground as it was left, as it was before the tool came, and how much it changed."""
+"""Surfaces of a run: the ground after and before the work, and the change."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.surfaces.visits import block_differences
 from furrowmap.core.values.session import Implement
+from furrowmap.core.values.threads import threads
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.sweep import sweeps
 
 CELL_M: Final = 0.05
 REACH_M: Final = 15.0
-"""Returns from further away graze the ground, hardly two in a cell: they lie more than a centimetre too high, and every
-twentieth by more than five."""
+"""Farther returns are too sparse and more than a centimetre too high, every twentieth by more than five."""
 BESIDE_M: Final = 0.5
-"""So far beside the tool's line soil may be thrown, and the ground is looked at before and after as well."""
+"""Width beside the line of the tool in which soil may be thrown."""
 SETTLE_S: Final = 0.2
-"""Returns this short before or after the tool's passage are of soil on its way."""
+"""Time around a passage in which soil is still moving."""
 CLEAR_M: Final = 0.3
-"""Nothing stands higher on ground that a tool works: what is seen above it is dust, or the machine itself."""
+"""Returns higher above worked ground are dust or the machine."""
 BLOCK: Final = 8
-"""Cells a side of the blocks whose lower heights tell where the soil is."""
+"""Cells a side of the blocks whose low quantile is the soil."""
 ENOUGH: Final = 100_000
-"""So many of a tile's returns, a hundred a block, tell that."""
+"""Returns of a tile used for that, a hundred a block."""
 LOWER: Final = Statistic.parse("p10")
 AT_ONCE: Final = 16
-"""Tiles that are computed before their results are asked for."""
+"""Tiles computed ahead."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,13 @@ class FieldTile:
     """The surfaces of one tile; all of its grid.
 
     Attributes:
-        after: the ground as it was left at the end. Where the tool passed, only returns after it count, so that a cell
-            that was not seen since has no height; everywhere else all returns do.
-        before: the ground before the tool first passed; where it did not pass, all returns count.
-        change_m: float32 height after less height before, where the ground was seen before as well as after the tool
-            passed it or passed beside it; nan elsewhere.
+        after: the ground at the end, from returns after the last passage of the tool, or all where it did not pass.
+        before: the ground before its first passage likewise.
+        change_m: float32 after less before, where seen both times around a passage; nan elsewhere.
         change_error_m: float32 standard error of it.
-        number: int32 pass that worked the cell last; 0 where none did.
-        swaths_m: float32, of blocks of cells: how much higher the same ground was seen by each swath than by the one
-            before it, where the tool did not pass between; nan elsewhere.
+        number: int32 last pass; 0 where none.
+        swaths_m: float32 by blocks of cells, height of a swath less the one before without a passage between; nan
+            elsewhere.
     """
 
     grid: Grid
@@ -71,7 +69,7 @@ class FieldTile:
 
 
 class FieldPoints:
-    """Keeps the points of a run that show the land, and makes surfaces of them: a context manager.
+    """Collects the ground points of a run and computes surfaces: a context manager.
 
     Args:
         folder: for the scratch file.
@@ -93,19 +91,19 @@ class FieldPoints:
             self._spool.__exit__(kind, error, trace)
 
     def begin(self, origin_m: tuple[float, float, float]) -> None:
-        """Before the first scan: what is taken off the coordinates to come."""
+        """Set the offset of the coordinates, before the first scan."""
         self._spool = PointSpool(self._cell_m, base_m=origin_m[2], folder=self._folder)
         self._origin_m = origin_m
 
     def add(self, placed: PlacedScan) -> None:
-        """Take the points of one scan that may lie on the land and not too far away."""
+        """Add the points of a scan that may be land and are near enough."""
         assert self._spool is not None
         near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, REACH_M)
         self._spool.add(placed.xyz_m, placed.scan.t_s, near, self._origin_m)
 
     @property
     def grid(self) -> Grid | None:
-        """That all tiles lie in; None where there are no points."""
+        """The grid that covers all tiles; None without points."""
         return self._spool.grid if self._spool is not None else None
 
     @property
@@ -114,7 +112,7 @@ class FieldPoints:
         return len(self._spool.tiles) if self._spool is not None else 0
 
     def tiles(self, passages: Passages, statistic: Statistic = MEDIAN) -> Iterator[FieldTile]:
-        """The surfaces, tile by tile, computed on two cores.
+        """The surfaces, tile by tile, computed in several threads.
 
         Args:
             passages: of the tool's line; none where no work is known.
@@ -124,7 +122,7 @@ class FieldPoints:
         if spool is None:
             return
         keys = spool.tiles
-        with ThreadPoolExecutor(2) as pool:
+        with ThreadPoolExecutor(threads()) as pool:
             for first in range(0, len(keys), AT_ONCE):
                 some = keys[first : first + AT_ONCE]
                 yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic), some)
@@ -146,29 +144,25 @@ def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> 
     grid = points.grid
     near = passages.over(grid, BESIDE_M)
     if not near.passed.any():
-        surface = _surface(points, statistic)
+        surface = points.surface(statistic)
         nothing = np.full(grid.shape, np.nan, np.float32)
         return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points))
     points = points.part(_low(points, near.passed))
     tool = passages.over(grid)
-    windows = look(
+    windows = before_and_after(
         points.cell, points.t_s, *_seconds(tool, points.begin_s), *_seconds(near, points.begin_s), np.float32(SETTLE_S)
     )
-    after, before, told = windows
+    after, before, both = windows
     left = points.part(after)
-    later, earlier = _surface(left, statistic), _surface(points.part(before), statistic)
-    compared = told.reshape(grid.shape)
+    later, earlier = left.surface(statistic), points.part(before).surface(statistic)
+    compared = both.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
     error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
     return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left))
 
 
-def _surface(points: TilePoints, statistic: Statistic) -> Surface:
-    return cell_surface(points.grid, points.cell, points.height_m, points.base_m, statistic)
-
-
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which points (n,) are not high above the soil, where that is asked; elsewhere all."""
+    """Which points (n,) are not high above the soil, within `where`; elsewhere all."""
     grid = points.grid
     rows, columns = grid.rows // BLOCK, grid.columns // BLOCK
     blocks = Grid(grid.cell_m * BLOCK, 0, 0, (rows, columns))
@@ -208,11 +202,11 @@ def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     cache=True,
     nogil=True,
 )
-def look(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle_s):  # type: ignore[no-untyped-def]
-    """Which points show the ground after, and which before; and which cells were seen both ways (cells,).
+def before_and_after(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle_s):  # type: ignore[no-untyped-def]
+    """Which points are after and which before the work; and which cells have both (cells,).
 
-    Beside the tool soil may land, so that returns after it also passed beside a cell are the better ones; where there
-    are none, those after it passed over the cell itself do, and where it did not pass over it, all. Likewise before.
+    Soil may land beside the tool, so returns after it passed beside a cell are preferred; without any, those after it
+    passed over the cell, or all where it did not. Likewise before.
     """
     cells = len(tool_first_s)
     later, earlier = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
@@ -225,11 +219,11 @@ def look(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle
         from_s[k] = near_last_s[k] if later[k] else tool_last_s[k]
         until_s[k] = near_first_s[k] if earlier[k] else tool_first_s[k]
     after, before = np.empty(len(cell), np.bool_), np.empty(len(cell), np.bool_)
-    told_after, told_before = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
+    seen_after, seen_before = np.zeros(cells, np.bool_), np.zeros(cells, np.bool_)
     for i in range(len(cell)):
         k = cell[i]
         after[i] = t_s[i] > from_s[k] + settle_s
         before[i] = t_s[i] < until_s[k] - settle_s
-        told_after[k] |= after[i] and np.isfinite(from_s[k])
-        told_before[k] |= before[i] and np.isfinite(until_s[k])
-    return after, before, told_after & told_before
+        seen_after[k] |= after[i] and np.isfinite(from_s[k])
+        seen_before[k] |= before[i] and np.isfinite(until_s[k])
+    return after, before, seen_after & seen_before

@@ -1,4 +1,4 @@
-"""The implement's part of a run: found in the scans, watched through them, and the ground that it worked."""
+"""The implement in a run: detection, tracking and worked ground."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
 _NO_MACHINE = Notice(
     "machine-not-known",
-    "Too few scans on the move, or no ground where the scanner's mounting ([lidar] xyz_m, rpy_deg) puts it: the "
-    "vehicle's own body could not be told from the land, so its points have no class of their own.",
+    "Too few scans of the moving vehicle, or no ground where the mounting of the scanner ([lidar] xyz_m, rpy_deg) puts "
+    "it: points of the vehicle could not be classified.",
 )
 _NO_WIDTH = Notice(
     "implement-not-stated",
@@ -104,7 +104,7 @@ def field_boundary(file: Path | None, frame: MapFrame) -> BaseGeometry | None:
 
 
 class ImplementTracker:
-    """Watches the implement in two readings of a recording: one to find it, one to follow it.
+    """Finds the implement in the first pass over a recording and tracks it in the second.
 
     Args:
         session: says how the scanner is mounted, and where the implement is if it knows.
@@ -120,7 +120,7 @@ class ImplementTracker:
         self._notices: tuple[Notice, ...] = ()
 
     def add_scan(self, scan: Scan) -> None:
-        """Take note of a scan of the first reading."""
+        """Add a scan of the first pass."""
         assert self._near is not None
         self._near.add(scan)
 
@@ -128,7 +128,7 @@ class ImplementTracker:
         """Find the implement, between the two readings; the machine of which it is part, None where that is not known.
 
         Args:
-            trajectory: tells when the vehicle was on the move.
+            trajectory: of the vehicle.
         """
         assert self._near is not None
         stated, mounting = self._session.implement, self._session.lidar.mounting

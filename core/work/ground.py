@@ -1,4 +1,4 @@
-"""The ground worked: passes, what they cover, where they overlap, what they missed, and the figures of it all."""
+"""Worked ground: passes, coverage, overlaps, misses and figures."""
 
 from __future__ import annotations
 
@@ -102,11 +102,11 @@ class Place:
 
 @dataclass(frozen=True)
 class WorkFigures:
-    """What an agronomist asks for.
+    """Summary figures.
 
     Attributes:
         worked: the ground worked, once however often.
-        swept_m2: width times way, all passes added up: what a machine's own counter counts.
+        swept_m2: width times path length of all passes, as the counter of a machine.
         overlap: the places of all pairs of passes, added up.
         missed: all strips missed.
         passes: how many.
@@ -129,7 +129,7 @@ class WorkFigures:
 
 @dataclass(frozen=True)
 class WorkedGround:
-    """All there is to know about the ground worked in a session.
+    """The worked ground of a session.
 
     Attributes:
         passes: in the order of time.

@@ -1,4 +1,4 @@
-"""What the hours in the field were spent on."""
+"""Time in the field by activity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Strips that the tool left between its passes, or between them and the field's boundary."""
+"""Strips missed between passes, or between them and the boundary of the field."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.work.shapes import areal, closed, grown, parts
 
 THINNEST_M: Final = 0.02
-"""Less than this between two passes is not left standing by any tool."""
+"""Narrower strips are ignored."""
 SMALLEST_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
-_GRID_M: Final = 1e-6
-"""Corners are laid on a grid where shapes with nearly the same sides are cut from each other: GEOS may fail else."""
 
 
 def missed(

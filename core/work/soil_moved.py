@@ -1,4 +1,4 @@
-"""How much soil a run's work moved: the difference of the surfaces after and before it, summed up by pass."""
+"""Soil moved by the work: the change between the surfaces, by pass."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Moved:
 
     @property
     def volume_m3(self) -> float:
-        """Of the change, cells that were not seen both ways taken to have changed as the others did."""
+        """Volume of the change, with the mean for cells that were not compared."""
         return self.area_m2 * self.mean_m
 
 
@@ -38,7 +38,7 @@ class SoilMoved:
     Attributes:
         worked: all ground that was worked.
         passes: by number, the ground that each pass worked last.
-        beside: the ground beside the passes: what the same comparison says where nothing was worked.
+        beside: the ground beside the passes, as a measure of the error.
     """
 
     worked: Moved

@@ -1,4 +1,4 @@
-"""The tool's line carried along the trajectory while it is down and moves forward."""
+"""Motion of the line of the tool while it is down and moves forward."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 
 LINE_EVERY_M: Final = 0.1
 SHORTEST_M: Final = 0.02
-"""Less way than this is a quiver of the machine, not work."""
+"""Shortest path of work; less is vibration."""
 MARGIN_S: Final = 2.0
 """How far beyond a pass its path is smoothed, so that the pass itself has no ends of a spline in it."""
 KNOT_EVERY_S: Final = 0.1
@@ -110,7 +110,7 @@ def sweeps(trajectory: Trajectory, times: PassTimes, implement: Implement) -> It
 
 
 class _Path:
-    """The smoothed way of the tool's line over knots without a gap."""
+    """The smoothed path of the line of the tool over knots without a gap."""
 
     def __init__(self, trajectory: Trajectory, knots: slice, implement: Implement) -> None:
         t = trajectory.t_s[knots]

@@ -88,7 +88,7 @@ def task_works(
         crs: of the map; None for one that fits the place.
         width_m: of the machine; None for the widest that the logs show at work.
         only: id or name of the one task that is wanted.
-        progress: is told of the tasks done.
+        progress: receives the share of tasks done.
 
     Raises:
         InputError: if it cannot be read, no task has positions, or no log says how wide the machine is.
@@ -101,7 +101,7 @@ def task_works(
     if not placed:
         raise InputError(
             f"{path}: none of its {len(content.tasks)} tasks has a time log with positions.",
-            "Where the machine was is not known, so neither is the ground that it worked.",
+            "The worked ground cannot be computed without positions.",
             "Export the task data once the work is done: time logs are written on the machine's terminal.",
             code="no-positions",
         )
@@ -110,7 +110,7 @@ def task_works(
     if not np.isfinite(width) or width <= 0.0:
         raise InputError(
             f"{path}: no time log says how wide the machine works.",
-            "Without a width its way makes no ground.",
+            "Without a width no ground can be computed.",
             "State it: --width 9.0 (metres).",
             code="width-unknown",
         )
@@ -138,8 +138,8 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
     if choice is None:
         raise InputError(
             f"{longest.track.source}: it lies too near to a pole for a UTM zone.",
-            "There is no map to lay the ground out on.",
-            "Name a projected CRS in metres with --crs.",
+            "No default CRS exists there.",
+            "State a projected CRS in metres with --crs.",
             code="crs-unknown",
         )
     return map_frame(Crs(map=choice.code))
@@ -170,7 +170,7 @@ def _polygons(shape: BaseGeometry) -> list[BaseGeometry]:
 
 
 def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Implement) -> tuple[float, list[Notice]]:
-    """Way times logged width, and a word on how much of the way only a part of the machine worked."""
+    """Path length times logged width, and a notice where only part of the width worked."""
     t = course.trajectory
     step_m = np.hypot(*np.diff(t.xyz_m[:, :2], axis=0).T)
     worked = (task.state[course.used][:-1] == ToolState.DOWN) & (np.diff(t.t_s) <= t.max_gap_s)

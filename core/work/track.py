@@ -1,4 +1,4 @@
-"""The tool's own way and what happened along it: the lines and points that a map shows beside the ground worked."""
+"""Paths of the tool and events along them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Headland and body of a field, told apart by where the machine turned."""
+"""Headland and body of a field, from the turns of the machine."""
 
 from __future__ import annotations
 
