@@ -19,6 +19,7 @@ from furrowmap.core.values.session import (
     CHECK,
     CURRENT_EPOCH,
     ELLIPSOIDAL,
+    EXAMPLES,
     REPLACE,
     SCHEMA,
     Antenna,
@@ -49,42 +50,6 @@ _KINDS: Final = {
     "null": "nothing",
 }
 """Type names of msgspec and of this module's messages."""
-
-_EXAMPLES: Final = {
-    "name": '"North field"',
-    "recording.lidar": '["recording.pcap"]',
-    "recording.gnss": '["gnss.nmea"]',
-    "recording.lidar_minus_gnss_s": "0.0",
-    "recording.date": '"2026-06-11"',
-    "recording.task": '"TSK1"',
-    "crs.map": '"EPSG:6677"',
-    "crs.heights": '"EGM2008"',
-    "crs.coordinates": '"current-epoch"',
-    "crs.parameters": '"SemiDyna2026.par"',
-    "crs.geoid_grid": '"us_nga_egm08_25.tif"',
-    "antenna.xyz_m": "[1.85, 0.0, 1.62]",
-    "lidar.model": '"VLP-16"',
-    "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
-    "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
-    "implement.kind": '"rotary tiller"',
-    "implement.width_m": "1.70",
-    "implement.xy_m": "[-1.45, 0.0]",
-    "implement.working_depth_m": "0.12",
-    "implement.lift_m": "0.45",
-    "implement.region_m": "[-3.5, -0.9, -1.2, 1.2]",
-    "implement.learned": '"implement.npz"',
-    "implement.states": '["states.csv"]',
-    "implement.states_use": '"replace"',
-    "implement.states_minus_gnss_s": "0.0",
-    "field.boundary": '"boundary.geojson"',
-    "trajectory.files": '["trajectory.csv"]',
-    "trajectory.time": '"utc"',
-    "trajectory.week": "2422",
-    "run.standing": "true",
-    "run.fixes": '["fixed", "float"]',
-    "run.threads": "2",
-}
-"""An example value for every key."""
 
 
 def load_session(path: Path) -> Session:
@@ -195,7 +160,7 @@ def _conversion_error(message: str, name: str) -> InputError:
         what = f"table [{key}]" if key in _tables() else f"key `{path}`"
         what += f" {_type_fault(reason)}"
     table, _, last = key.rpartition(".")
-    line = f"{last} = {_EXAMPLES[key]}" if key in _EXAMPLES else f"[{key}]" if key in _tables() else ""
+    line = f"{last} = {EXAMPLES[key]}" if key in EXAMPLES else f"[{key}]" if key in _tables() else ""
     example = f"Example: `{line}`{f' under [{table}]' if table else ''}. " if line else ""
     return InputError(
         f"{name}: {what}.",

@@ -170,3 +170,40 @@ class Session(_Part, frozen=True):
     field: Field = Field()
     trajectory: TrajectorySource | None = None
     run: Run = Run()
+
+
+EXAMPLES: Final = {
+    "name": '"North field"',
+    "recording.lidar": '["recording.pcap"]',
+    "recording.gnss": '["gnss.nmea"]',
+    "recording.lidar_minus_gnss_s": "0.0",
+    "recording.date": '"2026-06-11"',
+    "recording.task": '"TSK1"',
+    "crs.map": '"EPSG:6677"',
+    "crs.heights": '"EGM2008"',
+    "crs.coordinates": '"current-epoch"',
+    "crs.parameters": '"SemiDyna2026.par"',
+    "crs.geoid_grid": '"us_nga_egm08_25.tif"',
+    "antenna.xyz_m": "[1.85, 0.0, 1.62]",
+    "lidar.model": '"VLP-16"',
+    "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
+    "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
+    "implement.kind": '"rotary tiller"',
+    "implement.width_m": "1.70",
+    "implement.xy_m": "[-1.45, 0.0]",
+    "implement.working_depth_m": "0.12",
+    "implement.lift_m": "0.45",
+    "implement.region_m": "[-3.5, -0.9, -1.2, 1.2]",
+    "implement.learned": '"implement.npz"',
+    "implement.states": '["states.csv"]',
+    "implement.states_use": '"replace"',
+    "implement.states_minus_gnss_s": "0.0",
+    "field.boundary": '"boundary.geojson"',
+    "trajectory.files": '["trajectory.csv"]',
+    "trajectory.time": '"utc"',
+    "trajectory.week": "2422",
+    "run.standing": "true",
+    "run.fixes": '["fixed", "float"]',
+    "run.threads": "2",
+}
+"""An example value for every key."""
