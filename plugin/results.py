@@ -18,12 +18,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .legends import label_band, translate_categories
 from .previews import read_object, remove_previews
-from .styles import (
-    set_terrain,
-    show_as_change,
-    show_as_surface,
-    show_by_class,
-)
+from .styles import set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 

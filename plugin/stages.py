@@ -15,8 +15,18 @@ STAGES = (
     QT_TRANSLATE_NOOP("Stages", "writing layers"),
     QT_TRANSLATE_NOOP("Stages", "writing the preview"),
     QT_TRANSLATE_NOOP("Stages", "work"),
+    QT_TRANSLATE_NOOP("Stages", "reading clouds"),
+    QT_TRANSLATE_NOOP("Stages", "measuring density"),
+    QT_TRANSLATE_NOOP("Stages", "looking for noise"),
+    QT_TRANSLATE_NOOP("Stages", "cleaning clouds"),
+    QT_TRANSLATE_NOOP("Stages", "filling gaps"),
+    QT_TRANSLATE_NOOP("Stages", "exporting"),
+    QT_TRANSLATE_NOOP("Stages", "reading results"),
+    QT_TRANSLATE_NOOP("Stages", "writing the farm map"),
+    QT_TRANSLATE_NOOP("Stages", "writing the mosaic"),
+    QT_TRANSLATE_NOOP("Stages", "waiting for another process"),
 )
-"""Stages of a run, in their order. Others are shown in English, as the worker names them."""
+"""Stages of a run in their order, then those of other commands. Others are shown in English."""
 
 
 def stage_name(stage):

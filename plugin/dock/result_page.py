@@ -32,11 +32,7 @@ class ResultPage(QWidget):
                 ("replay", self.tr("Replay"), self.tr("Play the drive in the temporal controller")),
                 ("report", self.tr("Open report"), self.tr("Open the HTML report in the browser")),
                 ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
-                (
-                    "print",
-                    self.tr("Print…"),
-                    self.tr("A layout with map, legend and figures, and a page per pass"),
-                ),
+                ("print", self.tr("Print…"), self.tr("A layout with map, legend and figures, and a page per pass")),
                 ("back", self.tr("Other session"), self.tr("Back to the start page")),
             )
         ):

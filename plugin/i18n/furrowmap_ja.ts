@@ -170,7 +170,7 @@
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
-  <message><source>The output MET says whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
+  <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
@@ -442,16 +442,26 @@
 </context>
 <context>
   <name>Stages</name>
+  <message><source>cleaning clouds</source><translation>点群のクリーニング</translation></message>
+  <message><source>exporting</source><translation>エクスポート</translation></message>
+  <message><source>filling gaps</source><translation>欠損の補間</translation></message>
   <message><source>hashing inputs</source><translation>入力ファイルのハッシュ計算</translation></message>
   <message><source>looking at scans</source><translation>スキャンの確認</translation></message>
+  <message><source>looking for noise</source><translation>ノイズの検出</translation></message>
   <message><source>making surfaces</source><translation>サーフェスの作成</translation></message>
   <message><source>matching scans</source><translation>スキャンマッチング</translation></message>
+  <message><source>measuring density</source><translation>点密度の測定</translation></message>
   <message><source>placing points</source><translation>点の配置</translation></message>
+  <message><source>reading clouds</source><translation>点群の読み込み</translation></message>
   <message><source>reading positions</source><translation>測位の読み込み</translation></message>
+  <message><source>reading results</source><translation>実行結果の読み込み</translation></message>
   <message><source>reading scans</source><translation>スキャンの読み込み</translation></message>
+  <message><source>waiting for another process</source><translation>ほかのプロセスの終了待ち</translation></message>
   <message><source>work</source><translation>作業の計算</translation></message>
   <message><source>writing cloud</source><translation>点群の書き出し</translation></message>
   <message><source>writing layers</source><translation>レイヤの書き出し</translation></message>
+  <message><source>writing the farm map</source><translation>農場マップの書き出し</translation></message>
+  <message><source>writing the mosaic</source><translation>モザイクの書き出し</translation></message>
   <message><source>writing the preview</source><translation>プレビューの書き出し</translation></message>
 </context>
 <context>

@@ -24,6 +24,7 @@ SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughnes
 SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
+MET = "The output MET reports whether it is met."
 LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
 
 SESSION = {
@@ -98,11 +99,6 @@ def product(name):
     return lambda answer: str(Path(answer["folder"]) / name) if name in answer["products"] else None
 
 
-def evaluation_page(answer):
-    """The HTML page in the output folder of `gnss evaluate`; None where no folder was asked for."""
-    return str(Path(answer["output"]) / "evaluation.html") if answer["output"] else None
-
-
 def surfaces_written(answer):
     """The files of `surface` that are opened as layers."""
     return [path for path in (product(name)(answer) for name in SURFACES_OPENED) if path]
@@ -165,10 +161,7 @@ ALGORITHMS = (
         "session",
         "Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: "
         "on average the ground is level, and ground scanned twice coincides.",
-        basic={
-            **SESSION,
-            "--write": parameter("WRITE", "Write the estimates into the session file"),
-        },
+        basic={**SESSION, "--write": parameter("WRITE", "Write the estimates into the session file")},
         outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
     ),
     Algorithm(
@@ -262,11 +255,7 @@ ALGORITHMS = (
             "--width": parameter("WIDTH", "Working width"),
             "--output": parameter("OUTPUT", "Worked ground", filter="GeoPackage (*.gpkg)", required=True),
         },
-        advanced={
-            "--task": parameter("TASK", "Task"),
-            "--crs": parameter("CRS", "CRS of the output"),
-            **OVERWRITE,
-        },
+        advanced={"--task": parameter("TASK", "Task"), "--crs": parameter("CRS", "CRS of the output"), **OVERWRITE},
         outputs=(
             Output("FIELDS", "text", "Figures by field (JSON)", lambda answer: as_json(answer["fields"])),
             Output(
@@ -445,7 +434,15 @@ ALGORITHMS = (
             "--date": parameter("DATE", "Date of the first position"),
             **OVERWRITE,
         },
-        outputs=(FINDINGS, Output("PAGE", "text", "Evaluation (HTML)", evaluation_page)),
+        outputs=(
+            FINDINGS,
+            Output(
+                "PAGE",
+                "text",
+                "Evaluation (HTML)",
+                lambda answer: str(Path(answer["output"]) / "evaluation.html") if answer["output"] else None,
+            ),
+        ),
     ),
     Algorithm(
         "check",
@@ -457,12 +454,8 @@ ALGORITHMS = (
             "product": parameter("PRODUCT", "Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF."),
             "points": parameter("POINTS", "Surveyed points", "CSV or GeoPackage."),
             "--points-sigma": parameter("SIGMA", "Standard deviation of the survey"),
-            "--require-vertical": parameter(
-                "VERTICAL", "Required vertical RMSE", "The output MET says whether it is met."
-            ),
-            "--require-horizontal": parameter(
-                "HORIZONTAL", "Required horizontal RMSE", "The output MET says whether it is met."
-            ),
+            "--require-vertical": parameter("VERTICAL", "Required vertical RMSE", MET),
+            "--require-horizontal": parameter("HORIZONTAL", "Required horizontal RMSE", MET),
             "--table": parameter("TABLE", "Table of errors", filter="CSV (*.csv)"),
         },
         advanced={
