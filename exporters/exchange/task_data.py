@@ -247,8 +247,8 @@ def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
         (WORK_STATE, "9", "Work state"),
         (ACTUAL_WIDTH, "9", "Working width"),
         (TOTAL_AREA, "16", "Area"),
-        (EFFECTIVE_DISTANCE, "16", "Way at work"),
-        (EFFECTIVE_DISTANCE + 1, "16", "Other way"),
+        (EFFECTIVE_DISTANCE, "16", "Distance at work"),
+        (EFFECTIVE_DISTANCE + 1, "16", "Other distance"),
         (EFFECTIVE_TIME, "16", "Time at work"),
         (EFFECTIVE_TIME + 1, "16", "Other time"),
     )
