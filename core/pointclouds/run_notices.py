@@ -70,7 +70,7 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     else:
         offset_s, cause = likely
         remedy = (
-            f"If the files are of the same drive, the scanner's clock is off by {cause}: set "
+            f"If the files are of the same drive, the scanner's clock is probably off ({cause}): set "
             f"`[recording] lidar_minus_gnss_s = {stated_s + offset_s:.1f}`."
         )
     return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")

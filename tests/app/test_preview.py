@@ -94,7 +94,7 @@ def test_preview__of_a_session_without_a_scanner_is_its_track(shared_data: Path,
 
 
 def test_preview__fails_where_the_run_would(loop: Path, tmp_path: Path) -> None:
-    """Clocks that have no time in common are told in a second, not after the work."""
+    """Clocks that do not overlap in time are reported in a second, not after the work."""
     for name in ("recording.pcap.gz", "gnss.nmea", "boundary.geojson"):
         shutil.copyfile(loop / name, tmp_path / name)
     text = (loop / "session.toml").read_text(encoding="utf-8")

@@ -73,7 +73,7 @@ def test_a_session_places_all_points(session: Path) -> None:
 
 def test_clocks_without_overlap_are_an_error_with_both_spans_and_the_offset(session: Path) -> None:
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 32400.0\n[crs]"))
-    with pytest.raises(InputError, match="no time in common") as caught:
+    with pytest.raises(InputError, match="do not overlap in time") as caught:
         run(open_session(session), Counting())
     assert "lidar_minus_gnss_s = 0.0" in caught.value.remedy
     assert "32400" in caught.value.what
