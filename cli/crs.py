@@ -28,6 +28,6 @@ def crs(console: Console, session: Path) -> None:
     with console.work() as progress:
         progress("reading positions", 0.0)
         site = furrowmap.site_coordinates(session)
-    for notice in site.brought.notices:
+    for notice in site.transform.notices:
         console.warn(notice)
     console.answer(site.plain(), table((subject, printable(sentence)) for subject, sentence in site.sentences))

@@ -1,4 +1,4 @@
-"""From clouds to one clean cloud, as COPC."""
+"""Cleaning clouds: from LAS, LAZ or COPC files to one COPC file."""
 
 from __future__ import annotations
 
@@ -167,23 +167,23 @@ class _Lost:
             self.span_s = min(first, float(timed.min())), max(last, float(timed.max()))
 
     def notices(self, clouds: Clouds) -> Iterator[Notice]:
-        """What the file does not hold of what the clouds did."""
+        """Warnings about attributes of the clouds that the file does not keep."""
         if not clouds.week_times and any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
             text = (
-                f"{self.timeless:,} of {self.points:,} points have times that count from the beginning of a week that "
-                "no file names, or none; their time is 0 in the cloud written."
+                f"{self.timeless:,} of {self.points:,} points have GPS week time without a week number, or no time. Their "
+                "time is 0 in the output."
             )
             yield Notice("times-of-week-lost", text)
         elif self.timeless:
-            text = f"{self.timeless:,} of {self.points:,} points have no time; it is 0 in the cloud written."
+            text = f"{self.timeless:,} of {self.points:,} points have no time. It is 0 in the output."
             yield Notice("times-none", text)
         if self.unnumbered:
-            text = f"{self.unnumbered:,} points had return number 0, or 0 returns; it is 1 in the cloud written."
+            text = f"{self.unnumbered:,} points had return number 0 or number of returns 0. It is 1 in the output."
             yield Notice("returns-zero", text)
         lost = {dimension.name for file in clouds.files for dimension in file.extra}
         lost |= {"nir" for file in clouds.files if "nir" in file.dimensions}
         if lost:
-            yield Notice("dimensions-left-out", f"The cloud written is without {', '.join(sorted(lost))}.")
+            yield Notice("dimensions-left-out", f"Dimensions not written: {', '.join(sorted(lost))}.")
 
 
 def _batch(records: RecordArray, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:
@@ -219,28 +219,28 @@ def _parameters(cleaning: Cleaning) -> dict[str, Any]:
 
 
 def _refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
-    """Keep what is there.
+    """Refuse a target that cannot or must not be written.
 
     Raises:
-        UsageError: if the target is no name of a COPC file.
+        UsageError: if its name does not end in .laz.
         RefusedError: if it may not be replaced.
         InputError: if it is a folder.
     """
     if not target.name.lower().endswith(".laz"):
         raise UsageError(
-            f"{target} is no name of a COPC file.",
-            "Programs know COPC by .copc.laz, and other clouds are not written.",
+            f"{target} does not end in .copc.laz.",
+            "The output is a COPC file, which other programs recognise by that suffix.",
             f"Name it {target.name.split('.')[0] or 'cloud'}.copc.laz.",
             code="usage",
         )
     if target.is_dir():
         raise InputError(
-            f"{target} is a folder.", "The cloud is one file.", "Choose another name with -o.", code="output-is-folder"
+            f"{target} is a folder.", "The output is one file.", "Choose another name with -o.", code="output-is-folder"
         )
     if any(target.exists() and path.exists() and target.samefile(path) for path in paths):
         raise RefusedError(
-            f"{target} is one of the clouds that are read.",
-            "It would be replaced by what is left of it.",
+            f"{target} is one of the input clouds.",
+            "It would be overwritten while it is read.",
             "Choose another name with -o.",
             code="output-is-input",
         )

@@ -34,9 +34,9 @@ from furrowmap.exporters.vectors.geopackage import write_field
 
 CELL_M: Final = 0.25
 MOST_KNOTS: Final = 20_000
-"""Of the track: more take a map seconds to draw and show nothing more."""
+"""Points of the track: more take a map seconds to draw and show nothing more."""
 LOW: Final = Statistic.parse("p10")
-"""Of a cell's returns: those of the vehicle itself, which a preview does not tell apart, lie above it."""
+"""Percentile of a cell's returns: those of the vehicle, which a preview does not classify, lie above it."""
 
 
 def preview(session: str | Path, out: str | Path | None = None, *, progress: Progress = silent) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
 
 
 def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Origin) -> dict[str, float]:
-    """Write the surface with its style; what is to be told of it: nothing where no point lies on the land."""
+    """Write the surface with its style; its figures, empty where no point lies on the land."""
     grid = land.grid
     if grid is None:
         return {}

@@ -1,4 +1,4 @@
-"""From a session to the folder of its products."""
+"""Running a session: from the session file to the folder of its products."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _write_products(
 
 @dataclass(frozen=True)
 class _Made:
-    """What a run found out, and what is told of its cloud and its rasters; None where there are none."""
+    """The result of a run, and the figures of its cloud and rasters; None where there are none."""
 
     found: RunResult
     inputs: list[FileRecord]
@@ -127,7 +127,7 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
 
 
 def _names(staging: Path) -> list[str]:
-    """The products that there are, or are about to be written beside them."""
+    """Names of the products that exist, or are about to be written."""
     return [name for name in RUN_PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
 
 
@@ -135,12 +135,12 @@ def session_text(session: Session, session_file: str) -> str:
     """A session as a file: every key that has a value, the defaults too.
 
     Args:
-        session: as it was understood.
-        session_file: the way to the file that it was read from, told in a comment.
+        session: as it was read.
+        session_file: path of the file it was read from, for a comment.
     """
     tables = {key: _without_none(value) for key, value in msgspec.to_builtins(session).items() if value is not None}
     head = (
-        f"# As furrowmap {version('furrowmap')} understood the session in this file, seen from here:\n"
+        f"# The session as furrowmap {version('furrowmap')} read it from this file, relative to here:\n"
         f"#   {printable(session_file)}\n"
         "# Paths below are relative to that file: to run this one, put it into the same folder.\n\n"
     )
@@ -162,27 +162,27 @@ def _without_none(value: Any) -> Any:
 
 
 def _refuse_original(folder: Path, session_file: Path) -> None:
-    """Keep the user's own session file, with its comments, from becoming a product.
+    """Refuse a folder in which a product would overwrite the user's session file.
 
     Raises:
-        RefusedError: if it has a product's place.
+        RefusedError: if it would.
     """
     if session_file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError(
-            f"{folder} is where {session_file.name} itself lies.",
-            "The run writes the session as it was understood under that name, so yours would be lost.",
+            f"{folder} contains {session_file.name} itself.",
+            "The run writes its own file of that name, which would replace yours.",
             "Choose another folder with -o.",
             code="output-is-input",
         )
 
 
 def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:
-    """Keep the products of another session where they are.
+    """Refuse a folder that holds the products of another session.
 
-    Recorders give their files the same names every time, so the files' content decides.
+    Recordings often have the same names, so their content is compared.
 
     Returns:
-        The records of the session's files, if there was something to compare them with.
+        Records of the session's files, where there were products to compare with.
 
     Raises:
         RefusedError: if there are products of another session.
@@ -202,7 +202,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     if not same:
         raise RefusedError(
             f"{folder} holds {', '.join(there)} of another session.",
-            "They would be lost, so nothing was done: their report names another session or other recordings.",
+            "Their report names another session or other recordings, so they were not replaced.",
             "Choose another folder with -o, or replace them with --overwrite.",
             code="output-exists",
         )

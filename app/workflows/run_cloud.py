@@ -35,12 +35,12 @@ class RunSink:
         self._cloud, self._land = cloud, land
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Tell both the local origin."""
+        """Pass the local origin on to both."""
         self._cloud.begin(frame, origin_m)
         self._land.begin(origin_m)
 
     def add(self, placed: PlacedScan) -> None:
-        """Give both the points of a scan."""
+        """Pass the points of a scan on to both."""
         self._cloud.add(placed)
         self._land.add(placed)
 

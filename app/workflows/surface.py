@@ -1,4 +1,4 @@
-"""From clouds to a folder of surfaces."""
+"""Surfaces of clouds: DSM, DTM, height above ground, terrain products."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def _write_surfaces(
 
 
 def _method(settings: SurfaceSettings, spooled: SpooledClouds) -> GroundMethod:
-    """How the ground is told.
+    """The ground filter to use.
 
     Raises:
         InputError: if by the files' classes, and they have none.
@@ -126,7 +126,7 @@ def _method(settings: SurfaceSettings, spooled: SpooledClouds) -> GroundMethod:
     if settings.ground == "class" and not spooled.ground_count:
         raise InputError(
             "Ground by 'class': no point of the clouds has the class 2, ground.",
-            "Nobody has told the ground from what stands on it in these files, or those points are left out.",
+            "The files have not been classified, or their ground points are not selected.",
             "Choose --ground-method smrf.",
             code="no-ground-class",
         )
@@ -136,20 +136,20 @@ def _method(settings: SurfaceSettings, spooled: SpooledClouds) -> GroundMethod:
 
 
 def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
-    """What is to be known of a long wait for cells without points, before it begins."""
+    """A warning about a grid that is mostly empty, before the long work on it."""
     cells = grid.rows * grid.columns
     if cells < MANY_CELLS or points >= SPARSE_SHARE * cells:
         return []
     text = (
         f"{points:,} points lie in a grid of {grid.columns:,} x {grid.rows:,} = {cells:,} cells of {grid.cell_m:g} m, "
-        "so most of it stays empty and making it takes minutes. Choose larger cells (--cell; without it their density "
-        "chooses), a box (--bbox), or leave out points that lie far away from the others."
+        "so most cells will be empty and the work takes minutes. Use larger cells (--cell, or omit it to choose them by "
+        "point density), a box (--bbox), or remove points that lie far from the others."
     )
     return [Notice("cells-mostly-empty", text)]
 
 
 def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    """Keep what is in the folder.
+    """Refuse a folder that holds products.
 
     Raises:
         RefusedError: if it holds surfaces that may not be replaced, or the products of a run.
@@ -159,8 +159,8 @@ def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
     recover(folder)
     if (folder / REPORT).exists():
         raise RefusedError(
-            f"{folder} holds the products of a run.",
-            "Its own dsm.tif would be replaced by another one.",
+            f"{folder} contains the products of a run.",
+            "Its dsm.tif would be replaced.",
             "Choose another folder with -o.",
             code="output-is-run",
         )

@@ -33,7 +33,7 @@ class SiteCoordinates:
 
     Attributes:
         frame: of the map.
-        brought: what is done to the positions.
+        transform: how the positions are transformed.
         lon_deg, lat_deg: after the transformation.
         easting_m, northing_m: likewise.
         span_s: time of the positions.
@@ -44,7 +44,7 @@ class SiteCoordinates:
     """
 
     frame: MapFrame
-    brought: TransformSummary
+    transform: TransformSummary
     lon_deg: float
     lat_deg: float
     easting_m: float
@@ -70,7 +70,7 @@ class SiteCoordinates:
     def plain(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            **self.brought.account(self.frame),
+            **self.transform.account(self.frame),
             "map": self.frame.name,
             "lon_deg": round(self.lon_deg, 9),
             "lat_deg": round(self.lat_deg, 9),
@@ -80,14 +80,14 @@ class SiteCoordinates:
             "scale": round(self.scale, 8),
             "hectare_m2": round(self.hectare_m2, 3),
             "words": dict(self.sentences),
-            "warnings": self.brought.notices,
+            "warnings": self.transform.notices,
         }
 
     def _when(self) -> str:
         return f"recorded from {iso_utc(self.span_s[0])} to {iso_utc(self.span_s[1])}"
 
     def _positions(self) -> str:
-        move, stated = self.brought.epoch, self.frame.stated
+        move, stated = self.transform.epoch, self.frame.stated
         if move is not None:
             across_m = float(np.hypot(move.east_m, move.north_m))
             way = compass_direction(move.east_m, move.north_m)
@@ -109,7 +109,7 @@ class SiteCoordinates:
         return f"are not transformed; they are taken as coordinates of {datum.replace('JGD2024', 'JGD2011')}{also}"
 
     def _heights(self) -> str:
-        move = self.brought.heights
+        move = self.transform.heights
         system = self.frame.heights
         if move is None and system.vertical is not None:
             return f"are not transformed; they are taken as heights above {system.name} ({system.source})"
@@ -161,7 +161,7 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
     opened = open_session(session_file)
     session, frame, reader = opened.session, opened.frame, opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:
-        poses, brought = transform_poses(reader.poses(), frame)
+        poses, transform = transform_poses(reader.poses(), frame)
         t_s = poses.t_s
         if poses.projected:
             lon, lat = frame.to_lon_lat(poses.position[:, 0], poses.position[:, 1])
@@ -178,13 +178,13 @@ def site_coordinates(session_file: Path) -> SiteCoordinates:
                 "Use the complete log of the drive; `furrowmap inspect` shows what it holds.",
                 code="gnss-no-positions",
             )
-        track, brought = transform_track(recorded[placed], frame)
+        track, transform = transform_track(recorded[placed], frame)
         lon, lat, t_s = track.lon_deg, track.lat_deg, track.t_s
-    return _at(frame, brought, *middle_deg(lon, lat), (float(t_s[0]), float(t_s[-1])))
+    return _at(frame, transform, *middle_deg(lon, lat), (float(t_s[0]), float(t_s[-1])))
 
 
 def _at(
-    frame: MapFrame, brought: TransformSummary, lon: float, lat: float, span_s: tuple[float, float]
+    frame: MapFrame, transform: TransformSummary, lon: float, lat: float, span_s: tuple[float, float]
 ) -> SiteCoordinates:
     here = np.array([lon]), np.array([lat])
     e, n = (float(axis[0]) for axis in frame.project(*here))
@@ -205,7 +205,7 @@ def _at(
     ):
         beside = f"{choice.code} ({choice.name}) is more suitable at this site"
     return SiteCoordinates(
-        frame, brought, lon, lat, e, n, span_s, float(frame.convergence_deg(*here)[0]), frame.scale(lon, lat),
+        frame, transform, lon, lat, e, n, span_s, float(frame.convergence_deg(*here)[0]), frame.scale(lon, lat),
         abs(float(area_m2)), beside,
     )  # fmt: skip
 
