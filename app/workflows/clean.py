@@ -170,8 +170,8 @@ class _Lost:
         """Warnings about attributes of the clouds that the file does not keep."""
         if not clouds.week_times and any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
             text = (
-                f"{self.timeless:,} of {self.points:,} points have GPS week time without a week number, or no time. Their "
-                "time is 0 in the output."
+                f"{self.timeless:,} of {self.points:,} points have GPS week time without a week number, or no time. "
+                "Their time is 0 in the output."
             )
             yield Notice("times-of-week-lost", text)
         elif self.timeless:

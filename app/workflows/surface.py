@@ -142,8 +142,8 @@ def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
         return []
     text = (
         f"{points:,} points lie in a grid of {grid.columns:,} x {grid.rows:,} = {cells:,} cells of {grid.cell_m:g} m, "
-        "so most cells will be empty and the work takes minutes. Use larger cells (--cell, or omit it to choose them by "
-        "point density), a box (--bbox), or remove points that lie far from the others."
+        "so most cells will be empty and the work takes minutes. Use larger cells (--cell, or omit it to choose them "
+        "by point density), a box (--bbox), or remove points that lie far from the others."
     )
     return [Notice("cells-mostly-empty", text)]
 
