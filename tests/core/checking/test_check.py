@@ -437,6 +437,6 @@ def test_verb__a_class_that_is_not_met_sets_the_exit_status(tmp_path: Path, caps
     assert cli("check", surface, points, "--require-horizontal", "0.5") == 4
     capsys.readouterr()
     assert cli("check", tmp_path / "none.tif", points, "--table", tmp_path / "t.csv") == 4  # before any work
-    assert "t.csv is there already" in capsys.readouterr().err
+    assert "t.csv exists already" in capsys.readouterr().err
     assert cli("check", surface, points, "--crs", "EPSG:6691") == 3
     assert "lies where the surface has no heights" in capsys.readouterr().err
