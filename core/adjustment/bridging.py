@@ -1,10 +1,10 @@
-"""Gaps between positions: what the scans carry into them from both ends, joined in the middle.
+"""Gaps between positions: poses matched into them from both ends, joined in the middle.
 
-Without positions a start is a guess: a straight line, or a curve by the speeds at both ends. In a turn it is metres and
-tens of degrees off, further than relief can pull poses back; they come to rest where the scans of a stretch agree with
-each other but not with what was seen before and after. So a gap is entered step by step from either end, each step no
-longer than wheels and inertia can tell to within the relief's reach, as in matching scan by scan. Where the two meet
-they differ by what has added up, which is spread evenly over the gap; the adjustment then starts near the truth.
+Without positions a first guess is a straight line, or a curve by the speeds at both ends. In a turn it is metres and
+tens of degrees off, beyond the reach of relief, and the poses would converge to where the scans of a stretch agree with
+each other but not with those before and after. So a gap is entered step by step from either end, each step so short
+that wheels and motion prior predict it within the relief's reach. The misclosure where the two meet is spread evenly
+over the gap; the adjustment then starts near the truth.
 """
 
 from __future__ import annotations
@@ -31,23 +31,21 @@ Kind = TypeVar("Kind", bound=np.generic)
 
 APART_M: Final = 0.3
 APART_RAD: Final = np.radians(5.0)
-"""Where both sides are further apart in the middle, each goes on to the other end: one of them has lost its way."""
+"""Largest misclosure in the middle; beyond it each side goes on to the other end, because one of them is wrong."""
 LOST: Final = 3.0
-"""Sides that are nowhere nearer to each other than so many times this bridge nothing."""
+"""A gap whose sides are nowhere nearer to each other than this many times APART stays unbridged."""
 LEAD_S: Final = 8.0
-"""So much of the drive before each step takes part in it: its ground is what the step is matched to."""
+"""Time before each step whose returns take part in it: the ground to which the step is matched."""
 STEP_IN_S: Final = 0.15
 AHEAD_S: Final = 0.5
-"""Poses so far beyond a step's scans go along, so that it ends on a motion and not on a single pose."""
+"""Time beyond a step's scans whose poses are estimated as well, so that it ends on a motion, not on a single pose."""
 HOLD_S: Final = 4.0
-"""Poses in the gap that are longer ago than this have come to rest: they hold the later ones as positions do."""
+"""Poses in the gap that are older than this are final: they constrain the later ones as positions do."""
 ALIKE_S: Final = 1.0
-"""So long before a gap, and after it, what is carried into it is brought to what is known there."""
+"""Time before a gap, and after it, over which carried poses are moved to those known there."""
 CARRIED_M: Final = 0.004
-"""How well, from one to the next."""
+"""Standard deviation of a carried pose as a position; one in CARRIED_EVERY counts."""
 CARRIED_EVERY: Final = 4
-
-
 CARRY_CELL_M: Final = 0.2
 CARRY_THIN: Final = 2
 CARRY_STEPS: Final = 2

@@ -45,7 +45,7 @@ def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
         Notice(
             "clock-offset",
             f"The scanner's clock seems {'ahead of' if offset_s > 0 else 'behind'} the receiver's by at least "
-            f"{abs(offset_s):.2f} s more than the session says (± {sigma_s:.2f} s): `furrowmap calibrate` finds the "
+            f"{abs(offset_s):.2f} s more than the session states (± {sigma_s:.2f} s): `furrowmap calibrate` finds the "
             "whole of it.",
         )
     ]

@@ -32,10 +32,10 @@ SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
 SETTLED: Final = np.radians(0.15)
 SETTLING: Final = 5
-"""A round in which tilts still move by more than SETTLED (RMS) is repeated, at most so many times: a long chain of
+"""A round in which tilts still move by more than SETTLED (RMS) is repeated, at most SETTLING times: a long chain of
 poses, each of which sees little more than its neighbours' ground, converges slowly."""
 REMOUNTS: Final = 2
-"""A mounting that is off is corrected at most so many times, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
+"""A mounting that is off is corrected at most this many times, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
 REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 STANCE_CELL_M: Final = 0.1
 

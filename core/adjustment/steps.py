@@ -76,7 +76,7 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
         problem: the input.
         it: the iterate.
         cell_m: of the ground.
-        thin: every so many-th return takes part.
+        thin: every `thin`-th return takes part.
         free: whether references move with the poses.
     """
     knots, state = problem.knots, it.state

@@ -1,4 +1,4 @@
-"""Whether the scanner's clock agrees with the receiver's, as the ground seen from both directions tells."""
+"""Offset of the scanner's clock from the receiver's, by ground seen in both directions of travel."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ FLOOR_S: Final = 0.003
 def clock_offset(
     knots: Knots, state: State, positions: Positions, origin_m: FloatArray, lever_m: FloatArray
 ) -> tuple[float, float]:
-    """What the scanner's clock is ahead of the receiver's beyond what was taken off, in seconds, with its sigma.
+    """Time by which the scanner's clock is ahead of the receiver's, beyond the offset in use, and its sigma, in s.
 
     Poses that come late lie behind the antenna's positions by velocity times delay, whichever way the vehicle drives;
-    an error of the positions lies in one direction. Ground seen on the way there and back tells them apart. The sigma
-    is the jackknife's over blocks of time (Efron 1982); it is inf where the drive has too little to tell.
+    an error of the positions lies in one direction. Ground seen in both directions separates them. The sigma is the
+    jackknife's over blocks of time (Efron 1982); it is inf where the drive does not determine the offset.
 
     Args:
         knots: times.

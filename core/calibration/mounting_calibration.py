@@ -1,9 +1,9 @@
-"""What the vehicle stands on: whether the scanner sits on it as the session says.
+"""Mounting calibration: roll, pitch, yaw and height of the scanner on the vehicle, by the ground under the wheels.
 
-The scans show how the scanner stands, the session how the scanner sits on the vehicle. A vehicle stands on the ground
-with its wheels, so over a session the ground under them is level in its own frame, at height zero; and it drives where
-it looks. Where the ground comes out tilted, or the drive aslant, the mounting is off by that much. Where its wheels are
-no session says: they are where the ground's heights follow the vehicle's roll and pitch best.
+A vehicle stands on the ground with its wheels, so over a session the ground under them is level in its own frame, at
+height zero; and it travels along its x axis. Where the ground is tilted in that frame, or there is a crab angle, the
+stated mounting is off by that much. The session does not state the wheels' places: they are where the ground's heights
+follow the vehicle's roll and pitch best.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
 """Half of the distance between the rear wheels, which are beside the vehicle frame's origin."""
 WHEELBASES_M: Final = np.arange(1.2, 3.3, 0.1)
 TYRE_M: Final = (-0.09, 0.0, 0.09)
-"""The ground under a tyre is seen at these places, forward and aside."""
+"""The ground under a tyre is averaged over these places, forward and aside."""
 EVERY_S: Final = 0.1
 MOST_TIMES: Final = 10_000
 BATCH_S: Final = 1.0
@@ -36,8 +36,8 @@ LEAST_TIMES: Final = 4
 LEAST_BATCHES: Final = 3
 MOVING_MPS: Final = 0.2
 CERTAIN: Final = 2.5
-TOLD_DEG: Final = 0.2
-"""A mounting is off where that is seen with CERTAIN standard deviations, and is more than TOLD_DEG."""
+REPORTED_DEG: Final = 0.2
+"""A mounting is off where that is significant by CERTAIN standard deviations, and more than REPORTED_DEG."""
 HEIGHT_KNOWN_M: Final = 0.15
 """A vehicle that seems to float or sink by more has its origin elsewhere: what lies under it is then not what carries
 it."""
@@ -72,7 +72,7 @@ class MountingCalibration:
     def turn(self) -> FloatArray | None:
         """(3, 3) rotation that the mounting's takes on its left to be right; None where it is not certainly off."""
         angles, sigma = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]), np.array(self.sigma_deg)
-        certain = np.abs(angles) > np.maximum(CERTAIN * sigma, TOLD_DEG)
+        certain = np.abs(angles) > np.maximum(CERTAIN * sigma, REPORTED_DEG)
         if not certain.any() or abs(self.height_m) > HEIGHT_KNOWN_M:
             return None
         roll, pitch, yaw = angles / (1.0 + (sigma / STATED_SIGMA_DEG) ** 2)
@@ -94,7 +94,7 @@ def mounting_calibration(
         knots: times.
         state: poses at them.
         surface: of the session.
-        passage: of the implement, which tells old soil from new.
+        passage: of the implement, which separates old soil from new.
         guard_s: see :func:`~furrowmap.core.matching.surface.layers`.
         crab_rad: by how much it goes to the left of where it looks, and its standard deviation.
     """

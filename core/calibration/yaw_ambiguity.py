@@ -1,12 +1,11 @@
-"""Which way the scanner faces: a mounting that is turned by a quarter, a half or any large angle about the upright.
+"""Yaw ambiguity: a mounting that is turned by a quarter, a half or any large angle about the upright.
 
-Whoever states no mounting, or one that is half a turn off, sees nothing wrong in a single scan, and on soil without
-walls nothing in a cloud of many either: the ground comes out as flat, only blurred. But with each step of the vehicle
-all that the scanner sees moves the wrong way. So relief that several scans show is in one place under the right angle
-only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights that
-even and odd scans show at the same place, which is the relief's variance where they agree and nothing where they do
-not. It needs no pose better than GNSS gives: each scan's own slope and bow are taken out of its heights. Where the soil
-is too smooth to tell, what stands does, by how much of it even and odd scans show at the same place.
+A wrong yaw is invisible in a single scan, and on soil without walls in a cloud of many scans as well: the ground comes
+out flat, only blurred. But as the vehicle moves, relief that several scans show is in one place under the right angle
+only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights of even
+and odd scans at the same place, which is the relief's variance where they agree and zero where they do not. GNSS poses
+suffice, because each scan's own slope and bow are removed from its heights. Where the soil is too smooth, upright
+returns decide, by the share of them that even and odd scans have at the same place.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ off by half a turn by two metres."""
 LONGEST_S: Final = 12.0
 WINDOWS: Final = 24
 LEAST_WINDOWS: Final = 8
-"""Most windows that are looked at, spread over the recording, and fewest that say anything."""
+"""Most windows that are used, spread over the recording, and fewest that suffice."""
 NEAR_M: Final = 6.0
 LEAST_RETURNS: Final = 500
 MOST_RETURNS: Final = 10_000
@@ -45,7 +44,7 @@ LEAST_STANDING: Final = 300
 ROUGH_M: Final = 0.03
 """Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
 CERTAIN: Final = 4.5
-"""The best angle is used where it is better than the stated one by so many standard deviations of the windows' mean."""
+"""Standard deviations of the windows' mean by which the best angle must be better than the stated one."""
 TURNED_DEG: Final = 20.0
 """Smaller angles converge by themselves; :mod:`furrowmap.core.calibration.mounting_calibration` finds them."""
 QUARTER_DEG: Final = 5.0

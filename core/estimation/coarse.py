@@ -53,11 +53,11 @@ class CoarseKnots:
 
     @classmethod
     def over(cls, knots: Knots, every: int, patch_m: float) -> CoarseKnots:
-        """A coarse knot at every so many knots of each chain."""
+        """A coarse knot at every `every`-th knot of each chain."""
         grids, before, share, first = [], [], [], 0
         for chain in knots.chains:
             local = np.arange(chain.count)
-            # The last knot never opens an interval: the coarse knot at its far end would hang in the air.
+            # The last knot never opens an interval: the coarse knot at its far end would move no knot.
             interval = np.minimum(local // every, _intervals(chain, every) - 1)
             grids.append(CoarseGrid(first, every, patch_m))
             before.append(first + interval)

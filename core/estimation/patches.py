@@ -52,7 +52,7 @@ class Patches:
 
 
 def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: float, centre_m: FloatArray) -> None:
-    """Let the patches of ground move: take what held the poses to fixed ground out of the equations.
+    """Let the patches move: eliminate their twists from the equations of the coarse knots.
 
     Args:
         equations: of the coarse knots; changed.
@@ -128,7 +128,7 @@ def _reduce(  # type: ignore[no-untyped-def]
                     knots[used] = knot
                     sums[used] = part
                     used += 1
-        # Of ground that is what holds its height, of a wall its place.
+        # The weight of a patch of ground's height, or of a wall's place.
         most = max(whole[0, 0], whole[1, 1], whole[2, 2])
         if most <= 0.0:
             continue
@@ -197,7 +197,7 @@ def patch_slots(xyz_m, patch_m):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def patch_store(room):  # type: ignore[no-untyped-def]
-    """Room for so many rows of :class:`Patches`: place, interval, early, late, right."""
+    """Room for `room` rows of :class:`Patches`: place, interval, early, late, right."""
     return (
         np.zeros((room, 3), np.int64),
         np.zeros(room, np.int64),

@@ -1,9 +1,10 @@
-"""Longer steps where steps keep coming out too short.
+"""Longer steps where Gauss-Newton steps are too short.
 
-Ground that wrong poses blur shows too little of how wrong they are: step follows step in the same direction, each a
-small share of the way. How small shows in two steps one after the other, and the next is made longer by it (Aitken's
-extrapolation for vectors; Irons and Tuck 1969, A version of the Aitken accelerator for computer iteration). Poses are
-wrong in one stretch of time and right in the others, so each time has its own factor.
+Aitken's extrapolation for vectors (Irons and Tuck 1969, A version of the Aitken accelerator for computer iteration).
+
+A surface blurred by wrong poses shows too little of their error: steps follow each other in the same direction, each a
+small share of the error. Two steps in succession show how small, and the next is lengthened accordingly. Poses are
+wrong in one stretch of time and right in others, so each time has its own factor.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ OVER_S: Final = 3.0
 ARM_M: Final = 5.0
 """How far away the ground is by which a turn is weighed against a shift."""
 LONGEST: Final = 6.0
-"""Longer steps than so many times those found leave the reach of what they were found from."""
+"""Largest factor: longer steps leave the range in which the equations hold."""
 
 
 @dataclass

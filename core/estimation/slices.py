@@ -38,7 +38,7 @@ class SliceSums:
 
     @classmethod
     def of(cls, knots: int) -> SliceSums:
-        """Nothing yet for so many knots."""
+        """No returns yet, for a number of knots."""
         return cls(np.zeros((knots, UPPER)), np.zeros((knots, 6)), np.zeros((knots, 6)), np.zeros(knots, np.int64))
 
     def plus(self, other: SliceSums) -> SliceSums:

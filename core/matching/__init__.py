@@ -1,1 +1,1 @@
-"""Scan matching: the trajectory that makes the ground agree with itself, held in place by GNSS."""
+"""Scan matching: returns of ground and walls registered to surfaces, as observations of the poses."""

@@ -77,7 +77,7 @@ class GroundSums:
 
     @classmethod
     def of(cls, knots: int) -> GroundSums:
-        """Nothing yet for so many knots."""
+        """No returns yet, for a number of knots."""
         return cls(SliceSums.of(knots), np.zeros(6))
 
     def plus(self, other: GroundSums) -> GroundSums:

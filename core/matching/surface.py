@@ -153,7 +153,7 @@ def add_returns(
     xyz_m: FloatArray,
     layer: NDArray[np.int8],
     half: NDArray[np.uint8],
-    trust: NDArray[np.uint8],
+    return_weight: NDArray[np.uint8],
 ) -> None:
     """Add returns to a surface; those without a tile are left out.
 
@@ -162,11 +162,20 @@ def add_returns(
         xyz_m: (n, 3) against the local origin.
         layer: (n,) see :func:`layers`.
         half: (n,) 0 or 1.
-        trust: (n,) weight, 255 for a whole return.
+        return_weight: (n,) weight, 255 for a whole return.
     """
     tiles = surface.tiles
     _add(
-        xyz_m, layer, half, trust, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
+        xyz_m,
+        layer,
+        half,
+        return_weight,
+        tiles.cell_m,
+        tiles.west,
+        tiles.south,
+        tiles.number,
+        surface.height_m,
+        surface.weight,
     )
 
 
@@ -252,12 +261,12 @@ def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # ty
 
 
 @numba.njit(cache=True, nogil=True)
-def _add(xyz_m, layer, half, trust, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
+def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
     rows, columns = number.shape
     for i in range(len(xyz_m)):
-        if layer[i] < 0 or trust[i] == 0:
+        if layer[i] < 0 or return_weight[i] == 0:
             continue
-        whole = trust[i] / 255.0
+        whole = return_weight[i] / 255.0
         u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
         x, y = int(np.floor(u)), int(np.floor(s))
         u -= x

@@ -38,13 +38,13 @@ FAR_M: Final = 40.0
 ABOVE_M: Final = 0.35
 ABOVE_SLOPE: Final = 0.05
 ABOVE_MOST_M: Final = 1.0
-"""What stands is higher above the plane under the vehicle than ABOVE_M and ABOVE_SLOPE of the distance, or than
-ABOVE_MOST_M; straw and tall weeds are not."""
+"""Upright returns are higher above the plane under the vehicle than ABOVE_M and ABOVE_SLOPE of the distance, or than
+ABOVE_MOST_M, which straw and tall weeds are not."""
 UPRIGHT_RATE_HZ: Final = 3_000.0
 CELL_M: Final = 0.5
 """Side of a column."""
 LEAST_RETURNS: Final = 16
-"""In one half of a column: with fewer its normal turns by chance, which holds the vehicle along the wall as well."""
+"""In one half of a column: with fewer its normal is random, which would constrain the vehicle along the wall."""
 LEAST_HEIGHT_M: Final = 0.4
 LEAST_LENGTH_M: Final = 0.06
 """Standard deviation along the line; half a metre of wall has 0.14 m."""
@@ -52,13 +52,13 @@ THICKEST_M: Final = 0.06
 SLIMMEST: Final = 0.35
 """A line is no thicker (standard deviation) than THICKEST_M and this share of its length."""
 WHOLE: Final = 3.0
-"""So many standard deviations to either side of a line lie in its column."""
+"""Standard deviations to either side of a line that must lie in its column."""
 FLOOR_M: Final = 0.008
 """No wall is known better."""
 HUBER: Final = 2.5
 GATE: Final = 6.0
 GROUP_S: Final = 1.0
-"""Returns of one half in one column and such a time share what is wrong with them."""
+"""Returns of one half in one column and such a time share their errors."""
 CORRELATED_START: Final = 20.0
 CORRELATED_LEAST: Final = 4.0
 LEAST_GROUPS: Final = 50
@@ -69,7 +69,7 @@ WALL_LAYER: Final = 2
 
 @dataclass(frozen=True)
 class UprightReturns:
-    """Returns of what stands, in the order of time.
+    """Upright returns, in the order of time.
 
     Attributes:
         t_s: (n,) float64 UTC by the trajectory's clock.
@@ -88,7 +88,7 @@ class UprightReturns:
 
 
 def no_upright() -> UprightReturns:
-    """Nothing stands anywhere."""
+    """No upright returns."""
     none = np.zeros(0, np.uint8)
     return UprightReturns(np.zeros(0), np.zeros((0, 3), np.float32), none, none)
 
@@ -130,7 +130,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Scatter:
-    """What residuals of walls have in common, learned from groups of one column and one second.
+    """Correlation of the residuals of walls, from groups of one column and one second.
 
     Attributes:
         groups: how many there were.
@@ -163,7 +163,7 @@ class Scatter:
 
     @property
     def correlated(self) -> float:
-        """So many returns share an error."""
+        """Returns that share an error."""
         if self.groups < LEAST_GROUPS or self.apart <= 0.0:
             return CORRELATED_START
         return max(self.together / self.apart, CORRELATED_LEAST)
@@ -349,7 +349,7 @@ def _register(  # type: ignore[no-untyped-def]
     patches = opened = 0
     interval_now = -1
     group = np.full(2 * len(line), -1, np.int64)
-    held = np.zeros((2 * len(line), 3))
+    group_sums = np.zeros((2 * len(line), 3))
     row6 = np.empty(6)
     for i in range(n):
         c, e, north = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
@@ -373,12 +373,12 @@ def _register(  # type: ignore[no-untyped-def]
         now = int((t_s[i] - begin_s) / GROUP_S)
         of = 2 * c + half[i]
         if now != group[of]:
-            _close(held[of], tally)
+            _close(group_sums[of], tally)
             group[of] = now
         signed = min(max(residual / np.sqrt(variance), -HUBER), HUBER)
-        held[of, 0] += 1.0
-        held[of, 1] += signed
-        held[of, 2] += signed * signed
+        group_sums[of, 0] += 1.0
+        group_sums[of, 1] += signed
+        group_sums[of, 2] += signed * signed
 
         local = min(int((t_s[i] - begin_s) / STEP_S), count - 2)
         k = first + local
@@ -405,16 +405,16 @@ def _register(  # type: ignore[no-untyped-def]
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
         plane_row(row6, other[2], other[3], 0.0, lx, ly, lz)
         add_to_patch(store[2], store[3], store[4], p, row6, w, late_share, residual_free)
-    for of in range(len(held)):
-        _close(held[of], tally)
+    for of in range(len(group_sums)):
+        _close(group_sums[of], tally)
     return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
 
 
 @numba.njit(cache=True, nogil=True)
-def _close(held, tally):  # type: ignore[no-untyped-def]
-    """Count a group of one column and one second, if it holds a few returns, and begin the next."""
-    if held[0] >= 4.0:
+def _close(group_sums, tally):  # type: ignore[no-untyped-def]
+    """Count a group of one column and one second, if it has four returns, and begin the next."""
+    if group_sums[0] >= 4.0:
         tally[0] += 1.0
-        tally[1] += held[1] * held[1] / held[0]
-        tally[2] += held[2] / held[0]
-    held[:] = 0.0
+        tally[1] += group_sums[1] * group_sums[1] / group_sums[0]
+        tally[2] += group_sums[2] / group_sums[0]
+    group_sums[:] = 0.0

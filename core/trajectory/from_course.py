@@ -34,7 +34,7 @@ LEAST: Final = 2
 
 @dataclass(frozen=True)
 class CourseTrajectory:
-    """A trajectory and what there is to say about it.
+    """A trajectory, the positions it uses, and notices.
 
     Attributes:
         trajectory: of the vehicle frame.
@@ -53,7 +53,7 @@ def trajectory_from_course(
     """The trajectory of a vehicle that drives forward along its course.
 
     Roll and pitch are zero; a height that the track does not state is 0. Positions far away from all others, and those
-    that no drive leads to, are left out and told.
+    that no drive leads to, are left out and reported.
 
     Args:
         track: positions of the antenna, such as one a second.
@@ -118,8 +118,8 @@ def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
     if used.sum() < LEAST:
         raise InputError(
             f"{track.source or 'The log'}: {int(used.sum())} of its {len(track)} positions can be used.",
-            "Between fewer than two positions nothing was driven.",
-            "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
+            "A trajectory needs at least two.",
+            "Use the whole log of the drive; `furrowmap inspect` lists its contents.",
             code="gnss-no-positions",
         )
 

@@ -43,12 +43,12 @@ KNOT_STEP_S: Final = 0.2
 ANTENNAS_SIGMA_DEG: Final = 0.5
 ANTENNAS_OFF_DEG: Final = 45.0
 """A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
-ANTENNAS_TOLD_DEG: Final = 0.5
+ANTENNAS_REPORTED_DEG: Final = 0.5
 
 
 @dataclass(frozen=True)
 class GnssTrajectory:
-    """A trajectory and what there is to say about it.
+    """A trajectory, the positions it uses, and notices.
 
     Attributes:
         trajectory: of the vehicle frame.
@@ -93,16 +93,11 @@ def trajectory_from_gnss(
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s, quality_runs(gated.fix))
 
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
-    if not motions.motion.any() and not np.isfinite(heading_2).any():
-        raise RefusedError(
-            f"{gated.source or 'The GNSS log'}: the antenna never moves by more than its noise "
-            f"({iso_utc(gated.t_s[0])} to {iso_utc(gated.t_s[-1])}).",
-            "A single antenna at a stand shows no heading, so the scans cannot be turned to the map.",
-            "Record while driving, add a two-antenna heading (HDT), or give a [trajectory] from elsewhere.",
-            code="heading-unknown",
-        )
-    if motions.doubtful and not np.isfinite(heading_2).any():
-        notices.append(_direction_notice(gated.t_s, motions))
+    if not np.isfinite(heading_2).any():
+        if not motions.motion.any():
+            raise _no_heading(gated)
+        if motions.doubtful:
+            notices.append(_direction_notice(gated.t_s, motions))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
     positions = positions_of(gated, en, white, heading_2)
@@ -113,15 +108,7 @@ def trajectory_from_gnss(
 
     motion = motions.motion[grid.nearest]
     speed = _speed(grid.t_s, path.xyz_m, path.yaw_rad, motion, chain.gap)
-    outliers = path.outlier[grid.measured]
-    if outliers.mean() > 0.01:
-        notices.append(
-            Notice(
-                "gnss-outliers",
-                f"{outliers.sum()} of {len(outliers)} positions do not fit a wheeled vehicle's path and count less: "
-                "the antenna's lever arm may be wrong, or the receiver's positions unsteady.",
-            )
-        )
+    notices += _outlier_notices(path.outlier[grid.measured])
     heading = 90.0 - np.degrees(path.yaw_rad)
     n = len(grid.t_s)
     trajectory = replace(
@@ -137,21 +124,35 @@ def trajectory_from_gnss(
         height_from=np.full(n, "gnss"),
         level_from=np.full(n, "assumed"),
     )
-    return GnssTrajectory(
-        trajectory,
-        positions,
-        quality_words(gated.fix),
-        unused,
-        tuple(notices),
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
+
+
+def _no_heading(track: GnssTrack) -> RefusedError:
+    return RefusedError(
+        f"{track.source or 'The GNSS log'}: the antenna never moves by more than its noise "
+        f"({iso_utc(track.t_s[0])} to {iso_utc(track.t_s[-1])}).",
+        "A single antenna at a stand shows no heading, so the scans cannot be turned to the map.",
+        "Record while driving, add a two-antenna heading (HDT), or give a [trajectory] from elsewhere.",
+        code="heading-unknown",
     )
+
+
+def _outlier_notices(outlier: NDArray[np.bool_]) -> list[Notice]:
+    if outlier.mean() <= 0.01:
+        return []
+    text = (
+        f"{outlier.sum()} of {len(outlier)} positions do not fit a wheeled vehicle's path and have less weight: "
+        "the antenna's lever arm may be wrong, or the receiver's positions unsteady."
+    )
+    return [Notice("gnss-outliers", text)]
 
 
 def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
     spans = " and ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
     return Notice(
         "direction-assumed",
-        f"Nothing but the longer way tells forward from reverse from {spans}; if the vehicle reversed there, the cloud "
-        "is turned by 180°.",
+        f"Forward and reverse from {spans} are distinguished by the longer path alone; if the vehicle reversed there, "
+        "the cloud is turned by 180°.",
     )
 
 
@@ -176,7 +177,7 @@ def _antennas_heading(
             )
         )
         return np.full(len(track), np.nan)
-    if abs(median) > ANTENNAS_TOLD_DEG:
+    if abs(median) > ANTENNAS_REPORTED_DEG:
         notices.append(
             Notice(
                 "antennas-heading-off",
@@ -251,7 +252,7 @@ def _chain(
 
 
 def _start_yaw(t_s: FloatArray, motions: Motions, heading_deg: FloatArray, grid: _Grid) -> FloatArray:
-    """Yaw (m,) at the knots, unwrapped, from course and direction of motion, held over stands and gaps."""
+    """Yaw (m,) at the knots, unwrapped, from course and direction of motion, interpolated over stands and gaps."""
     velocity = motions.velocity_mps * motions.motion[:, None]
     yaw = np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0]))
     known = np.hypot(*velocity.T) > 0.0

@@ -1,4 +1,4 @@
-"""The trajectory that a file from elsewhere states, brought into the map frame."""
+"""The trajectory that a file of poses states, transformed to the map frame."""
 
 from __future__ import annotations
 

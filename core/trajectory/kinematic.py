@@ -43,7 +43,7 @@ _STATE = 5  # easting, northing, yaw, error in easting, error in northing
 
 @dataclass(frozen=True)
 class Antenna:
-    """What GNSS said at each epoch of a chain, and how well.
+    """GNSS measurements at each epoch of a chain, and their standard deviations.
 
     Attributes:
         en_m: (n, 2) easting and northing; nan at epochs between positions.

@@ -1,4 +1,4 @@
-"""Moving or standing, forward or reverse: what positions alone say about a vehicle's motion."""
+"""Moving or standing, forward or reverse: a vehicle's motion from positions alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHORTEST_STAND_S: Final = 0.4
 WINDOW_S: Final = 0.5
 """Half the window of a velocity: over one epoch 3 cm/s is below the noise, over a second it is not."""
 VELOCITY_SIGMA_MPS: Final = 0.01
-"""The window grows until white noise in positions leaves velocities this good, so that 3 cm/s can be told."""
+"""The window grows until white noise in positions leaves velocities this good, so that 3 cm/s can be detected."""
 WIDEST_WINDOW_S: Final = 5.0
 CERTAIN_WAY_M: Final = 10.0
 CERTAIN_SHARE: Final = 0.2
@@ -47,7 +47,7 @@ class Motions:
         motion: (n,) int8, values of :class:`Motion`.
         velocity_mps: (n, 2) of the antenna, east and north, over a window around each position.
         stretch: (n,) counts the stretches of equal motion without a gap inside.
-        doubtful: stretches of motion whose direction nothing but 'mostly forward' tells, as (first, last) index.
+        doubtful: stretches of motion whose direction rests on 'mostly forward' alone, as (first, last) index.
     """
 
     motion: NDArray[np.int8]
@@ -149,7 +149,7 @@ def _stands(
         if not sure[first : last + 1].any():
             continue
         mean = np.median(en_m[first : last + 1][sure[first : last + 1]], axis=0)
-        # The window blurs the ends of a stand: positions say better where it began and ended.
+        # The window blurs the ends of a stand: positions show better where it began and ended.
         while first > 0 and segment[first - 1] == segment[first] and _near(en_m[first - 1], mean, reach):
             first -= 1
         while last + 1 < len(t_s) and segment[last + 1] == segment[last] and _near(en_m[last + 1], mean, reach):
@@ -192,7 +192,7 @@ def _directions(
     segment: IntArray,
     legs: list[tuple[int, int]],
 ) -> tuple[list[int], tuple[tuple[int, int], ...]]:
-    """+1 or −1 for each leg of continuous motion, and the parts in which only the longer way told which is which."""
+    """+1 or −1 for each leg of continuous motion, and the parts in which the longer path alone decides."""
     sign: list[int] = []
     groups: list[list[int]] = []
     for i, leg in enumerate(legs):
@@ -223,7 +223,7 @@ def _link(
     before: tuple[int, int],
     after: tuple[int, int],
 ) -> int:
-    """+1 if a leg goes on in the direction of the one before, −1 if it turns back, 0 if that cannot be told."""
+    """+1 if a leg goes on in the direction of the one before, −1 if it turns back, 0 if that is unknown."""
     b, a = _leaves(en_m, before), _enters(en_m, after)
     v_before, v_after = velocity[b], velocity[a]
     if segment[before[1]] == segment[after[0]]:

@@ -28,7 +28,7 @@ ASSUMED_SIGMA_M: Final = {
 }
 """Horizontal standard deviation of a position whose receiver states none, by its quality."""
 HEIGHT_FACTOR: Final = 2.0
-"""Heights are this much worse than positions where the receiver does not say."""
+"""Heights are this much worse than positions where the receiver states none."""
 WHITE_SHARE: Final = 0.3
 """How much of a position's error changes from epoch to epoch where the positions themselves do not show it."""
 WHITE_STEP_S: Final = 0.25
@@ -36,8 +36,8 @@ WHITE_STEP_S: Final = 0.25
 WHITE_EPOCHS: Final = 30
 WHITE_FLOOR_M: Final = 0.004
 MEDIAN_OF_MEAN: Final = {1: 0.6745, 2: 0.77}
-"""Where the mean of so many absolute normal deviates has its median, in their standard deviation."""
-RATE_TOLD_S: Final = 0.25
+"""Median of the mean of one or two absolute normal deviates, in their standard deviation."""
+RATE_REPORTED_S: Final = 0.25
 SLOWEST_STEP_S: Final = 2.0
 """In more time than this between positions a tractor turns round."""
 JUMP_FLOOR_M: Final = 0.3
@@ -143,7 +143,7 @@ def _too_few(track: GnssTrack, positioned: NDArray[np.bool_], use: NDArray[np.bo
         return InputError(
             f"{source}: {int(positioned.sum())} of its {len(track)} epochs have a position.",
             meaning,
-            "Use the whole log of the drive; `furrowmap inspect` says what it holds.",
+            "Use the whole log of the drive; `furrowmap inspect` lists its contents.",
             code="gnss-no-positions",
         )
     found = Counter(Fix(f).label for f in track.fix[positioned].tolist())
@@ -170,7 +170,7 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
             "Record at 5 to 10 positions a second, or give a [trajectory] from elsewhere.",
             code="gnss-rate",
         )
-    if step_s > RATE_TOLD_S:
+    if step_s > RATE_REPORTED_S:
         notices.append(
             Notice(
                 "gnss-rate",
@@ -222,7 +222,7 @@ def jumps(t_s: FloatArray, en_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.
 def without_jumps(
     track: GnssTrack, en_m: FloatArray, unused: dict[str, int], notices: list[Notice]
 ) -> tuple[GnssTrack, FloatArray]:
-    """The positions (n,) and their map coordinates (n, 2) without those that no drive leads to, which are told.
+    """The positions (n,) and their map coordinates (n, 2) without those that no drive leads to, which are reported.
 
     Raises:
         InputError: if that is more than half of them.
