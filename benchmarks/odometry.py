@@ -7,7 +7,7 @@ beside the checkout, else a simulated one, and a control: a level sensor among b
 
 The peers get their best case: scans freed of their own motion by the truth, in the sensor's frame at the middle of the
 scan, without the points of the machine itself, one after another from memory. Their time is that of their own calls, in
-one thread where they can be told. furrowmap gets what a user has, the capture and the GNSS log, and its time is all of
+one thread where that is an option. furrowmap gets what a user has, the capture and the GNSS log, and its time is all of
 `furrowmap run`. Each peer works in a process of its own, since native code may end it.
 """
 

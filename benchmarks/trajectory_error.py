@@ -92,7 +92,7 @@ class Positions:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A simulated recording: the true way, the positions told, and where the antenna is.
+    """A simulated recording: the true trajectory, the positions recorded, and the lever arm.
 
     Attributes:
         t0_s: start of the recording, seconds of UTC since 1970.
@@ -159,7 +159,7 @@ class Errors:
 
 
 def load_simulation(folder: Path) -> Simulation:
-    """What a simulated recording's folder tells of the truth."""
+    """The truth in a simulated recording's folder."""
     session = tomllib.loads((folder / "session.toml").read_text(encoding="utf-8"))
     figures = json.loads((folder / "truth" / "figures.json").read_text(encoding="utf-8"))
     rows = np.loadtxt(folder / "truth" / "trajectory.csv", delimiter=",", skiprows=1)

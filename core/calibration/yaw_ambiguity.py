@@ -55,7 +55,7 @@ def yaw_offset_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m:
     """By how much the scanner is to be turned about the vehicle's z axis (counter-clockwise) to face as it did.
 
     Args:
-        returns: of the ground and of what stands, in the vehicle frame by the mounting as stated.
+        returns: of the ground, and upright ones, in the vehicle frame by the stated mounting.
         knots: times.
         state: poses at them, as GNSS alone has them.
         sensor_m: (3,) the sensor in the vehicle frame.
@@ -130,7 +130,7 @@ def _ground(returns: GroundReturns, part: slice, knots: Knots, state: State, sen
 def _standing(
     returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray
 ) -> FloatArray | None:
-    """(ANGLES,) share of what stands that both halves of the scans show in a window; None where that is too little."""
+    """(ANGLES,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
     vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
     if len(half) < LEAST_STANDING:
         return None

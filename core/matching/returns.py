@@ -31,7 +31,7 @@ PIXEL_M: Final = 0.2
 PIXELS: Final = 80
 """The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
 BODY_SHARE: Final = 0.2
-"""What stands above a place of the vehicle's frame in this share of the scans belongs to the vehicle or its tool."""
+"""Share of the scans with returns above a place of the vehicle frame, from which the place belongs to the vehicle."""
 BEYOND_S: Final = 0.5
 """Scans reach this far beyond the first approximation: the ground shows where the vehicle was."""
 LEARN_SCANS: Final = 20
@@ -55,7 +55,7 @@ class GroundReturns:
         half: (n,) uint8: 0 or 1, which of two independent halves of the scans a return belongs to.
         body: (80, 80) bool: the vehicle's own footprint, rows to the left, columns forward, 0.2 m a pixel, the
             vehicle's origin in the middle.
-        upright: returns of what stands on it, off the vehicle's body as well.
+        upright: upright returns, off the vehicle's body as well.
         laser: (n,) uint8 which laser measured a return; none of them where that is not known.
     """
 
@@ -70,7 +70,7 @@ class GroundReturns:
         return len(self.t_s)
 
     def part(self, chosen: slice) -> GroundReturns:
-        """Some of them, with what stands seen in the same time."""
+        """Some of them, with the upright returns of the same time."""
         if not len(t := self.t_s[chosen]):
             return replace(self, t_s=t, xyz_m=self.xyz_m[chosen], half=self.half[chosen], upright=no_upright())
         within = slice(*np.searchsorted(self.upright.t_s, (t[0], t[-1])))
@@ -87,8 +87,8 @@ def ground_returns(
 ) -> GroundReturns:
     """The returns of the ground in a recording.
 
-    They are kept in a scratch file, not in memory. The vehicle's own body is learned on the way: what stands above
-    the ground at one place of the vehicle frame in a good part of the scans.
+    They are kept in a scratch file, not in memory. The vehicle's own body is learned from them: places of the vehicle
+    frame with returns above the ground in BODY_SHARE of the scans.
 
     Args:
         scans: in the order of time.
@@ -243,7 +243,7 @@ def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: i
 
     The ground lies about `ground_m` above the vehicle frame's origin.
 
-    `seen` counts the scans in which something stands above each pixel of the vehicle frame.
+    `seen` counts the scans with upright returns above each pixel of the vehicle frame.
     """
     n = len(xyz_m)
     index = np.empty(n, np.int64)
