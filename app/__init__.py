@@ -1,13 +1,13 @@
 """Georeferenced point clouds, surfaces and worked ground from a vehicle's LiDAR and GNSS.
 
-Every workflow of the command line is a function here, for notebooks and other software:
+Every workflow of the command line is a function here, for notebooks and other software. Lengths are in metres, angles
+in degrees, times in seconds of UTC since 1970; names end with the unit. The names in ``__all__`` keep their meaning
+within a major version (https://semver.org); everything else may change with any version.
 
->>> import furrowmap
->>> result = furrowmap.run("session.toml", "result")
->>> result.passes[["start", "end", "area_m2"]]
-
-Lengths are in metres, angles in degrees, times in seconds of UTC since 1970, each named by its unit. The names in
-``__all__`` keep their meaning within a major version (https://semver.org); everything else may change with any version.
+Examples:
+    >>> import furrowmap
+    >>> result = furrowmap.run("session.toml", "result")
+    >>> result.passes[["start", "end", "area_m2"]]
 """
 
 from __future__ import annotations

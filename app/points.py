@@ -41,7 +41,7 @@ POINT: Final = np.dtype(
 class Points:
     """Points of a cloud that are read when they are asked for.
 
-    ``np.asarray(points)`` or :meth:`read` gives all of them, :meth:`chunks` a part at a time.
+    ``np.asarray(points)`` or `read` gives all of them, `chunks` a part at a time.
 
     Attributes:
         file: the opened file.
@@ -53,13 +53,16 @@ class Points:
     bounds: Box | None = None
     classes: frozenset[int] | None = None
 
+    def __repr__(self) -> str:
+        return f"Points({str(self.file.path)!r}, bounds={self.bounds}, classes={self.classes and sorted(self.classes)})"
+
     @cached_property
     def crs(self) -> pyproj.CRS | None:
         """The CRS; None where the file states none."""
         return self.file.crs
 
     def chunks(self, points: int = BATCH_POINTS) -> Iterator[NDArray[np.void]]:
-        """Structured arrays (n,) of dtype :data:`POINT`, about `points` at a time, in the order of the file.
+        """Structured arrays (n,) of dtype `POINT`, about `points` at a time, in the order of the file.
 
         Raises:
             InputError: if the points turn out to be damaged.
@@ -72,7 +75,7 @@ class Points:
                 yield _structured(batch.where(kept))
 
     def read(self) -> NDArray[np.void]:
-        """All points, a structured array (n,) of dtype :data:`POINT`; 41 bytes a point."""
+        """All points, a structured array (n,) of dtype `POINT`; 45 bytes a point."""
         return np.concatenate([np.empty(0, POINT), *self.chunks()])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:

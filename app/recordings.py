@@ -15,7 +15,7 @@ from furrowmap.core.values.scan import Scan
 def open_recording(*paths: str | Path, near_s: float | None = None, model: str | None = None) -> Reader:
     """Open the files of one recording: a capture, a bag, a GNSS log, a trajectory, task data.
 
-    The reader gives what its format holds: `scans()`, an iterator of :class:`Scan`; `track()`, the positions of a GNSS
+    The reader gives what its format holds: `scans()`, an iterator of `Scan`; `track()`, the positions of a GNSS
     receiver; `poses()`, a trajectory; `states()`, tool states. `notices` are the warnings so far.
 
     Args:
@@ -29,18 +29,18 @@ def open_recording(*paths: str | Path, near_s: float | None = None, model: str |
     return reader.open_recording([Path(path) for path in paths], ReadOptions(near_s=near_s, model=model))
 
 
-def range_image(scan: Scan) -> NDArray[np.float32]:
+def range_image(scan: Scan, lasers: int | None = None) -> NDArray[np.float32]:
     """The ranges of one scan as an image.
 
     Args:
         scan: one revolution.
+        lasers: rows of the image; by default up to the highest laser that has a return in this scan.
 
     Returns:
         (lasers, firings) float32 range in metres, the highest laser in the first row, the first firing in the first
         column; nan where nothing returned. Of several returns of a firing the last one counts.
     """
-    if not len(scan):
-        return np.empty((0, 0), np.float32)
-    image = np.full((int(scan.laser.max()) + 1, int(scan.column.max()) + 1), np.nan, np.float32)
+    rows, columns = (int(index.max()) + 1 if len(scan) else 0 for index in (scan.laser, scan.column))
+    image = np.full((lasers or rows, columns), np.nan, np.float32)
     image[scan.laser, scan.column] = np.linalg.norm(scan.xyz_m, axis=1)
     return image[::-1]

@@ -127,7 +127,7 @@ class Result:
         return self._folder.layer("events")
 
     def points(self, bounds: Box | None = None, classes: Iterable[int] | None = None) -> Points:
-        """The points of `cloud.copc.laz`; see :func:`furrowmap.open_points`.
+        """The points of `cloud.copc.laz`; see `furrowmap.open_points`.
 
         Raises:
             InputError: if the result has no cloud, or it is damaged.
@@ -136,17 +136,17 @@ class Result:
 
     @property
     def dsm(self) -> Any:
-        """Surface as left at the end, heights in metres: an `xarray.DataArray`, or a :class:`Raster` without xarray."""
+        """Surface as left at the end, heights in metres: an `xarray.DataArray`, or a `Raster` without xarray."""
         return read_raster(self._file(DSM))
 
     @property
     def dsm_before(self) -> Any:
-        """Surface before the implement passed; type as :attr:`dsm`."""
+        """Surface before the implement passed; type as `dsm`."""
         return read_raster(self._file(DSM_BEFORE))
 
     @property
     def change(self) -> Any:
-        """Change of the surface, after minus before; type as :attr:`dsm`."""
+        """Change of the surface, after minus before; type as `dsm`."""
         return read_raster(self._file(CHANGE))
 
     def _file(self, name: str) -> Path:
@@ -162,7 +162,7 @@ class Result:
 
 
 def open_result(folder: str | Path) -> Result:
-    """Open the result that :func:`furrowmap.run` or `furrowmap run` wrote to a folder.
+    """Open the result that `furrowmap.run` or `furrowmap run` wrote to a folder.
 
     Raises:
         InputError: if there is no result, or it cannot be read.
@@ -176,7 +176,7 @@ def read_raster(path: Path) -> Any:
 
     Returns:
         An `xarray.DataArray` with the dimensions y and x (centres of the cells, easting and northing in metres) and the
-        attributes `crs` (WKT) and `transform`; where xarray is not installed, a :class:`Raster`.
+        attributes `crs` (WKT) and `transform`; where xarray is not installed, a `Raster`.
     """
     import pyproj
     import rasterio

@@ -79,7 +79,7 @@ def evaluate_gnss(
 
     Args:
         logs: a log for each service, by a name for the table: ``{"CLAS": "clas.ubx", "MADOCA": "madoca.sbf"}``.
-        reference: as in :func:`evaluate_log`.
+        reference: as in `evaluate_log`.
         settings: the same for all logs.
 
     Returns:
@@ -88,7 +88,7 @@ def evaluate_gnss(
         `greatest_m`.
 
     Raises:
-        InputError: as :func:`evaluate_log`.
+        InputError: as `evaluate_log`.
     """
     import pandas as pd
 

@@ -54,7 +54,7 @@ class FarmMapChange:
 
 
 def open_edit(
-    farm_map: str, *, create: bool = False, schema: str = DB_SCHEMA, progress: Progress = silent
+    farm_map: str | Path, *, create: bool = False, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> AbstractContextManager[FarmEdit]:
     """Open a farm map for a change that takes place as a whole or not at all.
 
@@ -67,7 +67,7 @@ def open_edit(
     Raises:
         FurrowmapError: if it cannot be opened.
     """
-    if farm_map.startswith(DATABASES):
+    if str(farm_map).startswith(DATABASES):
         try:
             from furrowmap.exporters.farm.postgis import postgis_edit
         except ImportError as error:
@@ -77,12 +77,12 @@ def open_edit(
                 'Install it with pip install "furrowmap[postgis]", or name a GeoPackage.',
                 code="no-psycopg",
             ) from None
-        return postgis_edit(farm_map, create=create, schema=schema)
+        return postgis_edit(str(farm_map), create=create, schema=schema)
     return geopackage_edit(Path(farm_map), create=create, progress=progress)
 
 
 def add_to_farm_map(
-    farm_map: str,
+    farm_map: str | Path,
     folders: Sequence[str | Path],
     *,
     crs: CRS | None = None,
@@ -137,7 +137,7 @@ def add_to_farm_map(
 
 
 def remove_from_farm_map(
-    farm_map: str, wanted: Sequence[str], *, schema: str = DB_SCHEMA, progress: Progress = silent
+    farm_map: str | Path, wanted: Sequence[str], *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> FarmMapChange:
     """Remove sessions from a farm map; the folders of their results stay.
 
@@ -162,7 +162,7 @@ def remove_from_farm_map(
 
 
 def farm_map_sessions(
-    farm_map: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
+    farm_map: str | Path, *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> tuple[str, CRS | None, list[KnownSession]]:
     """Name (without a password), CRS and sessions of a farm map, the sessions in order of time.
 

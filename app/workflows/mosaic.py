@@ -21,7 +21,7 @@ _DEFAULTS: Final = MosaicSettings()
 
 
 def mosaic(
-    sources: Sequence[str],
+    sources: Sequence[str | Path],
     out: str | Path,
     settings: MosaicSettings = _DEFAULTS,
     *,
@@ -62,7 +62,7 @@ def mosaic(
 
 
 def find_surfaces(
-    sources: Sequence[str], product: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
+    sources: Sequence[str | Path], product: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> tuple[list[Path], tuple[Notice, ...]]:
     """The files of a product in order of their sessions' times, and a notice on missing ones.
 
@@ -79,7 +79,7 @@ def find_surfaces(
         )
     folders: dict[Path, dt.datetime] = {}
     for source in sources:
-        if source.startswith(DATABASES) or not Path(source).is_dir():
+        if str(source).startswith(DATABASES) or not Path(source).is_dir():
             _, _, sessions = farm_map_sessions(source, schema=schema, progress=progress)
             folders |= {Path(session.folder): session.end for session in sessions}
         else:

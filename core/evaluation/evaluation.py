@@ -24,8 +24,10 @@ class Evaluation:
     """The result of an evaluation.
 
     Attributes:
-        test, reference: names of the logs.
-        service, reference_service: correction services, where the logs state them.
+        test: name of the log.
+        reference: name of the reference.
+        service: correction service, where the log states it.
+        reference_service: likewise, of the reference.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
         matched: the compared epochs, n of them.
         fix: (n,) int8 of the test.
@@ -33,8 +35,8 @@ class Evaluation:
         outlier: (n,) whether the epoch is an outlier.
         sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
         age_s: (n,) of the corrections.
-        within_sigmas: see :func:`~furrowmap.core.evaluation.statistics.within_sigmas`.
-        time_ahead_s: see :func:`~furrowmap.core.evaluation.statistics.time_ahead_s`; without outliers, from fixed
+        within_sigmas: see `within_sigmas`.
+        time_ahead_s: see `time_ahead_s`; without outliers, from fixed
             epochs where there are any.
         continuity: of the test log.
         reference_share_by_fix: share of the compared epochs by fix type of the reference.
@@ -72,7 +74,7 @@ def evaluate(
 
     Args:
         test: the positions to evaluate.
-        reference: see :func:`~furrowmap.core.evaluation.matching.match`, as for the two below.
+        reference: see `match`, as for the two below.
         antenna_offset_m: of the test antenna.
         max_gap_s: of the reference.
         fixed_reference_only: skip epochs where the reference is neither FIXED nor entered by hand.

@@ -34,8 +34,10 @@ class SiteCoordinates:
     Attributes:
         frame: of the map.
         transform: how the positions are transformed.
-        lon_deg, lat_deg: after the transformation.
-        easting_m, northing_m: likewise.
+        lon_deg: longitude after the transformation.
+        lat_deg: latitude after the transformation.
+        easting_m: likewise, on the map.
+        northing_m: likewise, on the map.
         span_s: time of the positions.
         convergence_deg: true heading minus grid heading.
         scale: map distance divided by distance on the ellipsoid.
@@ -152,13 +154,13 @@ class SiteCoordinates:
         )
 
 
-def site_coordinates(session_file: Path) -> SiteCoordinates:
+def site_coordinates(session_file: str | Path) -> SiteCoordinates:
     """The coordinates of a session and their transformation.
 
     Raises:
         FurrowmapError: as in a run, if they cannot be transformed.
     """
-    opened = open_session(session_file)
+    opened = open_session(Path(session_file))
     session, frame, reader = opened.session, opened.frame, opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:
         poses, transform = transform_poses(reader.poses(), frame)

@@ -35,7 +35,7 @@ class FurrowmapError(Exception):
 
 
 class UsageError(FurrowmapError):
-    """The command line is invalid."""
+    """An argument or option is invalid."""
 
     exit_status = 2
 

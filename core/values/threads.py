@@ -25,7 +25,7 @@ _asked: list[int] = []
 def threads() -> int:
     """Number of threads that a stage may use at once.
 
-    The count of the innermost :func:`using_threads`; else that of the environment variable FURROWMAP_THREADS; else
+    The count of the innermost `using_threads`; else that of the environment variable FURROWMAP_THREADS; else
     the processors that this process may use, 8 at most.
 
     Raises:
@@ -48,7 +48,7 @@ def threads() -> int:
 
 @contextmanager
 def using_threads(count: int | None, *, by_default: bool = False) -> Iterator[None]:
-    """Within it, :func:`threads` is `count`.
+    """Within it, `threads` is `count`.
 
     The setting is the process's: threads started within see it as well.
 
