@@ -1,0 +1,30 @@
+"""The notebooks of the documentation run from a clean kernel, and are committed without outputs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+
+NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "docs" / "notebooks").glob("*.ipynb"))
+FIGURES = {"any-cloud": 1, "nakagawa-et-al": 4}
+
+
+def test_notebooks__are_those_that_are_tested() -> None:
+    assert [path.stem for path in NOTEBOOKS] == sorted(FIGURES)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=[path.stem for path in NOTEBOOKS])
+def test_notebook__runs_from_a_clean_kernel(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    notebook = nbformat.read(path, as_version=4)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(not cell.outputs and cell.execution_count is None for cell in code)
+    nbclient.NotebookClient(
+        notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    outputs = [output for cell in code for output in cell.outputs]
+    assert [output["text"] for output in outputs if output["output_type"] == "stream"] == []
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == FIGURES[path.stem]
