@@ -58,10 +58,26 @@ def packaged_style(name: str) -> str:
 
 
 RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS)
-RUN_PRODUCTS: Final = (
-    CLOUD, *RUN_RASTERS, *map(style_of, RUN_RASTERS), FIELD, STATES, LEARNED, REPORT, PAGE, SESSION, ITEM,
-)  # fmt: skip
-"""All files that `furrowmap run` may write."""
+RUN_PRODUCTS: Final = {
+    CLOUD: "points: LAS 1.4, point format 6, cloud optimised; also a valid LAZ file",
+    DSM: "surface at the end, in cells of 5 cm",
+    DSM_BEFORE: "surface before the tool passed",
+    CHANGE: "change of the surface: after minus before",
+    SWATHS: "height differences between swaths over the same ground; absent where no ground was seen twice",
+    **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},
+    FIELD: "the layers below, each with its style stored inside",
+    LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",
+    STATES: "times at which the tool was lowered and lifted: [a table](readers.md#implement-states-in-csv) that a "
+    "session can read under `[implement] states`",
+    REPORT: "figures, clocks, warnings, inputs with their SHA-256, timings",
+    PAGE: "the same as a page: map, figures, the implement over time, GNSS quality, accuracy and warnings; it needs no "
+    "other files and no network",
+    SESSION: "the session with all defaults; its first lines give the path of the original, to which its paths are "
+    "relative",
+    ITEM: "the run as a STAC 1.1 item (projection and pointcloud extensions); `furrowmap export … --to stac` makes a "
+    "collection of many",
+}
+"""All files that `furrowmap run` may write, and their content in Markdown."""
 SURFACE_PRODUCTS: Final = (
     DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
 )  # fmt: skip
