@@ -39,13 +39,13 @@ POINT: Final = np.dtype(
 
 @dataclass(frozen=True)
 class Points:
-    """Points of a cloud that are read when they are asked for.
+    """Points of a cloud, read on demand.
 
     ``np.asarray(points)`` or `read` gives all of them, `chunks` a part at a time.
 
     Attributes:
         file: the opened file.
-        bounds: least x, least y, greatest x, greatest y of the points wanted; None for all.
+        bounds: minimum x, minimum y, maximum x, maximum y of the points wanted; None for all.
         classes: classes of the points wanted; None for all.
     """
 
@@ -112,7 +112,7 @@ def open_points(path: str | Path, bounds: Box | None = None, classes: Iterable[i
 
     Args:
         path: the file.
-        bounds: least x, least y, greatest x, greatest y of the points wanted, in the file's CRS; of a COPC file only
+        bounds: minimum x, minimum y, maximum x, maximum y of the points wanted, in the file's CRS; of a COPC file only
             the nodes within are read.
         classes: classes of the points wanted, such as (2,) for ground; None for all.
 

@@ -38,7 +38,7 @@ class Raster:
 
 
 class Layers(Mapping[str, "geopandas.GeoDataFrame"]):
-    """The layers of `field.gpkg` by name, each read when it is asked for."""
+    """The layers of `field.gpkg` by name, each read on demand."""
 
     def __init__(self, folder: ResultFolder) -> None:
         self._folder = folder
@@ -118,7 +118,7 @@ class Result:
 
     @property
     def tool_path(self) -> geopandas.GeoDataFrame:
-        """Path of the implement, one line a state."""
+        """Path of the implement, a line for each stretch in one state."""
         return self._folder.layer("tool_path")
 
     @property
@@ -154,7 +154,7 @@ class Result:
         if not path.is_file():
             raise InputError(
                 f"{self.path} contains no {name}.",
-                "The run did not write it, or it was moved away.",
+                "The run did not write it, or it was moved.",
                 f"The report lists what the run wrote: {', '.join(self.report['products'])}.",
                 code="no-product",
             )

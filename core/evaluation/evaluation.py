@@ -35,9 +35,9 @@ class Evaluation:
         outlier: (n,) whether the epoch is an outlier.
         sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
         age_s: (n,) of the corrections.
-        within_sigmas: see `within_sigmas`.
-        time_ahead_s: see `time_ahead_s`; without outliers, from fixed
-            epochs where there are any.
+        within_sigmas: share of errors within one, two and three stated standard deviations; None where none is stated.
+        time_ahead_s: clock offset of the test against the reference, and its standard error; without outliers, from
+            fixed epochs where there are any. None if the speed varies too little.
         continuity: of the test log.
         reference_share_by_fix: share of the compared epochs by fix type of the reference.
         left_out_by_reference_fix: epochs skipped because the reference was not fixed.

@@ -48,7 +48,7 @@ def threads() -> int:
 
 @contextmanager
 def using_threads(count: int | None, *, by_default: bool = False) -> Iterator[None]:
-    """Within it, `threads` is `count`.
+    """Within it, furrowmap uses at most `count` threads at once.
 
     The setting is the process's: threads started within see it as well.
 
