@@ -17,8 +17,6 @@ from furrowmap.core.values.errors import UsageError, printable
 if TYPE_CHECKING:
     from zoneinfo import ZoneInfo
 
-    from pyproj import CRS
-
     from furrowmap import FarmMapChange, KnownSession
 
 _DB_SCHEMA: Final = "furrowmap"
@@ -63,7 +61,7 @@ def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any
     MAP is created if it does not exist. A session that it already holds is replaced. Either all DIRs are added or none;
     an interruption leaves MAP unchanged.
     """
-    options |= {"crs": _crs(options["crs"]), "zone": _zone(options["zone"])}
+    options["zone"] = _zone(options["zone"])
     with console.work(passing=True) as progress:
         change = furrowmap.add_to_farm_map(target, folders, **options, progress=progress)
     for notice in change.notices:
@@ -131,9 +129,7 @@ def mosaic(console: Console, sources: tuple[str, ...], output: Path, **options: 
     Where sessions overlap, the latest is used. A .vrt is a small file that refers to the heights in the surfaces'
     files; a .tif is a Cloud Optimized GeoTIFF with all bands.
     """
-    settings = furrowmap.MosaicSettings(
-        _crs(options.pop("crs"), "--dst-crs"), options.pop("cell_m"), options.pop("mean")
-    )
+    settings = furrowmap.MosaicSettings(options.pop("crs"), options.pop("cell_m"), options.pop("mean"))
     with console.work(passing=True) as progress:
         made = furrowmap.mosaic(sources, output, settings, **options, progress=progress)
     for notice in made.notices:
@@ -147,26 +143,6 @@ def _words(change: FarmMapChange) -> str:
     done = ", ".join(f"{count} {verb}" for count, verb in counts if count)
     number = "1 session" if change.sessions == 1 else f"{change.sessions} sessions"
     return f"{printable(change.farm_map)}: {done or 'nothing changed'}; now {number} in {change.crs}."
-
-
-def _crs(text: str | None, option: str = "--crs") -> CRS | None:
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    if text is None:
-        return None
-    try:
-        crs = CRS.from_user_input(text)
-    except CRSError:
-        crs = None
-    if crs is None or not (crs.is_projected or crs.is_geographic):
-        raise UsageError(
-            f"{option}: {text!r} is not a horizontal CRS known to PROJ.",
-            "Nothing was done.",
-            "Give an EPSG code such as EPSG:6677.",
-            code="usage",
-        )
-    return crs
 
 
 def _zone(name: str | None) -> ZoneInfo | None:

@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 
 from pyproj import CRS
 
+from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
@@ -85,7 +86,7 @@ def add_to_farm_map(
     farm_map: str | Path,
     folders: Sequence[str | Path],
     *,
-    crs: CRS | None = None,
+    crs: CRS | str | None = None,
     same_crs: bool = False,
     zone: ZoneInfo | None = None,
     schema: str = DB_SCHEMA,
@@ -111,10 +112,11 @@ def add_to_farm_map(
             another process is writing to it or to a folder.
         OSError: if the farm map cannot be written.
     """
+    wanted = optional_crs(crs)
     results = _read_results([Path(folder) for folder in folders], zone, progress)
     with open_edit(farm_map, create=True, schema=schema, progress=progress) as edit:
         progress("writing the farm map", 0.0)
-        target = _target_crs(edit, crs) or next(iter(results.values())).crs
+        target = _target_crs(edit, wanted) or next(iter(results.values())).crs
         known = {session.session: session for session in edit.sessions()}
         fresh = [r for r in results.values() if r.session not in known or known[r.session].digest != r.digest]
         placed, notices = _transformed(fresh, target, edit.name(), same_crs=same_crs)

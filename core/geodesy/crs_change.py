@@ -126,14 +126,21 @@ def crs_of(text: str | CRS) -> CRS:
         InputError: if it is none.
     """
     try:
-        return CRS.from_user_input(text).to_2d()
+        crs = CRS.from_user_input(text).to_2d()
     except CRSError as error:
-        raise InputError(
-            f"PROJ does not know the CRS {text!r} ({error}).",
-            "Coordinates cannot be transformed to it.",
-            'Write an EPSG code such as "EPSG:4326", or a WKT text.',
-            code="crs-unknown",
-        ) from None
+        raise _unknown(f"PROJ does not know the CRS {text!r} ({error}).") from None
+    if not (crs.is_projected or crs.is_geographic):
+        raise _unknown(f"{text!r} is not a horizontal CRS, but a {crs.type_name}.")
+    return crs
+
+
+def _unknown(what: str) -> InputError:
+    return InputError(
+        what,
+        "Coordinates cannot be transformed to it.",
+        'Write an EPSG code such as "EPSG:4326", or a WKT text.',
+        code="crs-unknown",
+    )
 
 
 def _better(accuracy_m: float, group: TransformerGroup) -> bool:

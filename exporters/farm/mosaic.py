@@ -17,7 +17,7 @@ from rasterio.enums import Resampling
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import Notice, RefusedError
@@ -48,7 +48,7 @@ class MosaicSettings:
         mean: write the mean height of all sessions and their number instead of the latest session's cells.
     """
 
-    crs: CRS | None = None
+    crs: CRS | str | None = None
     cell_m: float | None = None
     mean: bool = False
 
@@ -108,7 +108,7 @@ def write_mosaic(
             "Choose another name with -o.",
             code="output-is-input",
         )
-    target, cell_m = _target_crs(surfaces, settings.crs), settings.cell_m or surfaces[-1].cell_m
+    target, cell_m = _target_crs(surfaces, optional_crs(settings.crs)), settings.cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     notices = [] if exact else _check_changes(surfaces, target)
     if output.suffix == VIRTUAL and (settings.mean or not exact):

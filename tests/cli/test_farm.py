@@ -76,7 +76,7 @@ def test_mosaic__has_the_latest_on_top(folders: list[Path], tmp_path: Path, caps
         (["farm", "ad"], 2, "furrowmap farm add"),
         (["farm", "add", "nowhere", "farm.gpkg"], 3, "nowhere"),
         (["farm", "list", "nowhere.gpkg"], 3, "nowhere.gpkg"),
-        (["farm", "add", "x", "farm.gpkg", "--crs", "EPSG:0"], 2, "--crs"),
+        (["farm", "add", "x", "farm.gpkg", "--crs", "EPSG:0"], 3, "EPSG:0"),
         (["farm", "add", "x", "farm.gpkg", "--time-zone", "Mars/../Base"], 2, "--time-zone"),
         (["farm", "mosaic", "nowhere", "-o", "farm.png"], 2, "farm.png"),
         (["farm", "list", "postgresql://me:s3cret@127.0.0.1:1/farm"], 3, "127.0.0.1"),
