@@ -69,7 +69,8 @@ class Messages:
 
     def column(self, name: str, factor: float = 1.0) -> NDArray[np.float64]:
         """A field (n,) as float64, times `factor`."""
-        return self.values[name].astype(np.float64) * factor
+        with np.errstate(invalid="ignore"):  # damaged content may be a signalling NaN
+            return self.values[name].astype(np.float64) * factor
 
     @classmethod
     def joined(cls, parts: list[Messages], layout: np.dtype[np.void]) -> Messages:

@@ -43,7 +43,7 @@ def test_surface__of_a_cloud_in_feet(las: Path, tmp_path: Path, capsys: pytest.C
     assert answer["figures"]["points"] == 110_000
     assert answer["crs"] == "EPSG:32610"
     assert {"crs-change-loose", "heights-in-feet"} <= {warning["code"] for warning in answer["warnings"]}
-    assert "Heights are in units of 0.3048 m" in err
+    assert "Heights are converted to metres from units of 0.3048 m" in err
     with rasterio.open(tmp_path / "out" / "dtm.tif") as file:
         heights = file.read(1, masked=True)
     assert 0.3048 * 406.26 - 0.01 <= heights.min() < heights.max() <= 0.3048 * 520.51 + 0.01
