@@ -58,12 +58,41 @@ class Layers(Mapping[str, "geopandas.GeoDataFrame"]):
         return f"Layers({', '.join(self)})"
 
 
+class Layer:
+    """An attribute of a result that reads the layer of its name."""
+
+    def __set_name__(self, owner: type[Result], name: str) -> None:
+        self._name = name
+
+    def __get__(self, result: Result | None, owner: type[Result]) -> geopandas.GeoDataFrame:
+        if result is None:
+            return self
+        return result.layer(self._name)
+
+
 class Result:
     """The result of a run.
 
-    The properties named after layers give GeoDataFrames in the session's CRS; their fields are those of the reference
-    of products. A layer that the run did not write, such as `passes` where no implement is known, raises `InputError`.
+    The attributes named after layers are GeoDataFrames in the session's CRS; their fields are those of the reference of
+    products. A layer that the run did not write, such as `passes` where no implement is known, raises `InputError`.
     """
+
+    trajectory = Layer()
+    """Pose of the vehicle at each scan, with its standard deviations and the state of the implement."""
+    passes = Layer()
+    """Ground worked by each pass."""
+    coverage = Layer()
+    """All ground worked."""
+    overlaps = Layer()
+    """Ground worked by two passes."""
+    misses = Layer()
+    """Ground missed."""
+    zones = Layer()
+    """Headland and body of the field."""
+    tool_path = Layer()
+    """Path of the implement, a line for each stretch in one state."""
+    events = Layer()
+    """Implement down and up, stops, reversals, gaps."""
 
     def __init__(self, folder: ResultFolder) -> None:
         self._folder = folder
@@ -81,50 +110,18 @@ class Result:
         """The content of `report.json`."""
         return self._folder.report
 
+    def layer(self, name: str) -> geopandas.GeoDataFrame:
+        """The layer of that name.
+
+        Raises:
+            InputError: if the run did not write it, or it is damaged.
+        """
+        return self._folder.layer(name)
+
     @property
     def layers(self) -> Layers:
         """All layers of `field.gpkg`: a mapping from their names to GeoDataFrames."""
         return Layers(self._folder)
-
-    @property
-    def trajectory(self) -> geopandas.GeoDataFrame:
-        """Pose of the vehicle at each scan, with its standard deviations and the state of the implement."""
-        return self._folder.layer("trajectory")
-
-    @property
-    def passes(self) -> geopandas.GeoDataFrame:
-        """Ground worked by each pass."""
-        return self._folder.layer("passes")
-
-    @property
-    def coverage(self) -> geopandas.GeoDataFrame:
-        """All ground worked."""
-        return self._folder.layer("coverage")
-
-    @property
-    def overlaps(self) -> geopandas.GeoDataFrame:
-        """Ground worked by two passes."""
-        return self._folder.layer("overlaps")
-
-    @property
-    def misses(self) -> geopandas.GeoDataFrame:
-        """Ground missed."""
-        return self._folder.layer("misses")
-
-    @property
-    def zones(self) -> geopandas.GeoDataFrame:
-        """Headland and body of the field."""
-        return self._folder.layer("zones")
-
-    @property
-    def tool_path(self) -> geopandas.GeoDataFrame:
-        """Path of the implement, a line for each stretch in one state."""
-        return self._folder.layer("tool_path")
-
-    @property
-    def events(self) -> geopandas.GeoDataFrame:
-        """Implement down and up, stops, reversals, gaps."""
-        return self._folder.layer("events")
 
     def points(self, bounds: Box | None = None, classes: Iterable[int] | None = None) -> Points:
         """The points of `cloud.copc.laz`; see `furrowmap.open_points`.
