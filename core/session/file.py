@@ -10,9 +10,10 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, get_args, get_origin
 
 import msgspec
+from msgspec.inspect import is_struct_type
 
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import (
@@ -20,21 +21,10 @@ from furrowmap.core.values.session import (
     CURRENT_EPOCH,
     ELLIPSOIDAL,
     EXAMPLES,
-    REPLACE,
     SCHEMA,
-    Antenna,
-    Crs,
-    Field,
-    Implement,
-    Lidar,
-    Recording,
-    Run,
     Session,
-    TrajectorySource,
 )
 
-MOST_LIFT_M: Final = 1.2
-"""Largest plausible lift of an implement."""
 FARTHEST_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
 
@@ -114,16 +104,8 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
 
 def _tables() -> dict[str, type[msgspec.Struct]]:
     """The table names and their structs."""
-    return {
-        "recording": Recording,
-        "crs": Crs,
-        "antenna": Antenna,
-        "lidar": Lidar,
-        "implement": Implement,
-        "field": Field,
-        "trajectory": TrajectorySource,
-        "run": Run,
-    }
+    kinds = ((field.name, (field.type, *get_args(field.type))) for field in msgspec.structs.fields(Session))
+    return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
 
 
 def _check_keys(data: dict[str, Any], name: str) -> None:
@@ -158,7 +140,7 @@ def _conversion_error(message: str, name: str) -> InputError:
         what = f"table [{key}] is missing" if key in _tables() else f"key `{key}` is missing"
     else:
         what = f"table [{key}]" if key in _tables() else f"key `{path}`"
-        what += f" {_type_fault(reason)}"
+        what += f" {_type_fault(reason, _choices(key))}"
     table, _, last = key.rpartition(".")
     line = f"{last} = {EXAMPLES[key]}" if key in EXAMPLES else f"[{key}]" if key in _tables() else ""
     example = f"Example: `{line}`{f' under [{table}]' if table else ''}. " if line else ""
@@ -170,8 +152,16 @@ def _conversion_error(message: str, name: str) -> InputError:
     )
 
 
-def _type_fault(message: str) -> str:
-    """What is wrong with a value, from the message of msgspec."""
+def _choices(key: str) -> list[str]:
+    """The texts that a key allows, where it allows no others."""
+    table, _, name = key.rpartition(".")
+    fields = msgspec.structs.fields(_tables().get(table, Session))
+    kinds = (kind for field in fields if field.name == name for kind in (field.type, *get_args(field.type)))
+    return [text for kind in kinds if get_origin(kind) is Literal for text in get_args(kind)]
+
+
+def _type_fault(message: str, choices: list[str]) -> str:
+    """What is wrong with a value, from the message of msgspec and what the key allows."""
     kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", message)
     if kinds is not None:
         wanted, got = (_KINDS.get(kind, kind) for kind in kinds.groups())
@@ -179,6 +169,12 @@ def _type_fault(message: str) -> str:
     counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message)
     if counts is not None:
         return f"must be a list of {counts[1]} numbers, but has {counts[2]}"
+    limit = re.fullmatch(r"Expected `\w+` (.+)", message)
+    if limit is not None:
+        return f"must be {limit[1]}"
+    choice = re.fullmatch(r"Invalid enum value (.+)", message)
+    if choice is not None:
+        return f"must be {' or '.join(map(repr, choices))}, not {choice[1]}"
     return f"is invalid ({message})"
 
 
@@ -212,30 +208,11 @@ def _faults(session: Session) -> Iterator[str]:
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     yield from _far_places(session)
-    if implement is not None and not implement.width_m > 0:
-        yield "implement.width_m must be positive"
-    if session.run.threads is not None and session.run.threads < 1:
-        yield "run.threads must be at least 1"
-    if implement is not None:
-        yield from _implement_faults(implement)
-    if implement is not None and implement.states_use not in (REPLACE, CHECK):
-        yield f'implement.states_use must be "{REPLACE}" or "{CHECK}", not {implement.states_use!r}'
     if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
-    if session.trajectory is not None:
-        if not session.trajectory.files:
-            yield "trajectory.files names no file"
-        if session.trajectory.time not in (None, "utc", "gps"):
-            yield 'trajectory.time must be "utc" or "gps"'
-        if session.trajectory.week is not None and session.trajectory.week < 0:
-            yield "trajectory.week must not be negative; it counts from 1980-01-06"
-
-
-def _implement_faults(implement: Implement) -> Iterator[str]:
-    """The faults of the implement's lift and region."""
-    if implement.lift_m is not None and not 0.1 <= implement.lift_m <= MOST_LIFT_M:
-        yield f"implement.lift_m must be between 0.1 and {MOST_LIFT_M:g} m, not {implement.lift_m:g}"
-    if implement.region_m is not None:
+    if session.trajectory is not None and not session.trajectory.files:
+        yield "trajectory.files names no file"
+    if implement is not None and implement.region_m is not None:
         x0, x1, y0, y1 = implement.region_m
         if not (x0 < x1 and y0 < y1):
             yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Annotated, Final, Literal
 
 import msgspec
+from msgspec import Meta
 
 from furrowmap.core.values.mounting import Mounting
 
@@ -104,15 +105,15 @@ class Implement(_Part, frozen=True):
         states_minus_gnss_s: clock of the states minus that of the positions, if they differ by a constant.
     """
 
-    width_m: float
+    width_m: Annotated[float, Meta(gt=0.0)]
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None
-    lift_m: float | None = None
+    lift_m: Annotated[float, Meta(ge=0.1, le=1.2)] | None = None
     region_m: tuple[float, float, float, float] | None = None
     learned: str | None = None
     states: tuple[str, ...] = ()
-    states_use: str = REPLACE
+    states_use: Literal["replace", "check"] = REPLACE
     states_minus_gnss_s: float = 0.0
 
 
@@ -128,12 +129,12 @@ class TrajectorySource(_Part, frozen=True):
     Attributes:
         files: CSV or SBET files, in time order.
         time: "utc" or "gps", if the file does not state it.
-        week: GPS week of a file with seconds of the week.
+        week: GPS week of a file with seconds of the week, counted from 1980-01-06.
     """
 
     files: tuple[str, ...]
-    time: str | None = None
-    week: int | None = None
+    time: Literal["utc", "gps"] | None = None
+    week: Annotated[int, Meta(ge=0)] | None = None
 
 
 class Run(_Part, frozen=True):
@@ -148,7 +149,7 @@ class Run(_Part, frozen=True):
 
     standing: bool = True
     fixes: tuple[str, ...] | None = None
-    threads: int | None = None
+    threads: Annotated[int, Meta(ge=1)] | None = None
 
 
 class Session(_Part, frozen=True):

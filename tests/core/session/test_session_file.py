@@ -12,8 +12,9 @@ import pytest
 from furrowmap.core.session import file as module
 from furrowmap.core.session.file import load_session, parse_session
 from furrowmap.core.session.opened import resolve
+from furrowmap.core.values import session as values
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Session
+from furrowmap.core.values.session import EXAMPLES, Session
 
 LEAST = """
 furrowmap = 1
@@ -38,7 +39,7 @@ def keys() -> list[tuple[str, str]]:
     tables = {"": Session} | {
         name: part
         for name in Session.__struct_fields__
-        for part in vars(module).values()
+        for part in vars(values).values()
         if isinstance(part, type) and issubclass(part, msgspec.Struct) and f"`[{name}]`" in (part.__doc__ or "")
     }
     return [(name, key) for name, part in tables.items() for key in part.__struct_fields__]
@@ -105,6 +106,13 @@ def test_keys__one_like_no_other_is_refused_with_all_that_are_known() -> None:
         (('"a.nmea"', '"a.nmea", "a.nmea"'), "session-value", "recording.gnss names 'a.nmea' twice"),
         (("[crs]", '[trajectory]\nfiles = ["t", "t"]\n[crs]'), "session-value", "trajectory.files names 't' twice"),
         (("[crs]", "[implement]\nwidth_m = 0\nxy_m = [0, 0]\n[crs]"), "session-value", "implement.width_m"),
+        (("[crs]", "[implement]\nwidth_m = 0\nxy_m = [0, 0]\n[crs]"), "session-value", "must be > 0"),
+        (("[crs]", "[implement]\nwidth_m = 1\nxy_m = [0, 0]\nlift_m = 1.3\n[crs]"), "session-value", "must be <= 1.2"),
+        (
+            ("[crs]", '[implement]\nwidth_m = 1\nxy_m = [0, 0]\nstates_use = "no"\n[crs]'),
+            "session-value",
+            "implement.states_use` must be 'replace' or 'check', not 'no'",
+        ),
         (("[crs]", "[antenna]\nxyz_m = [0, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
         (("[crs]", "[antenna]\nxyz_m = [0, nan, 0]\n[crs]"), "session-value", "antenna.xyz_m"),
         (("[crs]", "[lidar]\nrpy_deg = [0, inf, 0]\n[crs]"), "session-value", "lidar.rpy_deg"),
@@ -161,13 +169,13 @@ def test_values__of_the_wrong_kind_are_told_in_plain_words(change: tuple[str, st
 
 def test_examples__there_is_one_for_every_key_and_all_are_a_session() -> None:
     tables: dict[str, list[str]] = {}
-    for key, value in module.EXAMPLES.items():
+    for key, value in EXAMPLES.items():
         table, _, last = key.rpartition(".")
         tables.setdefault(table, []).append(f"{last} = {value}")
     text = "furrowmap = 1\n" + "\n".join(f"[{t}]\n".replace("[]\n", "") + "\n".join(v) for t, v in tables.items())
     parse_session(text)
     named = set(module._tables()) | {"furrowmap"}
-    assert set(module.EXAMPLES) | named == {f"{table}.{key}" if table else key for table, key in keys()}
+    assert set(EXAMPLES) | named == {f"{table}.{key}" if table else key for table, key in keys()}
 
 
 @pytest.mark.parametrize("line", ["[lidar]\nxyz_m", "[antenna]\nxyz_m", "[implement]\nwidth_m = 1.7\nxy_m"])
