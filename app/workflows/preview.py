@@ -16,6 +16,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.json_text import json_text
 from furrowmap.core.values.mounting import Mounting
@@ -29,7 +30,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, style_of
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
-from furrowmap.exporters.reports.run_report import distance_and_standing, run_origin
+from furrowmap.exporters.reports.run_report import run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
 
 CELL_M: Final = 0.25

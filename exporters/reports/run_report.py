@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.trajectory.motion import length_m
+from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.core.values.trajectory import SIGMAS
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
@@ -188,27 +188,6 @@ def _area(name: str, area: Area) -> dict[str, float]:
         f"{name}_ellipsoid_m2": round(area.ellipsoid_m2, 3),
         f"{name}_sigma_m2": round(area.sigma_m2, 3),
     }
-
-
-def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
-    """Distance driven (m) and time at a standstill (s) within a span, without gaps.
-
-    Args:
-        trajectory: evaluated at its own knots, as scans may pause.
-        begin_s: UTC, as `end_s`.
-        end_s: end of the last scan.
-    """
-    inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
-    t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
-    before, share, known = trajectory.interval(t_s)
-    t_s, nearest = t_s[known], (before + (share > 0.5))[known]
-    if not len(t_s):
-        return 0.0, 0.0
-    en_m, standing = trajectory.at(t_s).xyz_m[:, :2], trajectory.motion[nearest] == Motion.STANDING
-    step_s = np.diff(t_s)
-    gap, still = step_s > trajectory.max_gap_s, standing[1:] & standing[:-1]
-    drives = np.split(en_m, np.flatnonzero(gap | still) + 1)
-    return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())
 
 
 def _accuracy(found: RunResult) -> dict[str, Any]:

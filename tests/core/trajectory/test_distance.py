@@ -1,4 +1,4 @@
-"""The figures of a run, against the samples' truth."""
+"""Distance driven and time at a standstill, against the truth of the samples."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
-from furrowmap.exporters.reports.run_report import distance_and_standing
 
 SCANS_S = {
     "tractor_loop": (1781141020.92, 1781141080.70),
     "tractor_fishtail": (1781143174.62, 1781143237.29),
     "rover_real": (1766566967.46, 1766567128.93),
 }
-"""First and last return, as the samples' notes tell them."""
+"""First and last return, as the notes on the samples state them."""
 
 
 def trajectory_of(session_file: Path) -> Trajectory:
