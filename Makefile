@@ -8,10 +8,10 @@ PARTS := core exporters cli
 QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers session surfaces trajectory values) \
   tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck layout format test-lowest test-python bench bench-sessions docs pages plugin clean
+.PHONY: help demo test setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -65,6 +65,9 @@ bench: $(INSTALLED)  ## speed, memory and error, beside others
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py
+
+bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
+	$(BIN)/python benchmarks/misstated.py
 
 pages: $(INSTALLED)  ## write the generated pages of docs again
 	$(BIN)/python scripts/code_reference.py

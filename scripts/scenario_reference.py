@@ -48,7 +48,7 @@ OPEN = {
 }
 """The default of values that depend on others."""
 KINDS = """\
-| kind | random roughness | correlation length | rows: amplitude, spacing | straw | furrows after the pass |
+| kind | random roughness | correlation length | rows: amplitude, spacing | straw or plants | furrows after the pass |
 | --- | --- | --- | --- | --- | --- |
 """
 
@@ -61,7 +61,8 @@ def page() -> str:
         if name == "soil":
             rows = [
                 f"| `{kind}` | {s['sigma'] * 1000:.0f} mm | {s['corr'] * 100:.0f} cm | {s['row'] * 1000:.0f} mm, "
-                f"{s['spacing'] * 100:.0f} cm | {s['straw'] * 100:.1f} % | {s['furrow'] * 1000:.0f} mm |\n"
+                f"{s['spacing'] * 100:.0f} cm | {s['straw'] * 100:.1f} %, {s['height']:.2f} m | "
+                f"{s['furrow'] * 1000:.0f} mm |\n"
                 for kind, s in SOILS.items()
             ]
             parts.append(KINDS + "".join(rows))

@@ -55,6 +55,8 @@ _DUST_RADII = (2.1, 2.4, 1.2)
 _SEPARATION_M = 1.0
 """Two returns of one pulse nearer than this are one (VLP-16 User Manual 63-9243, section on return modes)."""
 _CELL_SHARE = 0.8
+_CROP_SHARE = 0.2
+"""Half of a crop row's width as a share of the distance of rows."""
 _FAINT = 0.0082
 """Reflectivity · cos(incidence) / range² at which one pulse in e is lost: soil at 17 m from a sensor 2.4 m high."""
 
@@ -64,7 +66,8 @@ class Scene(NamedTuple):
 
     Attributes:
         ground: the ground.
-        straw: share of the ground, highest, chance to stop a beam.
+        straw: share of the ground, highest, chance to stop a beam; where it stands in rows, a step across these per
+            metre to the east and to the north, and its count at the local origin, else zeros.
         walls: (n, 9) east, north, cosine and sine of the direction, half length, half thickness, bottom, top,
             reflectivity.
         posts: (n, 5) east, north, radius, bottom, top.
@@ -161,13 +164,24 @@ def make_scene(scenario: Scenario, ground: Ground) -> Scene:
     soil = scenario.soil
     return Scene(
         ground,
-        np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit]),
+        np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)]),
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
         np.array(scenario.tractor.body_boxes_m, np.float64).reshape(-1, 6),
         tool,
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
     )
+
+
+def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
+    """Rows per metre to the east and to the north, and their count at the local origin; wheels run between rows."""
+    spacing_m = scenario.soil.crop_rows_m
+    if not spacing_m:
+        return 0.0, 0.0, 0.0
+    lane = math.radians(90.0 - scenario.drive.lane_heading_deg)
+    east, north = -math.sin(lane) / spacing_m, math.cos(lane) / spacing_m
+    x, y = scenario.drive.start_xy_m
+    return east, north, 0.5 - east * x - north * y
 
 
 def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
@@ -313,9 +327,14 @@ def _meet_ground(ground, straw, seed, ray, x, y, z, dx, dy, dz, t, far):  # type
                 return 0.5 * (low + high), _SOIL
             row, col = math.floor(n / CELL), math.floor(e / CELL)
             place = _wrapped(row, rows) * cols + _wrapped(col, cols)
-            if _chance(seed, place, 14) < straw[0] and _chance(seed + row * 7 + col, ray, 13) < straw[2]:
+            rows_of_crop = straw[3] != 0.0 or straw[4] != 0.0
+            count = e * straw[3] + n * straw[4] + straw[5]
+            stands = not rows_of_crop or abs(count - round(count)) < _CROP_SHARE
+            if stands and _chance(seed, place, 14) < straw[0] and _chance(seed + row * 7 + col, ray, 13) < straw[2]:
                 inside = 0 <= row < rows and 0 <= col < cols
-                tall = straw[1] * _chance(seed, place, 15) ** 3  # most of it is short
+                # most of straw is short; plants of a crop are nearly alike
+                chance = _chance(seed, place, 15)
+                tall = straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
                 if (not inside or t < ground.first_s[row, col]) and height < tall + relief_at(ground, e, n, t):
                     return ahead, _STRAW
             s = ahead

@@ -12,19 +12,28 @@ from msgspec import Meta
 
 Vector3: TypeAlias = tuple[float, float, float]
 Box: TypeAlias = tuple[float, float, float, float, float, float]
-SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled"]
+SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
 
 _BY_KIND: Final = math.nan
 """Placeholder for a default that depends on other values."""
 
+_SOIL_KEYS: Final = ("sigma", "corr", "row", "spacing", "straw", "height", "hit", "crop", "furrow")
 SOILS: Final[Mapping[str, Mapping[str, float]]] = {
-    "stubble": {"sigma": 0.010, "corr": 0.060, "row": 0.012, "spacing": 0.30, "straw": 0.020, "furrow": 0.0},
-    "ploughed": {"sigma": 0.032, "corr": 0.100, "row": 0.030, "spacing": 0.35, "straw": 0.002, "furrow": 0.030},
-    "tilled": {"sigma": 0.015, "corr": 0.075, "row": 0.000, "spacing": 0.30, "straw": 0.002, "furrow": 0.0},
-    "rolled": {"sigma": 0.006, "corr": 0.050, "row": 0.004, "spacing": 0.12, "straw": 0.000, "furrow": 0.0},
+    kind: dict(zip(_SOIL_KEYS, values, strict=True))
+    for kind, values in {
+        "stubble": (0.010, 0.060, 0.012, 0.30, 0.020, 0.15, 0.25, 0.0, 0.0),
+        "ploughed": (0.032, 0.100, 0.030, 0.35, 0.002, 0.15, 0.25, 0.0, 0.030),
+        "tilled": (0.015, 0.075, 0.000, 0.30, 0.002, 0.15, 0.25, 0.0, 0.0),
+        "rolled": (0.006, 0.050, 0.004, 0.12, 0.000, 0.15, 0.25, 0.0, 0.0),
+        "asphalt": (0.001, 0.030, 0.000, 0.30, 0.000, 0.15, 0.25, 0.0, 0.0),
+        "lawn": (0.006, 0.080, 0.000, 0.30, 0.600, 0.08, 0.50, 0.0, 0.0),
+        "snow": (0.002, 0.500, 0.000, 0.30, 0.000, 0.15, 0.25, 0.0, 0.0),
+        "maize": (0.012, 0.070, 0.000, 0.30, 0.350, 2.00, 0.30, 0.75, 0.0),
+    }.items()
 }
-"""Random roughness (standard deviation of heights, m), correlation length (m), row amplitude and spacing (m), share of
-the ground with straw, and amplitude of the furrows a tool leaves.
+"""Random roughness (standard deviation of heights, m), correlation length (m), row amplitude and spacing (m), straw
+(share of the ground, highest, chance to stop a beam), distance of the rows in which it stands (0: everywhere), and
+amplitude of the furrows a tool leaves. Grass and standing maize are straw of other figures.
 
 Random roughness follows the review of Zobeck and Onstad (1987, Soil & Tillage Research 9, 1-20): about 6 mm where the
 ground is smoothed, 7 to 10 mm on untilled or planted ground, 15 mm after rotary tillage or harrowing, 32 mm after a
@@ -161,7 +170,7 @@ class Drive(_Table, frozen=True):
 class Soil(_Table, frozen=True):
     """The ground before and after the pass of the implement."""
 
-    kind: Annotated[SoilKind, Meta(description="ground before the pass; sets the defaults of the next five keys")] = (
+    kind: Annotated[SoilKind, Meta(description="ground before the pass; sets the defaults of the next eight keys")] = (
         "stubble"
     )
     clod_sigma_m: Annotated[float, Meta(ge=0, description="random roughness, standard deviation")] = _BY_KIND
@@ -169,8 +178,11 @@ class Soil(_Table, frozen=True):
     row_amplitude_m: Annotated[float, Meta(ge=0, description="amplitude of the rows along the lanes")] = _BY_KIND
     row_spacing_m: Annotated[float, Meta(gt=0, description="spacing of the rows")] = _BY_KIND
     straw_share: Annotated[float, Meta(ge=0, le=1, description="share of the ground with straw")] = _BY_KIND
-    straw_hit: Annotated[float, Meta(ge=0, le=1, description="probability that straw stops a passing ray")] = 0.25
-    straw_height_m: Annotated[float, Meta(ge=0, description="maximum height of the straw")] = 0.15
+    straw_hit: Annotated[float, Meta(ge=0, le=1, description="probability that straw stops a passing ray")] = _BY_KIND
+    straw_height_m: Annotated[float, Meta(ge=0, description="maximum height of the straw")] = _BY_KIND
+    crop_rows_m: Annotated[
+        float, Meta(ge=0, description="distance of the rows, along the lanes, in which straw stands; 0: everywhere")
+    ] = _BY_KIND
     slope_percent: Annotated[float, Meta(ge=0, le=60, description="slope of the field")] = 1.3
     slope_towards_deg: Annotated[float, Meta(description="upslope direction, clockwise from north")] = 200.0
     undulation_m: Annotated[float, Meta(ge=0, description="amplitude of waves of 5 to 40 m length")] = 0.05
@@ -193,6 +205,9 @@ class Soil(_Table, frozen=True):
             row_amplitude_m=found["row"],
             row_spacing_m=found["spacing"],
             straw_share=found["straw"],
+            straw_hit=found["hit"],
+            straw_height_m=found["height"],
+            crop_rows_m=found["crop"],
         )
 
 

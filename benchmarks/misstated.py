@@ -1,0 +1,250 @@
+"""Degenerate scenes and misstated sessions: stated sigmas against true errors, and what the run warns of.
+
+misstated.toml beside this file holds the scenes, each a recording of half a minute, and what is misstated on them. Of
+every case a run's trajectory and mounting are set against the truth. A cloud's error is that of points on the ground
+round the vehicle, as the true sensor sees them, placed by the run's poses and mounting; their stated sigma follows from
+that of the poses. The figure of merit is the worst ratio of error to sigma that no warning goes with.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import os
+import sys
+import tempfile
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from sessions import simulated
+from trajectory_error import Poses, load_simulation, load_trajectory, rms
+
+import furrowmap
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.process import keep_kernels
+
+FloatArray = NDArray[np.float64]
+
+TABLE = Path(__file__).with_suffix(".toml")
+LARGEST = 5.0
+"""Of error over sigma without a warning."""
+ROUND_M = (3.0, 6.0, 9.0)
+"""Distances of the points on the ground that stand for a cloud."""
+QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h")
+HEAD = ("height", "heading", "cloud", "its height")
+HARMLESS = frozenset({"points-without-pose", "gaps", "implement-no-ground", "machine-not-known", "implement-not-seen"})
+"""Notices of what a short recording lacks, which name no doubt of the result."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One case.
+
+    Attributes:
+        right: whether scene and session belong together.
+        refused: code of the error with which the run ended; empty where there is a result.
+        errors: RMS of the true errors, in m and degrees, by QUANTITIES.
+        sigmas: RMS of the stated sigmas.
+        codes: of the report's warnings.
+    """
+
+    right: bool
+    refused: str
+    errors: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    sigmas: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    codes: Sequence[str] = ()
+
+    @property
+    def worst(self) -> float:
+        """The largest ratio of an error to its sigma."""
+        return max((self.errors[key] / self.sigmas[key] for key in self.errors), default=0.0)
+
+    @property
+    def warned(self) -> bool:
+        """Whether a warning casts doubt on the result."""
+        return bool(set(self.codes) - HARMLESS)
+
+
+def main() -> int:
+    keep_kernels()
+    options = _options()
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    cases = [
+        (f"{scene} {what}".strip(), scene, what)
+        for scene in table["scenes"]
+        for what in ("", *(w for w, keys in table["misstated"].items() if scene in keys["on"]))
+    ]
+    print(f"{'':30}{'error / sigma: place':>22}" + "".join(f"{key:>16}" for key in HEAD) + f"{'worst':>8}", flush=True)
+    found = {}
+    for name, scene, what in cases:
+        if options.only and not any(word in name for word in options.only):
+            continue
+        recording = simulated(f"misstated_{scene}", table["scenes"][scene])
+        found[name] = case(recording, table["misstated"].get(what, {}), right=not what and scene not in table["faulty"])
+        print(line(name, found[name]), flush=True)
+    unwarned = {name: one.worst for name, one in found.items() if not one.warned and not one.refused}
+    worst = max(unwarned, key=lambda name: unwarned[name], default="")
+    print(f"\nworst without a warning: {unwarned.get(worst, 0.0):.1f} ({worst})")
+    doubted = [name for name, one in found.items() if one.right and (one.warned or one.refused)]
+    print(f"right sessions with a warning: {', '.join(doubted) or 'none'}")
+    if options.json:
+        rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
+        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
+    return int(unwarned.get(worst, 0.0) > LARGEST or bool(doubted))
+
+
+def case(recording: Path, misstated: Mapping[str, Any], *, right: bool) -> Judged:
+    """Run a recording with what is misstated in its session or positions."""
+    with tempfile.TemporaryDirectory(dir=recording) as folder:
+        session = _session(recording, Path(folder), misstated)
+        try:
+            furrowmap.run(session, Path(folder) / "out")
+        except FurrowmapError as error:
+            return Judged(right, error.code)
+        except MemoryError:
+            return Judged(right, "memory")
+        report = json.loads(Path(folder, "out", "report.json").read_text(encoding="utf-8"))
+        errors, sigmas = judged(
+            recording, Path(folder, "out", "field.gpkg"), tomllib.loads(session.read_text()), report
+        )
+    return Judged(right, "", errors, sigmas, sorted({warning["code"] for warning in report["warnings"]}))
+
+
+def judged(
+    recording: Path, field: Path, session: Mapping[str, Any], report: Mapping[str, Any]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """RMS of errors and of stated sigmas by QUANTITIES."""
+    poses, stated = load_trajectory(field)
+    simulation = load_simulation(recording)
+    known = (poses.t_s >= simulation.truth.t_s[0]) & (poses.t_s <= simulation.truth.t_s[-1])
+    poses, stated = Poses(poses.t_s[known], poses.xyz_m[known], poses.rph_deg[known]), stated[known]
+    true = simulation.truth.at(poses.t_s)
+    moving = np.interp(poses.t_s, simulation.truth.t_s, simulation.speed_mps) > 0.1
+    place = poses.xyz_m - true.xyz_m
+    heading = (poses.rph_deg[:, 2] - true.rph_deg[:, 2] + 180.0) % 360.0 - 180.0
+    scenario = tomllib.loads((recording / "scenario.toml").read_text(encoding="utf-8"))["lidar"]
+    matching = report["accuracy"]["matching"]
+    used = matching["mounting_rpy_deg"] if matching else session["lidar"]["rpy_deg"]
+    shift_s = session["recording"]["lidar_minus_gnss_s"]
+    truly = scenario["true_xyz_m"], scenario["true_rpy_deg"]
+    ours = seen_ground(session["lidar"]["xyz_m"], used, *truly)
+    off = placed(ours, poses) - placed(seen_ground(*truly, *truly), simulation.truth.at(poses.t_s + shift_s))
+    e, n, h, roll, pitch, yaw = np.where(np.isfinite(stated), stated, 1e3).T
+    arm = rms(np.array(ROUND_M))
+    errors = {
+        "place": rms(np.hypot(*place[:, :2].T)),
+        "height": rms(place[:, 2]),
+        "heading": rms(heading[moving]),
+        "cloud": rms(np.hypot(off[..., 0], off[..., 1]).ravel()),
+        "cloud_h": rms(off[..., 2].ravel()),
+    }
+    sigmas = {
+        "place": rms(np.hypot(e, n)),
+        "height": rms(h),
+        "heading": rms(yaw[moving]),
+        "cloud": rms(np.sqrt(e**2 + n**2 + (arm * np.radians(yaw)) ** 2)),
+        "cloud_h": rms(np.sqrt(h**2 + 0.5 * arm**2 * (np.radians(roll) ** 2 + np.radians(pitch) ** 2))),
+    }
+    return errors, sigmas
+
+
+def seen_ground(
+    xyz_m: Sequence[float], rpy_deg: Sequence[float], true_xyz_m: Sequence[float], true_rpy_deg: Sequence[float]
+) -> FloatArray:
+    """(m, 3) points that a sensor, truly mounted so, sees on level ground, where a mounting puts them."""
+    angle, distance = np.meshgrid(np.radians(np.arange(0.0, 360.0, 45.0)), ROUND_M)
+    ground = np.column_stack([(distance * f(angle)).ravel() for f in (np.cos, np.sin)] + [np.zeros(angle.size)])
+    seen = _mounted(true_rpy_deg).inv().apply(ground - np.array(true_xyz_m))
+    return _mounted(rpy_deg).apply(seen) + np.array(xyz_m)
+
+
+def placed(points_m: FloatArray, poses: Poses) -> FloatArray:
+    """(poses, m, 3) points in the vehicle frame on the map."""
+    return np.stack([poses.antenna_m(point) for point in points_m], axis=1)
+
+
+def _mounted(rpy_deg: Sequence[float]) -> Rotation:
+    roll, pitch, yaw = rpy_deg
+    return Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True)
+
+
+def _session(recording: Path, folder: Path, misstated: Mapping[str, Any]) -> Path:
+    """The session of a case beside its recording: keys that end in `_by` are added to what it states."""
+    keys = tomllib.loads((recording / "session.toml").read_text(encoding="utf-8"))
+    for path, value in misstated.get("session", {}).items():
+        table, key = path.split(".")
+        was = keys[table].get(key.removesuffix("_by"), 0.0)
+        if key.endswith("_by"):
+            value = [a + b for a, b in zip(was, value, strict=True)] if isinstance(was, list) else was + value
+        elif key.endswith("_times"):
+            key, was = key.removesuffix("_times"), keys[table][key.removesuffix("_times")]
+            value = [a * b for a, b in zip(was, value, strict=True)]
+        keys[table][key.removesuffix("_by")] = value
+    log = (recording / keys["recording"]["gnss"][0]).read_text(encoding="ascii")
+    (folder / "gnss.nmea").write_text(_damaged(log, misstated.get("positions", {})), encoding="ascii", newline="")
+    for path in (recording / keys["recording"]["lidar"][0], recording / "boundary.geojson"):
+        os.link(path, folder / path.name)
+    session = folder / "session.toml"
+    session.write_text(tomli_w.dumps(keys), encoding="utf-8")
+    return session
+
+
+def _damaged(log: str, what: Mapping[str, Any]) -> str:
+    """NMEA sentences whose latitudes jump (`north_m`), or whose places are zero, in times after the first."""
+    if not what:
+        return log
+    begin_s, end_s = what["seconds"]
+    lines, first_s = log.splitlines(), math.nan
+    for i, text in enumerate(lines):
+        field = text.partition("*")[0].lstrip("$").split(",")
+        kind = field[0][2:]
+        if kind not in ("GGA", "RMC"):
+            continue
+        t_s = 3600.0 * int(field[1][:2]) + 60.0 * int(field[1][2:4]) + float(field[1][4:])
+        first_s = t_s if math.isnan(first_s) else first_s
+        if not begin_s <= t_s - first_s < end_s:
+            continue
+        at = 2 if kind == "GGA" else 3
+        if "north_m" in what:
+            minutes = float(field[at][2:]) + what["north_m"] / 1852.0
+            field[at] = f"{field[at][:2]}{minutes:011.8f}"
+        else:
+            field[at], field[at + 2] = "0000.00000000", "00000.00000000"
+        body = ",".join(field)
+        checksum = 0
+        for byte in body.encode("ascii"):
+            checksum ^= byte
+        lines[i] = f"${body}*{checksum:02X}"
+    return "\r\n".join(lines) + "\r\n"
+
+
+def line(name: str, one: Judged) -> str:
+    """The figures of a case, as a row."""
+    if one.refused:
+        return f"{name:30}refused: {one.refused}"
+    digits = {"heading": "{:.2f}/{:.2f}"}
+    pairs = [digits.get(key, "{:.3f}/{:.3f}").format(one.errors[key], one.sigmas[key]) for key in QUANTITIES]
+    mark = "!" if (one.worst > LARGEST and not one.warned) or (one.right and one.warned) else " "
+    words = ", ".join(code for code in one.codes if code not in HARMLESS)
+    return f"{name:30}{'':6}" + "".join(f"{pair:>16}" for pair in pairs) + f"{one.worst:8.1f} {mark} {words}"
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="cases whose name contains a word")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
