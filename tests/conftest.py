@@ -10,9 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from furrowmap.process import keep_kernels
 
+# No deadline, because a first example may compile; the same examples in every run of CI.
+settings.register_profile("furrowmap", deadline=None, derandomize=os.environ.get("CI") == "true")
+settings.load_profile("furrowmap")
 keep_kernels()  # where the command keeps them: compiled once for both
 CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"

@@ -64,7 +64,7 @@ def test_gaps_are_those_in_which_scans_go_on() -> None:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.tuples(st.integers(0, 100), st.integers(1, 40)), min_size=1, max_size=4), st.integers(1, 4))
 def test_outside_a_gap_every_return_stays_and_in_it_none(windows: list[tuple[int, int]], thin: int) -> None:
     t_s = 0.25 * np.arange(101)
@@ -86,7 +86,7 @@ def test_both_sides_that_agree_are_taken_as_they_are() -> None:
     np.testing.assert_array_equal(found.xyz_m[~inside], wrong.xyz_m[~inside])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3),
     st.lists(st.floats(-0.2, 0.2), min_size=3, max_size=3),
@@ -113,7 +113,7 @@ def test_what_adds_up_evenly_from_either_end_is_taken_out(
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3),
     st.lists(st.floats(-0.3, 0.3), min_size=3, max_size=3),

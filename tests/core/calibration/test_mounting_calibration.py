@@ -69,7 +69,7 @@ def on_wheels(half_track_m: float, wheelbase_m: float, sway_deg: float, turn: Ro
     return knots, State(xyz, (stands * turn).as_matrix(), np.zeros((len(t), 3)))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     half_track_m=st.floats(0.5, 0.95),
     wheelbase_m=st.floats(1.6, 2.8),

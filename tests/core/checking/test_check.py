@@ -11,7 +11,7 @@ import laspy
 import numpy as np
 import pytest
 import rasterio
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
@@ -404,7 +404,6 @@ def test_points__that_are_none_end_in_three_lines(tmp_path: Path, text: str | No
     assert all(refused.value.lines)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=60).filter(lambda values: np.ptp(values) > 1e-6),
     st.floats(0.0, 0.1),

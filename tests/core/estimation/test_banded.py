@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from furrowmap.core.estimation.banded import NormalEquations
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(3, 40), st.integers(1, 3), st.integers(0, 2**32 - 1))
 def test_solution_and_sigmas_are_those_of_the_dense_normal_equations(n: int, width: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

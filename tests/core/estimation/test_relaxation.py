@@ -32,7 +32,7 @@ def test_short_steps_reach_their_end_sooner(share: float) -> None:
     assert steps_needed(share, lengthened=True) <= max(4, 0.35 * steps_needed(share, lengthened=False))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_steps_without_a_direction_hardly_grow(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ def test_steps_without_a_direction_hardly_grow(seed: int) -> None:
         assert np.linalg.norm(taken) < 1.2 * np.linalg.norm(step)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.floats(1e-9, 10.0))
 def test_a_step_is_never_turned_nor_shortened(seed: int, size: float) -> None:
     random = np.random.default_rng(seed)

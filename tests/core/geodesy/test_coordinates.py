@@ -12,7 +12,7 @@ from typing import Any
 import jgdtrans
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS, Geod
 
@@ -106,7 +106,6 @@ def test_parameters__rounded_as_the_services_do_are_the_official_values_digit_by
         assert round(float(seconds[0]) / 3600.0, 9) == official_deg
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(st.floats(140.0626, 140.1249), st.floats(36.0834, 36.1249), st.floats(-100, 4000)),
@@ -403,7 +402,6 @@ def test_a_stated_frame_and_epoch_are_in_the_name_and_the_metadata() -> None:
         frame.project(np.array([20.9]), np.array([52.4]))
 
 
-@settings(deadline=None)
 @given(st.floats(1984, 2100), st.sampled_from(["ITRF2020", "itrf2014", "JGD2011", "wgs 84 (g2139)"]))
 def test_stated_frames_are_read_whatever_their_case(epoch: float, frame: str) -> None:
     found = stated_frame(f"{frame}@{epoch:.4f}")

@@ -49,7 +49,7 @@ def surface_of(xyz: FloatArray, cell_m: float, layer: int = 0, half: int = 0, tr
     return surface
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     slope=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
     height_m=st.floats(-30, 30),
@@ -94,7 +94,7 @@ def test_returns_without_a_tile_are_left_out() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50)), min_size=1, max_size=20))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_tiles_hold_all_points_and_count_no_more(points: list[tuple[float, float]]) -> None:
     en = np.array(points)
     tiles = tiles_over(en, 0.15)

@@ -22,7 +22,7 @@ def scan_of(t_s: np.ndarray, xyz_m: np.ndarray, number: int = 0) -> Scan:
     return Scan(number, t_s, xyz_m.astype(np.float32), one, one, np.zeros(n, np.uint16), one, one)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(2, 30), st.integers(0, 2**32 - 1), st.floats(0.1, 80.0))
 def test_every_point_has_the_pose_of_its_own_time(knots: int, seed: int, turn_deg: float) -> None:
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ import numpy as np
 import pysbf2
 import pytest
 import pyubx2
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.nmea.log import NmeaLog
@@ -66,7 +66,6 @@ def piece(path: Path) -> bytes:
     return path.read_bytes()[: 40 * 136]
 
 
-@settings(deadline=None)  # the first example may compile
 @given(damage=DAMAGE)
 def test_nmea(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None:
     result = outcome(NmeaLog, damaged(piece(shared_data / "tractor_loop/gnss.nmea"), damage))
@@ -74,7 +73,6 @@ def test_nmea(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None
     assert isinstance(result, Inspection) or result.code == "empty-file"
 
 
-@settings(deadline=None)  # the first example may compile
 @given(damage=DAMAGE)
 @pytest.mark.parametrize(
     ("reader", "name"),
@@ -94,7 +92,6 @@ def test_receivers_logs(
     assert isinstance(result, Inspection) or result.code in ("empty-file", "date-contradicted")
 
 
-@settings(deadline=None)  # the first example may compile
 @given(frames=st.lists(st.tuples(st.integers(0, 3), st.binary(min_size=92, max_size=92)), min_size=1, max_size=4))
 def test_ubx__with_right_checksums_and_any_content(frames: list[tuple[int, bytes]]) -> None:
     """Damage is caught by the checksum; what a receiver itself writes may still be any number."""
@@ -106,7 +103,6 @@ def test_ubx__with_right_checksums_and_any_content(frames: list[tuple[int, bytes
     assert outcome(UbxLog, log)
 
 
-@settings(deadline=None)  # the first example may compile
 @given(
     blocks=st.lists(
         st.tuples(st.sampled_from([4007, 4006, 5906, 5905, 5938, 4001]), st.binary(min_size=88, max_size=88))
@@ -118,32 +114,27 @@ def test_sbf__with_right_checksums_and_any_content(blocks: list[tuple[int, bytes
     assert outcome(SbfLog, log or b"$@")
 
 
-@settings(deadline=None)  # the first example may compile
 @given(damage=DAMAGE)
 def test_csv(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None:
     assert outcome(PoseCsv, damaged(piece(shared_data / "tractor_loop/truth/trajectory.csv"), damage))
 
 
-@settings(deadline=None)  # the first example may compile
 @given(damage=DAMAGE)
 def test_sbet(damage: list[tuple[float, bytes, int]], shared_data: Path) -> None:
     assert outcome(Sbet, damaged(piece(shared_data / "sbet/flight_derived.sbet"), damage))
 
 
-@settings(deadline=None)  # the first example may compile
 @given(data=st.binary(min_size=1, max_size=600))
 def test_bytes_of_any_kind(data: bytes) -> None:
     for reader in (NmeaLog, PoseCsv, Sbet):
         assert outcome(reader, data)
 
 
-@settings(deadline=None)  # the first example may compile
 @given(values=st.lists(st.floats(), min_size=34, max_size=17 * 6))
 def test_doubles_of_any_kind(values: list[float]) -> None:
     assert outcome(Sbet, np.array(values, "<f8").tobytes())
 
 
-@settings(deadline=None)  # the first example may compile
 @given(text=st.text(alphabet='0123456789.,;-+eE \t\r\n"naif_', max_size=300))
 def test_text_of_any_kind_below_the_header(text: str) -> None:
     header = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n"

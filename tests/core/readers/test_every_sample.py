@@ -1,18 +1,14 @@
-"""Every sample recording is inspected or refused in three sentences, soon, and without any other exception."""
+"""Every sample recording is inspected or refused in three sentences, without any other exception."""
 
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import pytest
 
 from furrowmap.core.readers.reader import Inspection, Recognised
 from furrowmap.core.values.errors import InputError
-
-SLOW_S = 10.0
-"""An inspection takes well under two seconds; a machine that is busy with other things may take longer."""
 
 SHARED_DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 
@@ -34,12 +30,9 @@ def inspected(path: Path) -> Inspection | InputError:
 def test_every_sample_is_inspected_or_refused(shared_data: Path, folder: str) -> None:
     paths = samples(folder)
     assert len(paths) >= {"velodyne": 16, "rosbag": 15, "gnss": 60, "las": 71}[folder]
-    inspected(paths[0])  # the first call may compile
     read = 0
     for path in paths:
-        began = time.perf_counter()
         answer = inspected(path)
-        assert time.perf_counter() - began < SLOW_S, path
         if isinstance(answer, InputError):
             assert all(line.strip() and "\n" not in line for line in answer.lines), path
             continue

@@ -271,7 +271,7 @@ def test_capture__in_a_truncated_stream_is_reported(tmp_path: Path) -> None:
 
 
 @given(cut=st.integers(0, 6 * 90), kind=st.sampled_from(["pcap", "pcapng"]))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_capture__cut_at_any_byte_gives_the_datagrams_before(
     tmp_path_factory: pytest.TempPathFactory, cut: int, kind: str
 ) -> None:
@@ -293,7 +293,7 @@ def test_capture__cut_at_any_byte_gives_the_datagrams_before(
 
 
 @given(data=st.binary(max_size=600), kind=st.sampled_from(["pcap", "pcapng"]), link=st.sampled_from([0, 1, 101, 113]))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_capture__of_random_bytes_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, data: bytes, kind: str, link: int
 ) -> None:

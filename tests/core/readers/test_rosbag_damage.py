@@ -9,7 +9,6 @@ import shutil
 import sqlite3
 import struct
 import sys
-import time
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable
@@ -257,10 +256,9 @@ def test_garbled_bags_are_read_in_part_or_refused_in_three_sentences(tmp_path: P
     data = path.read_bytes()
     dice = random.Random(kind)
     garbled = tmp_path / f"garbled{path.suffix}"
-    slowest_s, refusals = 0.0, []
+    refusals = []
     for _ in range(60):
         garbled.write_bytes(mutated(data, dice))
-        began = time.perf_counter()
         try:
             reader = Recognised.of(garbled).open()
             reader.inspect()
@@ -268,8 +266,6 @@ def test_garbled_bags_are_read_in_part_or_refused_in_three_sentences(tmp_path: P
                 read()
         except InputError as error:
             refusals.append(error)
-        slowest_s = max(slowest_s, time.perf_counter() - began)
-    assert slowest_s < 5.0
     assert all(line.strip() for error in refusals for line in error.lines)
 
 

@@ -47,7 +47,7 @@ def codes(decoder: CloudScans) -> set[str]:
     return {notice.code for notice in decoder.notices()}
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(
     how=st.sampled_from(sorted(TIMES)),
     big=st.booleans(),

@@ -69,7 +69,7 @@ def test_source__cut_keeps_what_is_there_and_is_reported(tmp_path: Path, kind: s
 
 
 @given(length=st.integers(1 << 18, 1 << 21), size=st.integers(1, 1 << 21))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_source__of_very_even_content_is_whole(
     tmp_path_factory: pytest.TempPathFactory, length: int, size: int
 ) -> None:

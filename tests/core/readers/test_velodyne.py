@@ -386,7 +386,7 @@ def test_without_a_clock__the_first_packets_wait_for_one() -> None:
 
 
 @given(batch=st.integers(1, 130), mode=st.sampled_from([0x37, DUAL]), start=st.integers(0, 35999))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_scans__do_not_depend_on_the_batches(batch: int, mode: int, start: int) -> None:
     distance = np.random.default_rng(start).integers(0, 3, (12, 32)) * 4000
     every = PACKET_US / (2 if mode == DUAL else 1)
@@ -398,7 +398,7 @@ def test_scans__do_not_depend_on_the_batches(batch: int, mode: int, start: int) 
 
 
 @given(seed=st.integers(0, 2**32), count=st.integers(1, 40), damage=st.floats(0, 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_bytes__give_points_or_a_refusal(seed: int, count: int, damage: float) -> None:
     """Packets with random bytes in them: finite points within the range that two bytes can tell, and no more."""
     random = np.random.default_rng(seed)

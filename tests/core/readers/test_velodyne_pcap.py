@@ -312,7 +312,7 @@ WHOLE = recording(40, mode=DUAL, distance=np.arange(384).reshape(12, 32) * 20, p
 
 
 @given(cut=st.integers(0, 42 * 1264))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_scans__of_a_capture_cut_anywhere_are_a_part_from_the_start(
     tmp_path_factory: pytest.TempPathFactory, cut: int
 ) -> None:
@@ -333,7 +333,7 @@ def test_scans__of_a_capture_cut_anywhere_are_a_part_from_the_start(
 
 
 @given(seed=st.integers(0, 2**32), bytes_hit=st.integers(1, 400))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_scans__of_a_damaged_capture_are_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, seed: int, bytes_hit: int
 ) -> None:

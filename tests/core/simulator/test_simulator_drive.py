@@ -20,7 +20,7 @@ def driven(drive: Drive, implement: Implement | None = None) -> Track:
     return drive_path(plan_path(drive, rng), drive, implement or Implement(), rng)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     work=st.floats(0.4, 3.0),
     turn=st.floats(0.4, 3.0),

@@ -15,7 +15,7 @@ def planned(drive: Drive) -> DrivenPath:
     return plan_path(drive, np.random.default_rng(0))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     lane=st.floats(-12.0, 12.0),
     turns=st.sampled_from(["loop", "fishtail"]),

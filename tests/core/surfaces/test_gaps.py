@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.sparse import lil_matrix
@@ -42,7 +42,6 @@ def test_filled__is_near_the_soap_film_over_the_rim() -> None:
     assert np.abs(found - film).max() < 0.03 * np.ptp(height)
 
 
-@settings(deadline=None)
 @given(
     arrays(np.float64, (9, 7), elements=st.floats(-5.0, 5.0)),
     arrays(np.bool_, (9, 7)),

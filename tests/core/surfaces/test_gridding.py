@@ -68,7 +68,7 @@ def test_sums__are_those_of_pandas_far_above_the_sea(name: str) -> None:
     assert np.array_equal(surface.count.ravel(), table.count())
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(arrays(np.float32, st.integers(1, 80), elements=st.floats(-50.0, 50.0, width=32)), st.sampled_from(NAMES))
 def test_every_statistic__lies_among_the_heights(heights: NDArray[np.float32], name: str) -> None:
     cell = np.zeros(len(heights), np.uint16)

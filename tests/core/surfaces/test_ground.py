@@ -7,7 +7,7 @@ from typing import TypeAlias, cast, get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -112,7 +112,6 @@ def test_ground_cells__takes_off_what_is_narrower_than_the_window_only() -> None
     assert ground[height == 0.0].all()
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 20.0), st.floats(0.0, 1.0))
 def test_tiles__hold_each_point_once_and_all_that_lie_near(seed: int, tile_m: float, share: float) -> None:
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
@@ -23,7 +23,6 @@ def statistical_outliers(xyz: np.ndarray) -> np.ndarray:
     return usual.exceeded(xyz, mean_m)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.floats(0.2, 20.0))
 def test_radius_outliers__are_those_with_too_few_around(seed: int, fewest: int, radius_m: float) -> None:
     xyz = np.random.default_rng(seed).uniform(-60.0, 60.0, (80, 3)) * (1.0, 1.0, 0.05)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,7 +28,6 @@ def plane(east: float, north: float, cell_m: float) -> NDArray[np.float64]:
     return cell_m * (east * column - north * row)
 
 
-@settings(deadline=None)
 @given(RISES, RISES, st.sampled_from([0.05, 0.5, 2.0]))
 def test_slope__of_a_plane_is_its_own(east: float, north: float, cell_m: float) -> None:
     height = plane(east, north, cell_m)
@@ -39,7 +38,6 @@ def test_slope__of_a_plane_is_its_own(east: float, north: float, cell_m: float) 
     np.testing.assert_allclose(slope_deg(height, cell_m)[1:-1, 1:-1], steepness, atol=1e-3)
 
 
-@settings(deadline=None)
 @given(RISES, RISES, st.floats(0.0, 360.0), st.floats(5.0, 90.0))
 def test_hillshade__of_a_plane_is_the_cosine_between_lamp_and_normal(
     east: float, north: float, azimuth_deg: float, altitude_deg: float

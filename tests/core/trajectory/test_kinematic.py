@@ -38,7 +38,7 @@ def track_of(truth: Drive, noise_m: float = 0.0, seed: int = 0, **columns: np.nd
     )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(-180, 180))
 def test_heading_is_the_axle_s_in_turns_and_in_reverse_at_any_course(yaw_deg: float) -> None:
     truth = drive(*FISHTAIL, yaw_deg=yaw_deg)

@@ -16,7 +16,7 @@ def sure(speed_mps: np.ndarray) -> np.ndarray:
     return (np.abs(speed_mps) > 0.3) | (np.abs(speed_mps) < 1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(-180, 180), st.floats(-0.5, 3.0), st.integers(0, 2**32 - 1))
 def test_fishtail_turn_is_told_apart_at_any_course_and_antenna(yaw_deg: float, lever_m: float, seed: int) -> None:
     truth = drive(*FISHTAIL, yaw_deg=yaw_deg)
@@ -44,7 +44,7 @@ def test_a_gap_in_a_steady_drive_keeps_the_direction() -> None:
     assert len(np.unique(signs)) == 1
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(14.0, 30.0), st.floats(2.0, 8.0), st.integers(0, 2**32 - 1))
 def test_a_gap_anywhere_in_a_turn_that_reverses_leaves_long_passes_forward(
     begin_s: float, gap_s: float, seed: int

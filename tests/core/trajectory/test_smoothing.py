@@ -11,7 +11,7 @@ from scipy.interpolate import make_smoothing_spline
 from furrowmap.core.trajectory.smoothing import smooth_path, smoothed, white_noise
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), count=st.integers(5, 300), stiffness=st.floats(1e-8, 1e2))
 def test_smoothed__is_the_minimiser_that_scipy_finds(seed: int, count: int, stiffness: float) -> None:
     rng = np.random.default_rng(seed)

@@ -48,7 +48,7 @@ def shifted(states: ToolStates, by_s: float) -> ToolStates:
 down_times = st.lists(st.floats(0.5, 79.5), min_size=2, max_size=12, unique=True).map(sorted)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(down_times, st.floats(0.0, 1.0), st.booleans())
 def test_table__gives_back_the_states_it_was_written_from(
     tmp_path_factory: pytest.TempPathFactory, cuts: list[float], sigma_s: float, gap: bool

@@ -215,7 +215,7 @@ def drives(draw: st.DrawFn) -> Drive:
     return drive(*legs, yaw_deg=draw(st.floats(0.0, 360.0)))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(truth=drives(), share=st.floats(0.2, 0.8), width_m=st.floats(0.8, 6.0), x_m=st.floats(-3.0, 2.0))
 def test_any_drive__union_is_no_more_than_the_sum_and_overlap_is_the_rest(
     truth: Drive, share: float, width_m: float, x_m: float
@@ -239,7 +239,7 @@ def test_any_drive__union_is_no_more_than_the_sum_and_overlap_is_the_rest(
     assert sum(parts) == pytest.approx(hours.field_s)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(truth=drives(), turn_deg=st.floats(-180.0, 180.0), shift_m=st.tuples(st.floats(-900, 900), st.floats(-900, 900)))
 def test_any_drive__moved_and_turned_works_the_same_ground(
     truth: Drive, turn_deg: float, shift_m: tuple[float, float]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -20,7 +20,6 @@ def records_at(points: NDArray[np.int64]) -> Records:
     return records
 
 
-@settings(deadline=None)  # the first example may compile
 @given(points=clouds, depth=st.integers(0, DEPTH))
 def test_cells__hold_their_points(points: NDArray[np.int64], depth: int) -> None:
     cube = Cube.around(points.min(axis=0), points.max(axis=0))

@@ -286,7 +286,7 @@ def clouds(draw: st.DrawFn) -> NDArray[np.float64]:
     return np.concatenate(heaps) * 0.001
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(xyz_m=clouds(), memory=st.sampled_from([150, 400, 10_000]), batches=st.integers(1, 5))
 def test_any_cloud__comes_back_whole(xyz_m: NDArray[np.float64], memory: int, batches: int) -> None:
     with TemporaryDirectory() as folder:

@@ -123,7 +123,7 @@ def chunks(draw: st.DrawFn, most: int = 3_000) -> Columns:
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(points=chunks())
 def test_any_chunk__is_that_of_lazrs(points: Columns) -> None:
     assert compressed(points) == by_lazrs(points)

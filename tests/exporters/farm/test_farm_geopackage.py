@@ -398,7 +398,7 @@ def test_two_at_once__lose_nothing(base: Path, results: dict[str, Path], tmp_pat
             assert len(farm_map_sessions(str(base))[2]) == 4
 
 
-@settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=3, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(st.sampled_from(["add", "remove"]), st.sampled_from(["a", "b", "b2", "c"])), min_size=2, max_size=6

@@ -68,7 +68,7 @@ def pasted(parts: list[tuple[np.ndarray, int, int]], shape: tuple[int, int]) -> 
     return whole
 
 
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(

@@ -33,7 +33,7 @@ records = st.builds(
 )
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(records, min_size=1, max_size=20))
 def test_log__gives_back_what_was_packed(packed: list[Record]) -> None:
     log = read_time_log(header(CHANNELS, "ABCDFG"), b"".join(record.pack() for record in packed), "TLG00001")
@@ -52,7 +52,7 @@ def test_log__gives_back_what_was_packed(packed: list[Record]) -> None:
     assert list(zip(log.record.tolist(), log.channel.tolist(), log.value.tolist(), strict=True)) == values
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(records, min_size=1, max_size=12), st.data())
 def test_latest__is_the_last_value_logged(packed: list[Record], data: st.DataObject) -> None:
     log = read_time_log(header(CHANNELS, "ABCDFG"), b"".join(record.pack() for record in packed), "TLG00001")
@@ -90,7 +90,7 @@ def test_damage__a_log_cut_short_keeps_its_whole_records() -> None:
     assert "are not records" in log.notices[0].text
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.binary(max_size=600))
 def test_noise__never_gives_more_than_it_holds(noise: bytes) -> None:
     log = read_time_log(header(CHANNELS), noise, "TLG00001")

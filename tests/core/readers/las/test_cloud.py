@@ -143,7 +143,7 @@ def opened(path: Path) -> tuple[CloudFile, np.ndarray]:
 
 @pytest.mark.parametrize("name", ["ellipsoid.copc.laz", "small_with_page.copc.laz", "las12_pf3_nocrs.las"])
 @given(corners=st.tuples(*[st.floats(0, 1)] * 4))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_box__gives_the_points_in_it_and_no_others(good: Path, name: str, corners: tuple[float, ...]) -> None:
     cloud, xyz = opened(good / name)
     (west, south), (east, north) = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
