@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
+from furrowmap.core.readers.elsewhere import spans_in_words
 from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 
 JUMP_M: Final = 2.0
+CARRIER_JUMP_M: Final = 1.0
 GAP_INTERVALS: Final = 1.5
 
 
@@ -100,28 +103,34 @@ def steps_m(track: GnssTrack) -> NDArray[np.float64]:
     return distance
 
 
-def jump_notices(track: GnssTrack) -> list[Notice]:
-    """A notice if positions jump: by 2 m plus 1.5 times the distance that the speed around the step explains.
+def jump_notices(track: GnssTrack, when: Callable[[float], str] = iso_utc) -> list[Notice]:
+    """A notice with times and places if positions jump by more than the speed around the step explains.
 
-    That speed is the median over five steps, so that neither braking nor a single spike counts as motion. Gaps are not
+    The limit is :data:`JUMP_M`, or :data:`CARRIER_JUMP_M` between carrier-phase solutions, plus 1.5 times the distance
+    by the median speed over five steps, so that neither braking nor a single spike counts as motion. Gaps are not
     considered.
+
+    Args:
+        track: of any receiver.
+        when: words of a time of the track.
     """
     if len(track) < 6:
         return []
     dt = np.diff(track.t_s)
     step = steps_m(track)
     expected = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(step / dt, 2, mode="edge"), 5), axis=1) * dt
-    jump = (step > 1.5 * expected + JUMP_M) & (dt <= GAP_INTERVALS * np.median(dt))
+    carrier = np.isin(track.fix, (Fix.FIXED, Fix.FLOAT))
+    least_m = np.where(carrier[1:] & carrier[:-1], CARRIER_JUMP_M, JUMP_M)
+    jump = (step > 1.5 * expected + least_m) & (dt <= GAP_INTERVALS * np.median(dt))
     if not jump.any():
         return []
-    worst = int(np.argmax(np.where(jump, step - expected, 0.0)))
+    largest_m = float((step - expected)[jump].max())
     with_fix = int(np.sum(jump & (np.diff(track.fix) != 0)))
-    largest_m = step[worst] - expected[worst]
     return [
         Notice(
             "position-jumps",
-            f"{track.source}: positions jump {int(jump.sum())} times by more than {JUMP_M:g} m relative to the motion "
-            f"around them ({with_fix} times with a change of fix); the largest jump is {largest_m:.1f} m, "
-            f"{track.t_s[worst + 1] - track.t_s[0]:.1f} s after the first position.",
+            f"{track.source}: positions jump {int(jump.sum())} times by more than {least_m[jump].min():g} m "
+            f"relative to the motion around them ({with_fix} times with a change of fix); the largest jump is "
+            f"{largest_m:.1f} m. After the jumps: {spans_in_words(track, np.append(False, jump), when)}.",
         )
     ]

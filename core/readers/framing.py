@@ -19,6 +19,9 @@ FLETCHER, CRC = 0, 1
 _POLYNOMIAL: Final = 0x1021
 _LONGEST: Final = 1 << 15
 """Bytes that a CRC covers at most, in any framing."""
+_RTCM: Final = 0xD3
+"""First byte of a message of RTCM 3: six zero bits, ten bits of length, the content and three bytes of CRC follow."""
+_LONGEST_RTCM: Final = 1029
 
 
 class Framing(NamedTuple):
@@ -66,6 +69,7 @@ class Frames:
         bad: frames with a wrong checksum or an invalid length.
         cut: frames that are not complete where the stream ends.
         intact_bytes: bytes of the intact frames.
+        foreign: bytes between the frames that are neither text, nor messages of RTCM 3, nor padding.
         used: bytes of the piece that are done with; the rest belongs before the next piece.
     """
 
@@ -75,6 +79,7 @@ class Frames:
     bad: int
     cut: int
     intact_bytes: int
+    foreign: int
     used: int
 
 
@@ -92,7 +97,13 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     rows = np.empty((len(data) // (framing.extra + framing.least) + 1, 3), np.int64)
     n, bad, cut, used = _find(data, framing, last, rows)
     kind, at, length = rows[:n].T.copy()
-    return Frames(kind, at, length, bad, cut, int(length.sum()) + framing.extra * n, used)
+    begins = at - framing.content_at
+    ends = begins + framing.extra + length
+    behind = int(ends[-1]) if n else 0
+    if not last and used - behind < _LONGEST_RTCM:
+        used = behind  # the next piece may complete an RTCM message
+    foreign = _foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
+    return Frames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
 
 
 @njit(cache=True, nogil=True)
@@ -144,6 +155,24 @@ def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int,
     if i < size and not last and data[i] == framing.sync_1:
         return n, bad, cut, i
     return n, bad, cut, size
+
+
+@njit(cache=True, nogil=True)
+def _foreign(data: Any, begins: Any, ends: Any) -> int:
+    """Number of bytes in the spans that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
+    foreign = 0
+    for k in range(len(begins)):
+        i: Any = begins[k]
+        while i < ends[k]:
+            c = data[i]
+            if c == _RTCM and i + 3 <= ends[k] and data[i + 1] < 4:
+                after = i + 6 + (np.int64(data[i + 1]) << 8 | np.int64(data[i + 2]))
+                if after <= ends[k]:
+                    i = after
+                    continue
+            foreign += not (32 <= c <= 126 or c in (0, 9, 10, 13, 255))
+            i += 1
+    return foreign
 
 
 @njit(cache=True, nogil=True)

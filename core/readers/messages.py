@@ -29,6 +29,7 @@ class MessageCounts(Generic[Kind]):
         cut: messages that are not complete.
         message_bytes: bytes that belong to messages.
         stream_bytes: all bytes.
+        foreign_bytes: bytes of no known protocol.
     """
 
     kinds: Counter[Kind] = field(default_factory=Counter)
@@ -36,6 +37,7 @@ class MessageCounts(Generic[Kind]):
     cut: int = 0
     message_bytes: int = 0
     stream_bytes: int = 0
+    foreign_bytes: int = 0
 
     @property
     def intact(self) -> int:
@@ -103,6 +105,7 @@ def read_messages(
         counts.bad += frames.bad
         counts.cut += frames.cut
         counts.message_bytes += frames.intact_bytes
+        counts.foreign_bytes += frames.foreign
         counts.stream_bytes += len(block)
         for kind, layout in layouts.items():
             of_kind = frames.kind == kind

@@ -6,18 +6,24 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
+
+FEWEST_STEPS: Final = 10
+REGULAR: Final = 0.8
+"""Least share of steps of the usual length in a log of a regular rate."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +160,35 @@ class PositionLog(FileReader, ABC):
     def _positions(self, paths: list[Path]) -> Positions:
         self.notices = []
         positions = self._read(paths)
-        self.notices += [*positions.notices, *jump_notices(positions.track)]
-        return positions
+        when = iso_utc if positions.dated else self._undated
+        self.notices += positions.notices
+        try:
+            track, _, notices = without_elsewhere(positions.track, when)
+        except InputError as fault:
+            return replace(Positions.none(positions.track.source, fault), facts=positions.facts)
+        self.notices += [*notices, *jump_notices(track, when), *_missing(positions, when)]
+        return replace(positions, track=track)
+
+
+def _missing(positions: Positions, when: Callable[[float], str]) -> list[Notice]:
+    """A notice of epochs that are not in a log of a regular rate, besides those without a position."""
+    t_s = positions.track.t_s
+    step = np.diff(t_s)
+    if len(step) < FEWEST_STEPS:
+        return []
+    interval = float(np.median(step))
+    if np.mean(np.abs(step - interval) < 0.1 * interval) < REGULAR:
+        return []
+    lost = np.round(step / interval).astype(np.int64) - 1
+    count = int(lost.sum()) - positions.without_position - positions.dropped
+    if count <= 0:
+        return []
+    worst = int(np.argmax(step))
+    text = (
+        f"{positions.track.source}: {count} epochs are missing in {min(count, int((lost > 0).sum()))} places, at a "
+        f"rate of {1.0 / interval:.3g} Hz; the longest gap has {step[worst]:.3g} s, from {when(float(t_s[worst]))}."
+    )
+    return [Notice("epochs-missing", text)]
 
 
 def log_name(paths: Sequence[Path]) -> str:

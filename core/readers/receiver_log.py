@@ -86,12 +86,13 @@ class ReceiverLog(PositionLog):
             names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
             frames = f"its {self.frames_title} are {', '.join(names)}" if names else f"no intact {self.frames_title}"
             positions = Positions.none(name, self._no_position_messages(name, frames, counts))
-        if counts.bad or counts.cut:
+        if counts.bad or counts.cut or counts.foreign_bytes:
             self.notices.append(
                 Notice(
                     "messages-damaged",
-                    f"{name}: {counts.bad} messages with a wrong checksum or length and {counts.cut} cut by the end of "
-                    f"the log are skipped; {counts.intact} are intact.",
+                    f"{name}: {counts.bad} messages with a wrong checksum or length, {counts.cut} cut by the end of "
+                    f"the log, and {counts.foreign_bytes} bytes of no known message are skipped; {counts.intact} "
+                    "messages are intact.",
                 )
             )
         facts = {
@@ -106,11 +107,8 @@ class ReceiverLog(PositionLog):
 
 
 def has_position(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
-    """Which epochs (n,) have a fix and a plausible place: finite, not beyond a pole, no height beyond 100 km."""
-    lon, lat, height = (columns[name] for name in ("lon_deg", "lat_deg", "height_m"))
-    with np.errstate(invalid="ignore"):
-        plausible = (np.abs(lon) <= 360.0) & (np.abs(lat) <= 90.0) & ~(np.abs(height) > 1e5)
-    has: NDArray[np.bool_] = plausible & (columns["fix"] != Fix.NONE)
+    """Which epochs (n,) have a fix and a place."""
+    has: NDArray[np.bool_] = np.isfinite(columns["lon_deg"] + columns["lat_deg"]) & (columns["fix"] != Fix.NONE)
     return has
 
 

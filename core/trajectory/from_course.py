@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
 from furrowmap.core.values.errors import InputError, Notice
@@ -27,8 +28,6 @@ LONGEST_GAP_S: Final = 15.0
 CREEPING_MPS: Final = 0.3
 """Slower than this, positions a second apart show no course."""
 STANDING_MPS: Final = 0.05
-FARTHEST_DEG: Final = 0.5
-"""Positions further from the middle of a drive are of another place, or of none."""
 LEAST: Final = 2
 
 
@@ -65,17 +64,11 @@ def trajectory_from_course(
         RefusedError: if the place lies outside the area of the map's CRS.
     """
     notices: list[Notice] = []
-    placed = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
-    near = placed.copy()
-    near[placed] = _near(track.lon_deg[placed], track.lat_deg[placed])
-    if not np.array_equal(near, placed):
-        text = (
-            f"{track.source}: {int(placed.sum() - near.sum())} positions lie more than {FARTHEST_DEG}° from the others "
-            "and are not used."
-        )
-        notices.append(Notice("positions-elsewhere", text))
+    near = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
+    here, kept_of_near, found = without_elsewhere(track[near])
+    notices += found
+    near[near] = kept_of_near
     _expect_some(track, near)
-    here = track[near]
     en = np.column_stack(frame.project(here.lon_deg, here.lat_deg))
     kept, en = without_jumps(here, en, {}, notices)
     used = near.copy()
@@ -104,14 +97,6 @@ def trajectory_from_course(
         level_from=np.full(len(kept), "assumed"),
     )
     return CourseTrajectory(trajectory, used, tuple(notices))
-
-
-def _near(lon_deg: FloatArray, lat_deg: FloatArray) -> NDArray[np.bool_]:
-    """Whether places (n,) are near to where most are."""
-    off = np.hypot(
-        (lon_deg - np.median(lon_deg)) * np.cos(np.radians(np.median(lat_deg))), lat_deg - np.median(lat_deg)
-    )
-    return np.asarray(off < FARTHEST_DEG)
 
 
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:

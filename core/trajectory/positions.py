@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.readers.elsewhere import spans_in_words, strays
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.positions import Positions
@@ -41,6 +41,7 @@ RATE_REPORTED_S: Final = 0.25
 SLOWEST_STEP_S: Final = 2.0
 """In more time than this between positions a tractor turns round."""
 JUMP_FLOOR_M: Final = 0.3
+HEIGHT_JUMP_FLOOR_M: Final = 1.0
 JUMP_SIGMAS: Final = 6.0
 FASTEST_MPS: Final = 15.0
 HARDEST_MPS2: Final = 3.0
@@ -207,16 +208,24 @@ def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> 
     return white
 
 
-def jumps(t_s: FloatArray, en_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
-    """Positions (n,) that no drive leads to from the median of their neighbours."""
+def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
+    """Positions (n,) that no drive leads to from the median of their neighbours, on the map or in height.
+
+    Args:
+        t_s: (n,) times.
+        xyz_m: (n, 3) positions; heights may be nan.
+        sigma_m: (n, 2) standard deviations of a horizontal axis and of the height.
+    """
     n = len(t_s)
     if n < 7:
         return np.zeros(n, bool)
     around = np.clip(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, n - 1)
-    median = np.median(en_m[around], axis=1)
+    off = np.abs(xyz_m - np.median(xyz_m[around], axis=1))
     dt = t_s[around] - t_s[:, None]
     reach = 0.5 * HARDEST_MPS2 * (dt**2).max(axis=1) + FASTEST_MPS * np.abs(dt.mean(axis=1))
-    return np.asarray(np.hypot(*(en_m - median).T) > reach + np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * sigma_m))
+    limit = reach[:, None] + np.maximum([JUMP_FLOOR_M, HEIGHT_JUMP_FLOOR_M], JUMP_SIGMAS * sigma_m)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((np.hypot(off[:, 0], off[:, 1]) > limit[:, 0]) | (off[:, 2] > limit[:, 1]))
 
 
 def without_jumps(
@@ -227,27 +236,24 @@ def without_jumps(
     Raises:
         InputError: if that is more than half of them.
     """
-    jump = jumps(track.t_s, en_m, sigmas_m(track)[:, 0])
-    if not jump.any():
+    sigma = sigmas_m(track)
+    bad = strays(track.t_s, en_m, sigma[:, 0])
+    rest = ~bad
+    bad[rest] = jumps(track.t_s[rest], np.column_stack([en_m, track.height_m])[rest], sigma[rest])
+    if not bad.any():
         return track, en_m
-    if jump.mean() > 0.5:
+    if bad.mean() > 0.5:
         raise InputError(
-            f"{track.source or 'The GNSS log'}: {int(jump.sum())} of {len(track)} positions jump away from their "
+            f"{track.source or 'The GNSS log'}: {int(bad.sum())} of {len(track)} positions jump away from their "
             "neighbours.",
             "No vehicle's path can be made of such positions.",
             "Look at the track in a GIS: two receivers may have written one log, or the antenna lost its signals.",
             code="gnss-unsteady",
         )
-    unused["jump"] = int(jump.sum())
-    notices.append(_jump_notice(track.t_s[jump], en_m[jump]))
-    return track[~jump], en_m[~jump]
-
-
-def _jump_notice(t_s: FloatArray, en_m: FloatArray) -> Notice:
-    places = ", ".join(
-        f"{iso_utc(t)} at {e:.1f}, {n:.1f}" for t, (e, n) in zip(t_s[:3].tolist(), en_m[:3].tolist(), strict=True)
-    )
-    return Notice("gnss-jumps", f"Positions that jump away from their neighbours are not used ({len(t_s)}): {places}.")
+    unused["jump"] = int(bad.sum())
+    text = f"Positions that jump away from their neighbours are not used ({unused['jump']}): "
+    notices.append(Notice("gnss-jumps", f"{text}{spans_in_words(track, bad)}."))
+    return track[~bad], en_m[~bad]
 
 
 def sigmas_m(track: GnssTrack) -> FloatArray:

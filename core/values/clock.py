@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 
 GPS_EPOCH_S: Final = 315_964_800
 """1980-01-06T00:00:00Z in POSIX seconds."""
+FIRST_S: Final = dt.datetime(1, 1, 1, tzinfo=dt.UTC).timestamp()
+LAST_S: Final = dt.datetime(9999, 12, 31, tzinfo=dt.UTC).timestamp()
+"""The times that ISO 8601 can write."""
 WEEK_S: Final = 604_800
 DAY_S: Final = 86_400
 HOUR_S: Final = 3_600
@@ -94,7 +97,12 @@ def runs_forward(t_s: ArrayLike) -> NDArray[np.bool_]:
 
 
 def iso_utc(t_s: float) -> str:
-    """ISO 8601 in UTC with milliseconds, such as ``2026-06-11T01:23:40.300Z``."""
+    """ISO 8601 in UTC with milliseconds, such as ``2026-06-11T01:23:40.300Z``.
+
+    A time that no calendar has (beyond the years 1 to 9999, or not finite) is shown in seconds.
+    """
+    if not FIRST_S <= t_s < LAST_S:
+        return f"{t_s:.10g} s"
     moment = dt.datetime.fromtimestamp(round(t_s * 1000.0) / 1000.0, tz=dt.UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.readers.isoxml.content import Partfield, Task, TaskData, read_content
 from furrowmap.core.readers.isoxml.files import TaskFiles
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
@@ -163,7 +164,12 @@ def _joined(
         hdop=column(log.hdop for log, _ in logs)[placed],
     )
     width = column(work.width_m for _, work in logs)[placed]
-    return track, state[placed], width, states
+    try:
+        track, here, elsewhere = without_elsewhere(track)
+    except InputError as error:
+        track, here, elsewhere = track[:0], np.zeros(len(track), bool), [Notice.of(error)]
+    notices += elsewhere
+    return track, state[placed][here], width[here], states
 
 
 def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:

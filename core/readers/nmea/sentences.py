@@ -232,8 +232,8 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     if a == _G and b == _G and c == _A:
         known = _GGA
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, 1, _N, _S, 90.0)
-        out[2] = _angle(data, begin, 3, _E, _W, 180.0)
+        out[1] = _angle(data, begin, 1, _N, _S)
+        out[2] = _angle(data, begin, 3, _E, _W)
         out[3] = _number(data, begin[8], begin[9] - 1)
         out[4] = _number(data, begin[10], begin[11] - 1)
         out[5] = _number(data, begin[5], begin[6] - 1)
@@ -326,13 +326,13 @@ def _time_of_day(data: Any, begin: Any, k: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _angle(data: Any, begin: Any, k: int, positive: int, negative: int, most: float) -> Any:
+def _angle(data: Any, begin: Any, k: int, positive: int, negative: int) -> Any:
     """Degrees in field `k`, written dddmm.mmm, with the hemisphere in the next field; nan if it is invalid."""
     value = _number(data, begin[k], begin[k + 1] - 1)
     degrees = value // 100.0
     minutes = value - 100.0 * degrees
     angle = degrees + minutes / 60.0
-    if np.isnan(value) or value < 0.0 or minutes >= 60.0 or angle > most or begin[k + 2] - 1 != begin[k + 1] + 1:
+    if np.isnan(value) or value < 0.0 or minutes >= 60.0 or begin[k + 2] - 1 != begin[k + 1] + 1:
         return np.nan
     side = data[begin[k + 1]]
     if side == positive:

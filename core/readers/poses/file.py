@@ -10,17 +10,20 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.elsewhere import elsewhere, far_from_middle, strays
 from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.values.clock import (
     GPS_EPOCH_S,
     WEEK_S,
     gps_to_utc_s,
+    iso_utc,
     nearest_in_cycle,
     runs_forward,
     unroll,
     utc_to_gps_s,
 )
+from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.rotation import heading_deg
@@ -137,9 +140,9 @@ class RawPoses:
             if rows.any():
                 text = f"{self.name}: {int(rows.sum())} of {len(t_s)} poses {words} and are dropped."
                 notices.append(Notice(code, text))
-        values = self.values[keep]
+        t_s, values = self._near(t_s[keep], self.values[keep], notices)
         return PoseTrack(
-            t_s=t_s[keep],
+            t_s=t_s,
             position=values[:, 0:3],
             projected=self.projected,
             roll_deg=values[:, 3],
@@ -149,6 +152,28 @@ class RawPoses:
             sigma=values[:, 6:12],
             source=self.name,
         )
+
+    def _near(self, t_s: FloatArray, values: FloatArray, notices: list[Notice]) -> tuple[FloatArray, FloatArray]:
+        """Times (n,) and values (n, 12) without the poses that lie where the recording cannot have been."""
+        x, y, h = values[:, :3].T
+        xyz_m = values[:, :2] if self.projected else earth_centred_m(x, y, h)
+        far = far_from_middle(xyz_m) if self.projected else elsewhere((x + 180.0) % 360.0 - 180.0, y, h)
+        far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
+        if not far.any():
+            return t_s, values
+        what = (
+            f"{self.name}: {int(far.sum())} of {len(far)} poses are impossible or far from the others (the "
+            f"first is pose {int(np.flatnonzero(far)[0]) + 1}, {iso_utc(t_s[far][0])})"
+        )
+        if 2 * far.sum() > len(far):
+            raise InputError(
+                f"{what}.",
+                "Where the recording was made is unknown.",
+                "Look at the trajectory in a GIS, and export it again.",
+                code="positions-impossible",
+            )
+        notices.append(Notice("positions-elsewhere", f"{what}; they are not used."))
+        return t_s[~far], values[~far]
 
 
 class PoseFile(FileReader, ABC):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
+from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
@@ -189,7 +190,8 @@ class _RosBag(FileReader):
         for _ in self._read(chosen, log.add):
             pass
         track, notices = log.track(self._source(chosen))
-        self._add_notices(*notices, *jump_notices(track))
+        track, _, elsewhere = without_elsewhere(track)
+        self._add_notices(*notices, *elsewhere, *jump_notices(track))
         return track, log
 
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:

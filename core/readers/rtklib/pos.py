@@ -151,7 +151,6 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
         north, east, up = _turned_sigmas(values, lon, lat)
         vn = ve = np.full(len(values), np.nan)
     with np.errstate(invalid="ignore"):
-        there = (np.abs(lat) <= 90.0) & (np.abs(lon) <= 360.0) & ~(np.abs(height) > 1e5)
         speed = np.hypot(vn, ve)
     if header.geodetic_height and len(values):
         height = np.full(len(values), np.nan)
@@ -161,8 +160,8 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
     return {
         "t_s": _utc(rows),
-        "lon_deg": np.where(there, lon, np.nan),
-        "lat_deg": np.where(there, lat, np.nan),
+        "lon_deg": lon,
+        "lat_deg": lat,
         "height_m": height,
         "fix": np.array([FIXES.get(q, Fix.NONE) for q in range(8)], np.int8)[quality],
         "sigma_e_m": east,

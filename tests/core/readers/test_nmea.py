@@ -478,7 +478,8 @@ def test_track__jumps_are_reported(tmp_path: Path) -> None:
     reader.track()
     text = next(notice.text for notice in reader.notices if notice.code == "position-jumps")
     assert "1 times" in text
-    assert "5.0 m, 20.0 s" in text
+    assert "jump is 5.0 m" in text
+    assert "2026-06-11T12:00:20.000Z at 35.50008, 139.00000" in text
 
 
 @pytest.mark.parametrize("suffix", [".gz", ".zst", ".xz"])
@@ -565,7 +566,6 @@ def test_scan__numbers_come_back(lat: float, lon: float, tod_ms: int, altitude: 
         "GPGGA,246060.00,3530.0,N,13900.0,E,4,12,0.8,1.0,M,4.0,M,,",
         "GPGGA,120000.00,9960.0,N,13900.0,E,4,12,0.8,1.0,M,4.0,M,,",
         "GPGGA,120000.00,3530.0,X,13900.0,E,4,12,0.8,1.0,M,4.0,M,,",
-        "GPGGA,120000.00,3530.0,N,18100.0,E,4,12,0.8,1.0,M,4.0,M,,",
         "GPGGA,120000.00,35.3.0,N,13900.0,E,4,12,0.8,1.0,M,4.0,M,,",
         "GPGGA,120000.00",
         "GPGGA,",
@@ -578,6 +578,14 @@ def test_track__impossible_positions_are_none(body: str, tmp_path: Path) -> None
     assert inspection.facts["intact"] == 1
     assert inspection.facts["epochs"] == 0
     assert inspection.facts["epochs_without_position"] == 1
+
+
+@pytest.mark.parametrize("place", ["3530.0,N,18100.0,E", "9900.0,S,13900.0,E", "0000.0,N,00000.0,W"])
+def test_promise_17__positions_off_the_earth_are_refused(place: str, tmp_path: Path) -> None:
+    body = f"GPGGA,120000.00,{place},4,12,0.8,1.0,M,4.0,M,,"
+    with pytest.raises(InputError) as error:
+        NmeaLog([write(tmp_path, sentence(body))], ReadOptions(date="2026-06-11")).track()
+    assert error.value.code == "positions-impossible"
 
 
 def test_read__has_every_epoch_of_an_hour_at_10_hz(tmp_path: Path) -> None:

@@ -216,8 +216,8 @@ def test_recognise__rejects_other_text(text: str, tmp_path: Path) -> None:
 @given(st.lists(st.integers(1, 10**6), min_size=2, max_size=30), st.data())
 def test_numbers__come_back_as_written(steps: list[int], data: st.DataObject) -> None:
     t_s = T0 + np.cumsum(steps) / 1000
-    number = st.floats(-1e7, 1e7).map(lambda x: round(x, 4))
-    values = [[data.draw(number) for _ in range(3)] for _ in steps]
+    place = data.draw(st.tuples(*[st.floats(-1e7, 1e7)] * 3))
+    values = [[round(axis + data.draw(st.floats(-5, 5)), 4) for axis in place] for _ in steps]
     angles = [[data.draw(st.floats(-89, 89)) for _ in range(3)] for _ in steps]
     lines = [",".join(map(repr, [float(t), *v, *a])) for t, v, a in zip(t_s, values, angles, strict=True)]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,0 +1,153 @@
+"""Positions where the recording cannot have been, and epochs that a log has lost: left out, or named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.readers.elsewhere import FARTHEST_M, elsewhere
+from furrowmap.core.readers.framing import find_frames
+from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.poses.csv import PoseCsv
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.sbf.log import SBF, SbfLog
+from furrowmap.core.readers.ubx.log import UbxLog
+from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.session import Crs
+
+FOREIGN = {
+    "0, 0": ("0000.0000000", "N", "00000.0000000", "E"),
+    "beyond the pole": ("9912.0000000", "N", "14000.0000000", "E"),
+    "200 km away": ("3840.0000000", "N", "14000.0000000", "E"),
+    "2 km away": ("3653.3000000", "N", "14000.0000000", "E"),
+}
+RTCM = b"\xd3\x00\x13" + bytes(range(0x80, 0x93)) + b"\x81\x82\x83"
+GONE = range(200, 260)
+
+
+def with_positions(log: bytes, place: tuple[str, str, str, str], epochs: range) -> bytes:
+    """A log of NMEA whose GGA sentences of some epochs have another place, with the right checksum."""
+    lines, count = log.split(b"\r\n"), 0
+    for k, line in enumerate(lines):
+        if line[3:6] == b"GGA":
+            if count in epochs:
+                fields = line[1:].split(b"*")[0].split(b",")
+                fields[2:6] = [word.encode() for word in place]
+                body = b",".join(fields)
+                lines[k] = b"$%s*%02X" % (body, np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)))
+            count += 1
+    return b"\r\n".join(lines)
+
+
+@pytest.mark.parametrize("place", FOREIGN.values(), ids=FOREIGN.keys())
+def test_promise_14__positions_elsewhere_are_left_out_listed_and_change_nothing_else(
+    place: tuple[str, str, str, str], shared_data: Path, tmp_path: Path
+) -> None:
+    log = (shared_data / "tractor_loop/gnss.nmea").read_bytes()
+    path = tmp_path / "gnss.nmea"
+    path.write_bytes(with_positions(log, place, GONE))
+    frame, lever_m = map_frame(Crs(map="EPSG:6677")), (1.85, 0.0, 1.62)
+    reader = NmeaLog([path], ReadOptions())
+    found = trajectory_from_gnss(reader.track(), frame, lever_m, None)
+    right_log = NmeaLog([shared_data / "tractor_loop/gnss.nmea"], ReadOptions()).track()
+    kept = ~np.isin(np.arange(len(right_log)), GONE)
+    right = trajectory_from_gnss(right_log[kept], frame, lever_m, None)
+    np.testing.assert_array_equal(found.trajectory.t_s, right.trajectory.t_s)
+    np.testing.assert_allclose(found.trajectory.xyz_m, right.trajectory.xyz_m, atol=1e-6)
+    told = [n.text for n in (*reader.notices, *found.notices) if n.code in ("positions-elsewhere", "gnss-jumps")]
+    assert len(told) == 1
+    assert f"(60 positions) at {float(place[0][:2]) + float(place[0][2:]) / 60.0:.5f}" in told[0]
+    assert "2026-06-11T01:24:00.300Z to 2026-06-11T01:24:06.200Z" in told[0]
+
+
+def test_promise_14__a_log_mostly_elsewhere_is_refused_in_three_sentences(shared_data: Path, tmp_path: Path) -> None:
+    log = (shared_data / "tractor_loop/gnss.nmea").read_bytes()
+    path = tmp_path / "gnss.nmea"
+    path.write_bytes(with_positions(log, FOREIGN["0, 0"], range(400)))
+    with pytest.raises(InputError) as error:
+        NmeaLog([path], ReadOptions()).track()
+    assert error.value.code == "positions-impossible"
+    assert "400 of 605" in error.value.what
+    inspection = NmeaLog([path], ReadOptions()).inspect()
+    assert "positions-impossible" in {notice.code for notice in inspection.notices}
+
+
+@given(
+    lon=st.floats(-180, 180), lat=st.floats(-90, 90), bearing=st.floats(0, 360), far_m=st.floats(0, 3e6),
+    count=st.integers(3, 40),
+)  # fmt: skip
+def test_elsewhere__is_a_distance_on_the_ellipsoid(
+    lon: float, lat: float, bearing: float, far_m: float, count: int
+) -> None:
+    other_lon, other_lat, _ = Geod(ellps="WGS84").fwd(lon, lat, bearing, far_m)
+    lons, lats = np.append(np.full(count, lon), other_lon), np.append(np.full(count, lat), other_lat)
+    found = elsewhere(lons, lats, np.full(count + 1, np.nan))
+    nowhere = (np.abs(lons) < 1e-3) & (np.abs(lats) < 1e-3)
+    if not nowhere.any() and abs(far_m - FARTHEST_M) > 0.02 * FARTHEST_M:
+        assert not found[:count].any()
+        assert found[count] == (far_m > FARTHEST_M)
+
+
+@pytest.mark.parametrize("place", [("0.0", "0.0"), ("5e6", "5e6")], ids=["98 km away", "abroad"])
+def test_promise_14__poses_elsewhere_are_left_out_and_counted(
+    place: tuple[str, str], shared_data: Path, tmp_path: Path
+) -> None:
+    lines = (shared_data / "tractor_loop/truth/trajectory.csv").read_text(encoding="utf-8").splitlines()
+    names = lines[0].split(",")
+    for row in range(1000, 1100):
+        cells = lines[row].split(",")
+        cells[names.index("e_m")], cells[names.index("n_m")] = place
+        lines[row] = ",".join(cells)
+    path = tmp_path / "trajectory.csv"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    reader = PoseCsv([path], ReadOptions())
+    assert len(reader.poses()) == len(lines) - 1 - 100
+    assert ["100 of 6141" in notice.text for notice in reader.notices] == [True]
+
+
+@pytest.mark.parametrize(
+    ("reader", "name", "sync"),
+    [(UbxLog, "gnss/ubx/f9p_pvt_hpposllh_1hz.ubx", b"\xb5\x62\x01\x07"), (SbfLog, "gnss/sbf/sbfdata.sbf", b"$@")],
+)
+@pytest.mark.parametrize("lost", [0, 1])
+def test_promise_11__a_lost_byte_of_synchronisation_is_a_warning_with_the_lost_epoch(
+    reader: type[UbxLog | SbfLog], name: str, sync: bytes, lost: int, shared_data: Path, tmp_path: Path
+) -> None:
+    data = (shared_data / name).read_bytes()
+    whole = reader([shared_data / name], ReadOptions())
+    epochs = len(whole.track())
+    assert not {"messages-damaged", "epochs-missing"} & {notice.code for notice in whole.notices}
+    lost_epochs = 0
+    for at in (k for k in range(len(data)) if data.startswith(sync, k)):
+        path = tmp_path / "log"
+        path.write_bytes(data[: at + lost] + data[at + lost + 1 :])
+        opened = reader([path], ReadOptions())
+        found = opened.track()
+        codes = {notice.code for notice in opened.notices}
+        assert "messages-damaged" in codes
+        inside = whole.track().t_s[1:-1]
+        if not np.isin(inside, found.t_s).all():
+            assert "epochs-missing" in codes
+        lost_epochs += epochs - len(found)
+    assert lost_epochs >= epochs - 2
+
+
+@given(noise=st.lists(st.sampled_from([b"text\r\n", b"\0\0", RTCM, b"\x80"]), max_size=8), piece=st.integers(20, 300))
+def test_find_frames__counts_only_bytes_of_no_known_protocol(noise: list[bytes], piece: int, shared_data: Path) -> None:
+    """However the stream is cut into pieces."""
+    frame = (shared_data / "gnss/sbf/x5_pvtgeod.sbf").read_bytes()
+    stream = b"".join(part + frame for part in noise)
+    foreign, rest = 0, b""
+    for at in range(0, len(stream) + piece, piece):
+        data = rest + stream[at : at + piece]
+        frames = find_frames(np.frombuffer(data, np.uint8), SBF, last=at >= len(stream))
+        foreign += frames.foreign
+        rest = data[frames.used :]
+    assert foreign == noise.count(b"\x80")
