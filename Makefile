@@ -11,7 +11,7 @@ TESTS ?= tests
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated docs pages plugin clean
+.PHONY: help demo test fuzz setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -21,6 +21,9 @@ demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show
 
 test: lint typecheck  ## everything that must hold: style, types, tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz
+	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) $(if $(ONLY),--only $(ONLY)) $(if $(FIRST),--first $(FIRST))
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<

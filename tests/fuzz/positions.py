@@ -1,0 +1,115 @@
+"""Logs of receivers, trajectories, states of the tool and task data."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import pysbf2
+import pyubx2
+
+from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_sbet import records
+from tests.core.readers.test_sbf import pvt
+from tests.fuzz.mutations import Files
+from tests.fuzz.reading import read_recording
+from tests.fuzz.trials import Entry
+
+_SENTENCE = re.compile(rb"\$([^*\r\n]*)\*[0-9A-Fa-f]{2}")
+
+
+def nmea(count: int = 12) -> bytes:
+    """GGA, RMC, GST and HDT of a receiver."""
+    lines = []
+    for k in range(count):
+        time = f"0804{k:02d}.00"
+        lines += [
+            f"$GNGGA,{time},4303.{5000 + 7 * k:04d},N,14120.{4000 + 9 * k:04d},E,4,20,0.6,55.5,M,29.1,M,1.0,0000*00",
+            f"$GNRMC,{time},A,4303.{5000 + 7 * k:04d},N,14120.{4000 + 9 * k:04d},E,2.1,53.1,110626,,,R*00",
+            f"$GNGST,{time},1.0,0.02,0.01,40.0,0.011,0.012,0.025*00",
+            f"$GNHDT,{53.1 + 0.1 * k:.2f},T*00",
+        ]
+    return mend_nmea("\r\n".join([*lines, ""]).encode())
+
+
+def mend_nmea(data: bytes) -> bytes:
+    """With right checksums."""
+
+    def mended(match: re.Match[bytes]) -> bytes:
+        total = 0
+        for byte in match[1]:
+            total ^= byte
+        return b"$%s*%02X" % (match[1], total)
+
+    return _SENTENCE.sub(mended, data)
+
+
+def ubx(count: int = 10) -> bytes:
+    """NAV-PVT of a receiver."""
+    frames = []
+    for k in range(count):
+        payload = bytearray(92)
+        struct.pack_into("<IHBBBBBBIi", payload, 0, 360_000_000 + 1000 * k, 2026, 6, 11, 8, 4, k, 7, 20, 0)
+        place = (1_413_400_000, 430_500_000 + 90 * k, 84_600, 55_500, 14, 20)
+        struct.pack_into("<BBBBiiiiII", payload, 20, 3, 0x83, 0, 20, *place)
+        frames.append(pyubx2.UBXMessage(b"\x01", b"\x07", pyubx2.GET, payload=bytes(payload)).serialize())
+    return b"".join(frames)
+
+
+def mend_ubx(data: bytes) -> bytes:
+    out, at = bytearray(data), data.find(b"\xb5\x62")
+    while at >= 0 and at + 8 <= len(out):
+        end = at + 6 + int.from_bytes(out[at + 4 : at + 6], "little")
+        if end + 2 <= len(out):
+            out[end : end + 2] = pyubx2.calc_checksum(bytes(out[at + 2 : end]))
+        at = out.find(b"\xb5\x62", at + 2)
+    return bytes(out)
+
+
+def mend_sbf(data: bytes) -> bytes:
+    out, at = bytearray(data), data.find(b"$@")
+    while at >= 0 and at + 8 <= len(out):
+        end = at + int.from_bytes(out[at + 6 : at + 8], "little")
+        if at + 8 < end <= len(out):
+            out[at + 2 : at + 4] = pysbf2.calc_crc(bytes(out[at + 4 : end])).to_bytes(2, "little")
+        at = out.find(b"$@", at + 2)
+    return bytes(out)
+
+
+def pos() -> bytes:
+    head = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)\n"
+    rows = [
+        f"2026/06/11 08:04:{k:02d}.000   43.05{k:07d}  141.34{k:07d}  84.6  1  20  0.01  0.01  0.02" for k in range(15)
+    ]
+    return (head + "\n".join(rows) + "\n").encode()
+
+
+def poses() -> bytes:
+    head = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
+    rows = [f"{1781141019.8 + k / 100:.4f},{100 + k},200.5,30.25,1.5,-0.5,{(359 + k) % 360}" for k in range(20)]
+    return "\n".join([head, *rows, ""]).encode()
+
+
+STATES = b"time,state\n2026-06-11T08:00:00Z,up\n2026-06-11T08:00:10.5Z,down\n2026-06-11T17:01:00+09:00,unknown\n"
+
+
+def task_seeds(folder: Path) -> list[Files]:
+    position = {"A": 430500000, "B": 1413400000, "D": 4}
+    rows = [Record(29_000_000 + 1000 * k, 16967, position | {"A": 430500000 + 200 * k}, {0: k % 2}) for k in range(15)]
+    body = '<TSK A="TSK1" G="4"><TLG A="TLG00001"/></TSK><DVC A="DVC1"><DET A="DET-1" B="1" C="1" E="0" F="0"/></DVC>'
+    log = (header([(141, "DET-1")]), b"".join(row.pack() for row in rows))
+    made = task_data(folder / "TASKDATA", body, {"TLG00001": log})
+    return [{path.name: path.read_bytes() for path in sorted(made.iterdir())}]
+
+
+POSITIONS = (
+    Entry("nmea", lambda folder: [{"gnss.nmea": nmea()}], read_recording, mend_nmea),
+    Entry("ubx", lambda folder: [{"gnss.ubx": ubx()}], read_recording, mend_ubx),
+    Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], read_recording, mend_sbf),
+    Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], read_recording),
+    Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], read_recording),
+    Entry("states-csv", lambda folder: [{"states.csv": STATES}], read_recording),
+    Entry("sbet", lambda folder: [{"mission.sbet": records(40).astype("<f8").tobytes()}], read_recording),
+    Entry("task-data", task_seeds, lambda path: read_recording(path.parent)),
+)

@@ -1,0 +1,68 @@
+"""Reading recordings as the commands do, to the end."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+
+from furrowmap.cli.inspect import _value, _words
+from furrowmap.core.readers.las.cloud import open_cloud
+from furrowmap.core.readers.reader import (
+    GivesPoses,
+    GivesScans,
+    GivesStates,
+    GivesTrack,
+    Reader,
+    ReadOptions,
+    Recognised,
+)
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.json_text import plain
+
+OPTIONS = ReadOptions(date="2026-06-11", week=2422)
+
+
+def read_recording(path: Path) -> None:
+    """Inspect a file as `furrowmap inspect` does, and read what it gives."""
+    found = Recognised.of(path)
+    refused = None
+    try:
+        inspection = found.inspect(OPTIONS)
+    except InputError as error:
+        refused = error
+    else:
+        json.dumps(plain(_value(inspection)), allow_nan=False)
+        _words(inspection)
+    read_whole(found.open(OPTIONS))
+    if refused is not None:
+        raise refused
+
+
+def read_whole(reader: Reader) -> None:
+    """All that a reader gives."""
+    gives = [
+        (GivesScans, lambda: deque(reader.scans(), maxlen=0)),  # type: ignore[attr-defined]
+        (GivesTrack, lambda: reader.track()),  # type: ignore[attr-defined]
+        (GivesPoses, lambda: reader.poses()),  # type: ignore[attr-defined]
+        (GivesStates, lambda: reader.states()),  # type: ignore[attr-defined]
+    ]
+    refused = None
+    for kind, give in gives:
+        if isinstance(reader, kind):
+            try:
+                give()
+            except InputError as error:
+                refused = error
+    if refused is not None:
+        raise refused
+
+
+def read_cloud(path: Path) -> None:
+    """A cloud's points, all of them and those of a box."""
+    read_recording(path)
+    cloud = open_cloud(path)
+    for batch in cloud.batches((0.0, 0.0, 1e6, 1e7), 1.0):
+        assert np.isfinite(batch.xyz_m).all()

@@ -1,0 +1,132 @@
+"""Clouds, captures and bags."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import lzma
+import sys
+from pathlib import Path
+
+import laspy
+import numpy as np
+from pyproj import CRS
+
+from furrowmap.exporters.cloud.file import CopcFormat
+from furrowmap.exporters.cloud.points import PointBatch
+from furrowmap.exporters.cloud.writer import CopcWriter
+from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
+from tests.core.readers.test_pcap_framing import PcapNg
+from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
+from tests.fuzz.mutations import Files
+from tests.fuzz.reading import read_cloud, read_recording
+from tests.fuzz.trials import Entry
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+T0_S = 1_781_141_020.0
+
+
+def las(number: int, points: int, *, compressed: bool, seed: int = 1) -> bytes:
+    """A small field of a point format, with an extra dimension and a CRS."""
+    chance = np.random.default_rng(seed)
+    header = laspy.LasHeader(version="1.4" if number >= 6 else "1.2", point_format=number)
+    header.scales, header.offsets = np.full(3, 0.001), np.array([500_000.0, 5_000_000.0, 100.0])
+    if number >= 6:
+        header.add_extra_dim(laspy.ExtraBytesParams("scan", "uint16"))
+        header.add_crs(CRS("EPSG:32654"))
+    cloud = laspy.LasData(header)
+    cloud.x = 500_000.0 + np.sort(chance.uniform(0, 30, points))
+    cloud.y = 5_000_000.0 + chance.uniform(0, 30, points)
+    cloud.z = 100.0 + 0.02 * chance.standard_normal(points)
+    if "gps_time" in cloud.point_format.dimension_names:
+        cloud.gps_time = 3e8 + np.cumsum(chance.choice([0.0, 1e-5, 5e-5, 0.1], points))
+    cloud.intensity = chance.integers(0, 255, points)
+    cloud.return_number = cloud.number_of_returns = np.ones(points, np.uint8)
+    cloud.classification = np.full(points, 2, np.uint8)
+    out = io.BytesIO()
+    cloud.write(out, do_compress=compressed)
+    return out.getvalue()
+
+
+def las_seeds(folder: Path) -> list[Files]:
+    return [{"cloud.las": las(number, 40, compressed=False)} for number in (0, 1, 3, 6, 7)]
+
+
+def laz_seeds(folder: Path) -> list[Files]:
+    return [{"cloud.laz": las(number, points, compressed=True)} for number in (1, 3, 6, 7, 8) for points in (30, 600)]
+
+
+def copc_seeds(folder: Path) -> list[Files]:
+    chance = np.random.default_rng(2)
+    xyz_m = np.column_stack([chance.uniform(0, 30, (1500, 2)), chance.normal(0, 0.02, 1500)])
+    kind = CopcFormat(CRS("EPSG:6677").to_wkt("WKT1_GDAL"), (16_600.0, 96_500.0, 270.0))
+    path = folder / "cloud.copc.laz"
+    with CopcWriter(path, kind, node_points=300) as writer:
+        writer.append(PointBatch(xyz_m, T0_S + np.sort(chance.uniform(0, 60, 1500))))
+        writer.close()
+    return [{path.name: path.read_bytes()}]
+
+
+def capture_seeds(folder: Path) -> list[Files]:
+    stamps = [position_packet(1000.0, rmc())]
+    recordings = {
+        "single": [*stamps, *turning(30)],
+        "dual": turning(24, mode=DUAL),
+        "hdl": turning(24, product=HDL32E),
+    }
+    made = [write_pcap(folder / f"{name}.pcap", frames(packets)) for name, packets in recordings.items()]
+    ng = PcapNg()
+    blocks = [ng.packet(1_750_000_000_000_000 + 1327 * i, data) for i, (_, data) in enumerate(frames(turning(24)))]
+    return [
+        *({"recording.pcap": path.read_bytes()} for path in made),
+        {"recording.pcapng": ng.section() + ng.interface() + b"".join(blocks)},
+    ]
+
+
+def packed_seeds(folder: Path) -> list[Files]:
+    plain = next(iter(capture_seeds(folder)[0].values()))
+    return [
+        {"recording.pcap.gz": gzip.compress(plain, mtime=0)},
+        {"recording.pcap.xz": lzma.compress(plain)},
+        {"recording.pcap.zst": zstd.compress(plain)},
+    ]
+
+
+def bag1_seeds(folder: Path) -> list[Files]:
+    kinds = {"plain": None, "lz4": "LZ4", "bz2": "BZ2"}
+    recorded = mixed(ROS1, clouds=2, points=32)
+    return [
+        {"recording.bag": write_bag1(folder / f"{name}.bag", recorded, packed).read_bytes()}
+        for name, packed in kinds.items()
+    ]
+
+
+def bag2_seeds(folder: Path) -> list[Files]:
+    """Folders of ROS 2 bags; the first file is what is opened."""
+    recorded = mixed(clouds=2, points=32)
+    seeds = []
+    for plugin, mode in (("MCAP", "NONE"), ("MCAP", "STORAGE"), ("SQLITE3", "NONE"), ("SQLITE3", "MESSAGE")):
+        bag = write_bag2(folder / f"{plugin}{mode}".lower(), recorded, plugin, mode)
+        data = {path.name: path.read_bytes() for path in sorted(bag.iterdir())}
+        seeds.append(data)
+    return seeds
+
+
+def read_bag2(path: Path) -> None:
+    """The file alone, and the folder."""
+    read_recording(path.parent)
+
+
+RECORDINGS = (
+    Entry("las", las_seeds, read_cloud, trials=600),
+    Entry("laz", laz_seeds, read_cloud, trials=100),
+    Entry("copc", copc_seeds, read_cloud),
+    Entry("capture", capture_seeds, read_recording),
+    Entry("capture-packed", packed_seeds, read_recording),
+    Entry("rosbag1", bag1_seeds, read_recording),
+    Entry("rosbag2", bag2_seeds, read_bag2),
+)

@@ -1,0 +1,9 @@
+"""All readers that are given damaged inputs. A new one joins by an entry in one of the lists."""
+
+from __future__ import annotations
+
+from tests.fuzz.positions import POSITIONS
+from tests.fuzz.recordings import RECORDINGS
+from tests.fuzz.trials import Entry
+
+ENTRIES: dict[str, Entry] = {entry.name: entry for entry in (*RECORDINGS, *POSITIONS)}
