@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
 
 from furrowmap.process import keep_kernels
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 # No deadline, because a first example may compile; the same examples in every run of CI.
 settings.register_profile("furrowmap", deadline=None, derandomize=os.environ.get("CI") == "true")
@@ -57,13 +61,46 @@ class QgisRoot:
         return layers
 
 
-@pytest.fixture(scope="session")
-def qgis() -> QgisRoot:
-    """QGIS 3.40, built where it is missing. Where it cannot be built, CI fails and everybody else skips."""
-    built = subprocess.run([CHECKOUT / "scripts" / "qgis_root.sh"], capture_output=True, text=True, check=False)
-    if built.returncode != 0:
-        reason = f"no QGIS to test with: {built.stderr.strip().splitlines()[-1]}"
+def _installed(script: str, what: str) -> str:
+    """What a script of the project prints. Where it cannot install `what`, CI fails and everybody else skips."""
+    done = subprocess.run([CHECKOUT / "scripts" / script], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        reason = f"no {what} to test with: {done.stderr.strip().splitlines()[-1]}"
         if os.environ.get("CI") == "true":
             pytest.fail(reason)
         pytest.skip(reason)
+    return done.stdout.strip()
+
+
+@pytest.fixture(scope="session")
+def qgis() -> QgisRoot:
+    """QGIS 3.40, built where it is missing."""
+    _installed("qgis_root.sh", "QGIS")
     return QgisRoot()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Debian's Chromium."""
+    path = _installed("chromium.sh", "browser")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        # Chromium's own sandbox needs rights that root in a container does not have; the pages are our own.
+        chromium = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def web_reader() -> Callable[[str, Path], Any]:
+    """What a reader of the web finds in a file of a format (tests/node/read.mjs)."""
+    folder = _installed("node_readers.sh", "readers of the web")
+
+    def read(file_format: str, path: Path) -> Any:
+        command = ["node", f"{folder}/read.mjs", file_format, str(path)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return read

@@ -95,6 +95,18 @@ def las_header(kind: CopcFormat) -> laspy.LasHeader:
     return header
 
 
+def _state_extra(header: laspy.LasHeader, extent: Extent) -> None:
+    """State the least and greatest values of extra dimensions; none where there is no value."""
+    for record in header.vlrs.get("ExtraBytesVlr"):
+        for dimension in record.extra_bytes_structs:
+            ends = extent.extra.get(dimension.format_name())
+            if ends is None:
+                dimension.options &= ~(dimension.MIN_BIT_MASK | dimension.MAX_BIT_MASK)
+                dimension._min = dimension._max = type(dimension._min)()
+            else:
+                dimension.grow({dimension.format_name(): np.array(ends, dimension.dtype())[:, None]})
+
+
 def describe(header: laspy.LasHeader, text: str) -> None:
     """Add a "Text Area Description" (LAS 1.4 R15) to a header, as much as a record holds."""
     fitting = text.encode("utf-8", "backslashreplace")[:MOST_RECORD_BYTES].decode("utf-8", "ignore")
@@ -191,6 +203,7 @@ class CopcFile:
             *centre, 0.5 * cube.side * scale_m, spacing_m, offset, hierarchy.nbytes, extent.first_time, extent.last_time
         )
         header.vlrs[0] = laspy.VLR("copc", 1, "COPC info VLR", info)
+        _state_extra(header, extent)
         self._stream.seek(0)
         header.write_to(self._stream, ensure_same_size=True)
         self._stream.flush()

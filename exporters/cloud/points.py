@@ -72,6 +72,7 @@ class Extent:
         by_return: (15,) int64 points with return number 1, 2, ….
         first_time: earliest time in the records.
         last_time: latest time.
+        extra: least and greatest value of extra dimensions by name; without those that have no value but nan.
     """
 
     points: int
@@ -80,6 +81,7 @@ class Extent:
     by_return: NDArray[np.int64]
     first_time: float
     last_time: float
+    extra: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def of_nothing(cls) -> Extent:
@@ -94,6 +96,7 @@ class Extent:
 
     def joined(self, other: Extent) -> Extent:
         """The extent of the points of both."""
+        ends = {name: (*self.extra.get(name, ()), *other.extra.get(name, ())) for name in {**self.extra, **other.extra}}
         return Extent(
             self.points + other.points,
             np.minimum(self.low, other.low),
@@ -101,6 +104,7 @@ class Extent:
             self.by_return + other.by_return,
             min(self.first_time, other.first_time),
             max(self.last_time, other.last_time),
+            {name: (min(values), max(values)) for name, values in ends.items()},
         )
 
 
@@ -126,7 +130,7 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     into.view(np.uint8)[:] = 0
     for name in ("intensity", "classification", "point_source_id"):
         into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
-    _fill_optional(batch, into)
+    extra = _fill_optional(batch, into)
     low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(RETURNS + 1, np.int64)
     seconds = np.empty(2)
     refused = pack_points(
@@ -144,7 +148,7 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     if refused >= 0:
         raise _refusal(batch, refused, scale_m)
     first, last = seconds.tolist() if week_time else _to_las_time(into, seconds)
-    return Extent(n, low, high, by_return[1:], first, last)
+    return Extent(n, low, high, by_return[1:], first, last, extra)
 
 
 def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float, float]:
@@ -158,8 +162,8 @@ def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float,
     return float(records["gps_time"].min()), float(records["gps_time"].max())
 
 
-def _fill_optional(batch: PointBatch, into: Records) -> None:
-    """Fill colour and extra dimensions."""
+def _fill_optional(batch: PointBatch, into: Records) -> dict[str, tuple[float, float]]:
+    """Fill colour and extra dimensions; the least and greatest values of the latter."""
     names = into.dtype.names or ()
     if ("red" in names) != (batch.rgb is not None):
         raise ValueError("PointBatch.rgb does not match the colour of the format")
@@ -169,8 +173,14 @@ def _fill_optional(batch: PointBatch, into: Records) -> None:
     extra = names[names.index("blue" if "red" in names else "gps_time") + 1 :]
     if set(extra) != set(batch.extra):
         raise ValueError(f"the file has the extra dimensions {sorted(extra)}, the batch {sorted(batch.extra)}")
+    ends = {}
     for name in extra:
-        into[name] = _fitting(name, batch.extra[name], into.dtype[name], len(batch))
+        values = _fitting(name, batch.extra[name], into.dtype[name], len(batch))
+        into[name] = values
+        least, greatest = np.fmin.reduce(values, axis=None).item(), np.fmax.reduce(values, axis=None).item()
+        if least == least:  # false for nan alone
+            ends[name] = least, greatest
+    return ends
 
 
 def _fitting(name: str, values: Any, dtype: np.dtype[Any], n: int) -> NDArray[Any]:

@@ -213,7 +213,7 @@ def _main(
         TaskControllerVersion=version("furrowmap"),
         DataTransferOrigin="2",
     )
-    origin = "".join(f"\n  {name}: {printable(text)}" for name, text in result.origin.metadata.items())
+    origin = "".join(f"\n  {name}: {text}" for name, text in result.origin.metadata.items())
     root.append(ET.Comment(f"{origin.replace('--', '- -')}\n"))
     _add_device(root, implement)
     figures = result.report["figures"]

@@ -15,6 +15,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.exchange.kml import write_kml
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.geopackage import write_styles
@@ -152,9 +153,11 @@ def _shortened(layers: Layers) -> list[Notice]:
 
 
 def _write_csv(path: Path, layer: gpd.GeoDataFrame) -> None:
-    """CSV: points by their coordinates, other geometries as WKT, times as ISO 8601."""
+    """CSV: points by their coordinates, other geometries as WKT, times as ISO 8601, no text that is evaluated."""
     geometry = layer.geometry
     table = _with_texts(layer).drop(columns=geometry.name)
+    texts = table.select_dtypes(exclude="number").columns
+    table = table.assign(**{name: table[name].map(cell, na_action="ignore") for name in texts}).rename(columns=cell)
     if set(geometry.geom_type.dropna()) <= {"Point"}:
         names = ("lon_deg", "lat_deg") if geometry.crs.is_geographic else ("e_m", "n_m")
         table[names[0]], table[names[1]] = geometry.x.round(DIGITS_DEG), geometry.y.round(DIGITS_DEG)
@@ -183,7 +186,8 @@ def _with_texts(layer: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
 
 
 def _iso(times: Any) -> Any:
-    texts = times.dt.tz_convert("UTC").dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
+    aware = times.dt.tz_convert("UTC") if times.dt.tz is not None else times  # GDAL gives a layer without rows no zone
+    texts = aware.dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
     return texts.where(times.notna(), None)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.values.clock import decimal_year, iso_utc
+from furrowmap.core.values.errors import printable
 from furrowmap.core.values.json_text import json_text
 
 BESIDE: Final = "provenance.json"
@@ -39,7 +40,10 @@ class Origin:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Names, in capitals, and texts: title, software, session, times and epoch, parameters, inputs."""
+        """Names, in capitals, and texts: title, software, session, times and epoch, parameters, inputs.
+
+        Each text is one line with escapes for control characters, which GDAL would drop.
+        """
         known = {"TITLE": self.title, "SOFTWARE": f"furrowmap {version('furrowmap')}"}
         if self.session:
             known["SESSION"] = self.session
@@ -47,9 +51,8 @@ class Origin:
             known["TIME_START"], known["TIME_END"] = map(iso_utc, self.span_s)
             known["MEASURED_EPOCH"] = str(self.measured_epoch)
         known |= {key.upper(): value for key, value in self.parameters.items()}
-        return known | {
-            f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)
-        }
+        known |= {f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)}
+        return {name: printable(text) for name, text in known.items()}
 
     @property
     def text(self) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 from furrowmap.core.checking.check import Check
 from furrowmap.core.checking.point_check import COLUMNS
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.csv_cells import cell
 
 
 def write_check_table(path: Path, check: Check) -> None:
@@ -19,4 +20,4 @@ def write_check_table(path: Path, check: Check) -> None:
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
-        writer.writerows(point.row() for point in check.points)
+        writer.writerows({name: cell(value) for name, value in point.row().items()} for point in check.points)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -20,7 +19,7 @@ from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs
-from furrowmap.exporters.reports.page_parts import figure, filled, key, key_figure, remark, section
+from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, remark, section
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
 
 FloatArray = NDArray[np.float64]
@@ -178,7 +177,7 @@ def _map(found: Evaluation) -> str:
     for a, b in pairwise(_edges(found)):
         part = np.clip(test[a : b + 1 if b in _within(found) else b], sheet.box_m[:2], sheet.box_m[2:])
         if len(part) > 1:
-            parts.append(sheet.line(part, "curve", f'style="stroke:{fix_colour(int(found.fix[a]))}"'))
+            parts.append(sheet.line(part, "track", f'stroke="{fix_colour(int(found.fix[a]))}"'))
     return sheet.svg(parts, "Trajectories: the reference in brown, the test by its kind of fix")
 
 
@@ -221,8 +220,10 @@ def _continuity(found: Evaluation) -> str:
         ),
         ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
     ]
-    cell = '<td style="white-space: normal; text-align: left">'
-    body = "".join(f"<tr>{cell}{escape(name)}</td>{cell}{escape(value)}</td></tr>" for name, value in rows)
+    texts = (
+        f'<tr><td class="text">{escape(name)}</td><td class="text">{escape(value)}</td></tr>' for name, value in rows
+    )
+    body = "".join(texts)
     return f'<div class="scroll"><table>{body}</table></div>'
 
 

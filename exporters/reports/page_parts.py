@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import html
 from collections.abc import Iterable, Sequence
-from html import escape
 from importlib.resources import files
 from string import Template
+
+from furrowmap.core.values.errors import printable
 
 
 def filled(
@@ -21,8 +25,9 @@ def filled(
         sections: of :func:`section`.
         provenance: software and inputs.
     """
-    template = Template(files("furrowmap.exporters.reports").joinpath("report.html").read_text("utf-8"))
-    return template.substitute(
+    page = files("furrowmap.exporters.reports").joinpath("report.html").read_text("utf-8")
+    return Template(page).substitute(
+        policy=_policy(page),
         title=title,
         when=when,
         summary=summary,
@@ -30,6 +35,18 @@ def filled(
         sections="\n".join(sections),
         provenance=provenance,
     )
+
+
+def _policy(page: str) -> str:
+    """The Content-Security-Policy of a page: its own style sheet, embedded images, and nothing else."""
+    sheet = page.partition("<style>")[2].partition("</style>")[0]
+    digest = base64.b64encode(hashlib.sha256(sheet.encode()).digest()).decode("ascii")
+    return f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+
+
+def escape(text: str) -> str:
+    """Text as HTML, with escapes for control characters."""
+    return html.escape(printable(text))
 
 
 def key_figure(value: str, name: str, *, loud: bool = False) -> str:
@@ -40,7 +57,8 @@ def key_figure(value: str, name: str, *, loud: bool = False) -> str:
 
 def key(rows: Iterable[tuple[str, str]]) -> str:
     """The legend of a drawing: rows of CSS colour and text."""
-    items = "".join(f'<li><i style="background:{colour}"></i>{escape(text)}</li>' for colour, text in rows)
+    swatch = '<svg aria-hidden="true" viewBox="0 0 16 11"><rect width="16" height="11" fill="{}"/></svg>'
+    items = "".join(f"<li>{swatch.format(escape(colour))}{escape(text)}</li>" for colour, text in rows)
     return f'<ul class="key">{items}</ul>'
 
 

@@ -6,7 +6,6 @@ import datetime as dt
 import math
 from collections import Counter
 from collections.abc import Iterable
-from html import escape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -36,7 +35,7 @@ from furrowmap.exporters.reports.drawings import (
     tool_graph,
     work_map,
 )
-from furrowmap.exporters.reports.page_parts import figure, filled, key, key_figure, remark, section, table
+from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, remark, section, table
 from furrowmap.exporters.reports.run_report import points_by_class
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 

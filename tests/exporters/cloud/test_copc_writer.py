@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pyproj import CRS
 
@@ -297,6 +298,40 @@ def test_any_cloud__comes_back_whole(xyz_m: NDArray[np.float64], memory: int, ba
             assert len(reader.query()) == len(xyz_m)
         assert misplaced(written.path) == 0
         assert names(Path(folder)) == ["a.copc.laz"]
+
+
+KINDS = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
+
+
+@settings(max_examples=20)
+@given(kinds=st.lists(st.sampled_from(KINDS), min_size=1, max_size=3), data=st.data(), batches=st.integers(1, 3))
+def test_extra_dimensions__state_their_least_and_greatest_value(
+    kinds: list[str], data: st.DataObject, batches: int
+) -> None:
+    """In the bytes after LAS 1.4 R15, table 24: options, then eight bytes each of nodata, least and greatest."""
+    extra = {f"extra {k}": data.draw(arrays(np.dtype(kind), 5)) for k, kind in enumerate(kinds)}
+    kind = replace(KIND, extra=[(name, values.dtype.name, "") for name, values in extra.items()])
+    with TemporaryDirectory() as folder:
+        path = write(Path(folder) / "a.copc.laz", replace(cloud(surface(5)), extra=extra), batches, kind).path
+        with laspy.open(path) as reader:
+            record = reader.header.vlrs.get("ExtraBytesVlr")[0].record_data_bytes()
+    assert len(record) == 192 * len(kinds)
+    for k, values in enumerate(extra.values()):
+        one = record[192 * k : 192 * (k + 1)]
+        known = values[~np.isnan(values)]
+        assert one[3] & 0b110 == (0b110 if len(known) else 0)
+        wide = {"u": "<u8", "i": "<i8", "f": "<f8"}[values.dtype.kind]
+        stated = np.frombuffer(one, wide)[[8, 11]]
+        if len(known):
+            assert stated.astype(values.dtype).tolist() == [known.min(), known.max()]
+
+
+def test_extra_dimensions__of_a_file_without_points_state_nothing(tmp_path: Path) -> None:
+    with CopcWriter(tmp_path / "a.copc.laz", KIND):
+        pass
+    with laspy.open(tmp_path / "a.copc.laz") as reader:
+        (scan,) = reader.header.vlrs.get("ExtraBytesVlr")[0].extra_bytes_structs
+    assert (scan.min, scan.max) == (None, None)
 
 
 def test_coordinates__are_within_half_a_step(tmp_path: Path) -> None:
