@@ -16,7 +16,7 @@ from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.result_folder import REPORT, open_result
+from furrowmap.exporters.files.result_folder import REPORT, ResultFolder, open_result, reading_result
 from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
@@ -75,21 +75,26 @@ def export(
     progress("exporting", 0.0)
     target = Path(out) if out is not None else _default(folders[0], to)
     _refuse_existing(target, overwrite=overwrite)
-    if to == STAC:
-        with staged_folder(target) as staging:
-            write_collection(staging, opened, target)
-            names = sorted(path.name for path in staging.iterdir())
-        return Exported(target, tuple(target / name for name in names), ())
-    if to == TASK_DATA:
-        notices = write_task_data(opened[0], target)
-        files = sorted(target.iterdir()) if target.is_dir() else [target]
-    else:
-        chosen, result = FORMATS[to], opened[0]
-        found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
-        found, notices = changed_crs(found, chosen.crs or wanted)
-        files, lost = write_vectors(chosen, target, found, result.origin)
-        notices += lost
+    with reading_result(folders[0]):
+        if to == STAC:
+            return _exported_catalogue(opened, target)
+        if to == TASK_DATA:
+            notices = write_task_data(opened[0], target)
+            files = sorted(target.iterdir()) if target.is_dir() else [target]
+        else:
+            chosen, result = FORMATS[to], opened[0]
+            found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
+            found, notices = changed_crs(found, chosen.crs or wanted)
+            files, lost = write_vectors(chosen, target, found, result.origin)
+            notices += lost
     return Exported(target, tuple(files), tuple(notices))
+
+
+def _exported_catalogue(opened: Sequence[ResultFolder], target: Path) -> Exported:
+    with staged_folder(target) as staging:
+        write_collection(staging, opened, target)
+        names = sorted(path.name for path in staging.iterdir())
+    return Exported(target, tuple(target / name for name in names), ())
 
 
 def _default(folder: Path, to: str) -> Path:

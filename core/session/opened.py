@@ -21,6 +21,7 @@ from furrowmap.core.readers.reader import (
 )
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.file_names import leads_out
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
@@ -224,7 +225,7 @@ def resolve(session_file: Path, named: str) -> Path:
         path = (folder / named).resolve()
         inside = list(path.iterdir()) if path.is_dir() else []
         is_whole = any(_of_a_whole(file) for file in inside)
-        leads_out = any(not place.resolve().is_relative_to(folder) for place in (path, *(inside if is_whole else ())))
+        is_outside = any(leads_out(place, folder) for place in (path, *(inside if is_whole else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
         raise InputError(
@@ -233,7 +234,7 @@ def resolve(session_file: Path, named: str) -> Path:
             "Correct the file name in the session file; paths are relative to that file.",
             code="session-file-missing",
         ) from None
-    if leads_out:
+    if is_outside:
         raise InputError(
             f"{session_file}: {named!r} is outside the session's folder.",
             "A session file may only name files in its own folder or below, so that a foreign one cannot read others.",

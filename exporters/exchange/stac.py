@@ -17,6 +17,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.stated_frame import stated_frame
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.file_names import is_file_name
 from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.result_folder import (
@@ -50,6 +51,8 @@ _KINDS: Final = {  # media type, title, roles
 _COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
 _EDGE_POINTS: Final = 6
 _DIGITS_DEG: Final = 7
+_NAME_BYTES: Final = 200
+"""Longest name of a session in an identifier, so that a file can be named after it."""
 
 
 def run_item(report: dict[str, Any]) -> pystac.Item:
@@ -102,7 +105,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         )
     item.properties["furrowmap:height_m"] = [low, high]
     for name in report["products"]:
-        if kind := _kind(name):
+        if is_file_name(name) and (kind := _kind(name)):
             media, title, roles = kind
             item.add_asset(Path(name).stem.split(".")[0], pystac.Asset(f"./{name}", title, None, media, roles))
     return item
@@ -174,7 +177,7 @@ def _link(path: Path, start: Path) -> str:
 def _identifier(report: dict[str, Any]) -> str:
     """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
-    words = "-".join(part for part in name.split("-") if part)[:80]
+    words = "-".join(part for part in name.split("-") if part)[:80].encode()[:_NAME_BYTES].decode(errors="ignore")
     return f"{words or 'session'}-{datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import unicodedata
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,11 +14,13 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.values.errors import FurrowmapError, Notice
+from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.values.file_names import inside
 from furrowmap.exporters.exchange.kml import write_kml
-from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.atomic import atomic_output, naming
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import FIELD
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.geopackage import write_styles
 
@@ -68,12 +72,34 @@ def write_vectors(
         with atomic_output(target) as unfinished:
             return [target], chosen.write_all(unfinished, layers, origin)
     assert chosen.write_one is not None
-    with staged_folder(target) as staging:
-        for name, layer in layers.items():
-            chosen.write_one(staging / f"{name}{chosen.suffix}", layer)
+    with staged_folder(target) as staging, naming(target):
+        for path, layer in zip(_layer_files(staging, list(layers), chosen.suffix), layers.values(), strict=True):
+            chosen.write_one(path, layer)
         origin.write_beside(staging)
         names = sorted(path.name for path in staging.iterdir())
     return [target / name for name in names], chosen.notices(layers)
+
+
+def _layer_files(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
+    """A file in `folder` for each layer.
+
+    Raises:
+        InputError: if a layer's name cannot be that of a file, or two are the same where case is ignored.
+    """
+    source = Path(FIELD)
+    paths = [inside(folder, f"{name}{suffix}", source) for name in names]
+    same = Counter(unicodedata.normalize("NFKC", path.name).casefold() for path in paths)
+    if len(same) < len(paths):
+        twins = [
+            n for n, p in zip(names, paths, strict=True) if same[unicodedata.normalize("NFKC", p.name).casefold()] > 1
+        ]
+        raise InputError(
+            f"{source} has layers whose files would have the same name on some systems: {', '.join(twins)}.",
+            "One would replace the other, so nothing was written.",
+            "Export them one at a time with --layer, or choose a format with all layers in one file, such as gpkg.",
+            code="layer-names-equal",
+        )
+    return paths
 
 
 def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDataFrame], list[Notice]]:
@@ -192,16 +218,24 @@ def _iso(times: Any) -> Any:
 
 
 def _short_names(layer: gpd.GeoDataFrame) -> dict[str, str]:
-    """Unique names of at most ten letters for the fields: the words before the unit are cut to one length."""
+    """Names of at most ten bytes that differ in more than case: the words before the unit are cut to one length."""
     short: dict[str, str] = {}
+    taken: set[str] = set()
     for name in (str(column) for column in layer.columns if column != layer.geometry.name):
         words = name.split("_")
         room = _NAME_BYTES
-        while len(name) > _NAME_BYTES and len("_".join(word[:room] for word in words)) > _NAME_BYTES:
+        while room > 1 and len("_".join(word[:room] for word in words).encode()) > _NAME_BYTES:
             room -= 1
-        cut, number = "_".join(word[:room] for word in words), 1
-        while cut in short.values():
+        whole, number = "_".join(word[:room] for word in words), 1
+        cut = _cut(whole, _NAME_BYTES)
+        while cut.casefold() in taken:
             number += 1
-            cut = f"{cut[: _NAME_BYTES - len(str(number))]}{number}"
+            cut = f"{_cut(whole, _NAME_BYTES - len(str(number)))}{number}"
         short[name] = cut
+        taken.add(cut.casefold())
     return short
+
+
+def _cut(text: str, size: int) -> str:
+    """The beginning of a text that takes at most `size` bytes."""
+    return text.encode()[:size].decode(errors="ignore")

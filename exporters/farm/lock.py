@@ -54,7 +54,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
 
 def _try(lock: Path) -> int | None:
     """The descriptor of the file at `lock`, locked; None while another process has it."""
-    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
     if _locked(descriptor):
         with suppress(OSError):
             if os.path.samestat(os.fstat(descriptor), lock.stat()):

@@ -20,6 +20,7 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.file_names import leads_out
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     FIELD,
@@ -28,7 +29,7 @@ from furrowmap.exporters.files.result_folder import (
     TRAJECTORY,
     ResultFolder,
     open_result,
-    unreadable,
+    reading_result,
 )
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 from furrowmap.exporters.vectors.geopackage import read_layer
@@ -112,14 +113,16 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
         RefusedError: if a run is writing to the folder.
     """
     result = open_result(folder)
-    path = folder / FIELD
-    try:
-        layers = {name: read_layer(path, name) for name in result.layer_names if _LAYER_NAME.fullmatch(name)}
-        driven = layers.pop(TRAJECTORY)
-        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
-        start, end = driven.columns["time"][[0, -1]]
-    except (LookupError, TypeError, ValueError, RuntimeError) as error:  # pyogrio's own errors are RuntimeErrors
-        raise unreadable(path, error) from None
+    with reading_result(folder / FIELD):
+        return _session_result(result, zone)
+
+
+def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResult:
+    folder, path = result.folder, result.folder / FIELD
+    layers = {name: read_layer(path, name) for name in result.layer_names if _LAYER_NAME.fullmatch(name)}
+    driven = layers.pop(TRAJECTORY)
+    crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+    start, end = driven.columns["time"][[0, -1]]
     name = str(result.report["session"]["name"])
     recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
     identity = {
@@ -172,7 +175,9 @@ def _provenance(result: ResultFolder, identity: Mapping[str, str]) -> Layer:
         "base_by": version("furrowmap"),
         "added": np.datetime64("now", "ms"),
         "report": (result.folder / REPORT).read_text("utf-8"),
-        "session_toml": session.read_text("utf-8") if session.is_file() else None,
+        "session_toml": session.read_text("utf-8")
+        if session.is_file() and not leads_out(session, result.folder)
+        else None,
     }
     description = "The report of each session, and its session file with all defaults"
     return Layer(PROVENANCE, "", description, geometry_array([None]), _row(row))

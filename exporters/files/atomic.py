@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import platform
 import re
 import secrets
 import sys
@@ -13,9 +11,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.errors import FurrowmapError, RefusedError
+from furrowmap.exporters.files.owner import PATTERN, Owner, machine
 
-_UNFINISHED: Final = re.compile(r"\.furrowmap-(?P<host>[0-9a-f]{8})-(?P<process>\d+)-[0-9a-f]{8}\b.*", re.DOTALL)
+_UNFINISHED: Final = re.compile(rf"\.furrowmap-({PATTERN})-[0-9a-f]{{8}}\b.*", re.DOTALL)
+
+_LIBRARIES: Final = ("pyogrio", "rasterio", "sqlite3")
+"""Packages whose errors on a full disk are not system errors."""
 
 
 @contextmanager
@@ -33,20 +35,43 @@ def atomic_output(path: Path) -> Iterator[Path]:
         OSError: if the file cannot be written or renamed (another program may have it open).
     """
     remove_abandoned(path.parent)
-    unfinished = path.with_name(f".furrowmap-{_host()}-{os.getpid()}-{secrets.token_hex(4)}{path.suffix[:16]}")
+    unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
     try:
-        yield unfinished
-        _flush(unfinished)
-        unfinished.replace(path)
-        _flush_folder(path.parent)
-    except OSError as error:
-        error.filename = error.filename or str(path)  # a full disk does not name the file
-        raise
+        with naming(path):
+            yield unfinished
+            flush(unfinished)
+            unfinished.replace(path)
+            flush_folder(path.parent)
     finally:
         for left in path.parent.iterdir():
             if left.name.startswith(unfinished.name):
                 with suppress(OSError):
                     left.unlink()
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let the errors of a full disk name the file or folder that is being written; few libraries do.
+
+    Raises:
+        FurrowmapError: for errors of SQLite, GDAL and their wrappers.
+        OSError: with the name.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or _UNFINISHED.fullmatch(Path(os.fsdecode(error.filename)).name):
+            error.filename = str(path)
+        raise
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in _LIBRARIES:
+            raise
+        raise FurrowmapError(
+            f"{path} cannot be written ({type(error).__name__}: {error}).",
+            "The disk may be full; no partial files were left, and an earlier file is unchanged.",
+            "Check the space and the permissions there, or choose another place with -o.",
+            code="not-written",
+        ) from error
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
@@ -76,36 +101,22 @@ def remove_abandoned(folder: Path) -> None:
     """Remove the unfinished files in `folder` whose process, on this machine, has ended."""
     for left in folder.iterdir():
         match = _UNFINISHED.fullmatch(left.name)
-        if match and match["host"] == _host() and not is_running(int(match["process"])):
+        owner = Owner.of(match[1]) if match else None
+        if owner is None or owner.machine != machine() or owner == Owner.here():
+            continue
+        # Windows does not show whether a process runs, but it does not remove open files either.
+        if owner.is_running() is False or sys.platform == "win32":
             with suppress(OSError):
                 left.unlink()
 
 
-def _host() -> str:
-    return hashlib.sha256(platform.node().encode()).hexdigest()[:8]
-
-
-def is_running(process: int) -> bool:
-    """Whether a process of that number runs on this machine, as far as the system reports."""
-    if process == os.getpid():
-        return True
-    if sys.platform == "win32":  # signal 0 would end it; but open files are not removed there
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # of another user, or not a process number
-        return True
-    return True
-
-
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """Let the content of a file survive a loss of power."""
     with path.open("rb+") as file:
         os.fsync(file.fileno())
 
 
-def _flush_folder(folder: Path) -> None:
+def flush_folder(folder: Path) -> None:
     """Let the new name survive a loss of power; only POSIX opens folders."""
     if sys.platform != "win32":
         descriptor = os.open(folder, os.O_RDONLY)

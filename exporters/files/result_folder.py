@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
+import numpy as np
+import shapely
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.errors import FurrowmapError, InputError
+from furrowmap.core.values.file_names import inside
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover
 
@@ -55,6 +60,11 @@ def style_of(raster: str) -> str:
 def packaged_style(name: str) -> str:
     """A QGIS style of this package."""
     return files("furrowmap.exporters").joinpath("styles", name).read_text("utf-8")
+
+
+def packaged_styles() -> frozenset[str]:
+    """Names of the QGIS styles of this package."""
+    return frozenset(style.name for style in files("furrowmap.exporters").joinpath("styles").iterdir())
 
 
 RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS)
@@ -145,10 +155,11 @@ class ResultFolder:
                 f"Layers: {', '.join(self.layer_names)}.",
                 code="no-such-layer",
             )
-        try:
-            return gpd.read_file(self.folder / FIELD, layer=name)
-        except (OSError, RuntimeError, ValueError) as error:
-            raise unreadable(self.folder / FIELD, error) from None
+        with reading_result(self.folder / FIELD):
+            layer = gpd.read_file(self.folder / FIELD, layer=name)
+            if layer.crs is None or not np.isfinite(shapely.get_coordinates(layer.geometry.to_numpy())).all():
+                raise ValueError(f"layer '{name}' has no CRS, or coordinates that are not finite")
+        return layer
 
 
 def result_origin(report: dict[str, Any], name: str = "") -> Origin:
@@ -183,8 +194,9 @@ def open_result(folder: Path) -> ResultFolder:
     """
     from furrowmap.exporters.files.ogr import pyogrio
 
-    if folder.is_dir():
-        recover(folder)
+    recover(folder)
+    for name in (REPORT, FIELD):
+        inside(folder, name, folder)
     try:
         report = msgspec.json.decode((folder / REPORT).read_bytes(), type=dict[str, Any])
         msgspec.convert(report, _Report)
@@ -195,13 +207,28 @@ def open_result(folder: Path) -> ResultFolder:
             "Name the folder that the run printed when it ended.",
             code="no-result",
         ) from None
-    except (ValueError, msgspec.ValidationError) as error:
+    except (ValueError, RecursionError, msgspec.ValidationError) as error:
         raise unreadable(folder / REPORT, error) from None
     try:
         layers = [str(name) for name, kind in pyogrio.list_layers(folder / FIELD) if kind is not None]
     except (RuntimeError, ValueError) as error:  # pyogrio's own errors are RuntimeErrors
         raise unreadable(folder / FIELD, error) from None
     return ResultFolder(folder, report, tuple(layers))
+
+
+@contextmanager
+def reading_result(folder: Path) -> Iterator[None]:
+    """Turn whatever a library raises on the damaged content of a result into an error of its own.
+
+    Raises:
+        InputError: for errors that are neither furrowmap's own nor the system's.
+    """
+    try:
+        yield
+    except (FurrowmapError, OSError, MemoryError, ImportError):
+        raise
+    except Exception as error:
+        raise unreadable(folder, error) from error
 
 
 def unreadable(path: Path, error: Exception) -> InputError:

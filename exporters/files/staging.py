@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
-import os
-import platform
+import secrets
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.exporters.files.atomic import is_running
+from furrowmap.core.values.file_names import is_file_name
+from furrowmap.exporters.files.atomic import flush, flush_folder
+from furrowmap.exporters.files.lease import is_real_folder, is_revoked, leased, read_small, refuse_leased
 
-STAGING: Final = ".furrowmap-run"
-_OWNER: Final = "owner.json"
 _COMPLETE: Final = "complete.json"
+_PRODUCTS: Final = "products"
 
 
 def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
@@ -52,102 +52,129 @@ def staged_folder(folder: Path) -> Iterator[Path]:
     """
     created = not folder.exists()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        recover(folder)
-        staging = folder / STAGING
-        products = staging / "products"
-        _claim(staging)
-        products.mkdir()
-    except OSError as error:
-        raise InputError(
-            f"{folder}: {error.strerror or error}.",
-            "The products cannot be written there.",
-            "Choose a folder that you may write to with -o.",
-            code="output-unwritable",
-        ) from None
-    try:
-        yield products
-        names = {path.name for path in products.iterdir()}
-        _mark_complete(staging, sorted(names), sorted(_earlier(folder, names) - names))
+        with ExitStack() as stack:
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+                lease = stack.enter_context(leased(folder))
+                _finish_ended(folder, lease)
+                products = lease / _PRODUCTS
+                products.mkdir()
+            except OSError as error:
+                raise InputError(
+                    f"{folder}: {error.strerror or error}.",
+                    "The products cannot be written there.",
+                    "Choose a folder that you may write to with -o.",
+                    code="output-unwritable",
+                ) from None
+            try:
+                yield products
+                _commit(lease, folder)
+            except OSError:
+                if is_revoked(lease):
+                    raise _lost(folder) from None
+                raise
     except BaseException:
-        shutil.rmtree(staging, ignore_errors=True)
         if created:
             with suppress(OSError):
                 folder.rmdir()
         raise
-    _move_in(folder)
 
 
 def recover(folder: Path) -> None:
-    """Complete the move of a killed run's finished products, or remove unfinished ones.
+    """Complete the move of a killed run's finished products, and remove unfinished ones.
 
     Raises:
-        RefusedError: if the run is still writing.
+        RefusedError: if a run is writing to the folder.
+        OSError: if finished products cannot be moved.
     """
-    staging = folder / STAGING
-    if not staging.is_dir():
+    if folder.is_dir():
+        _finish_ended(folder)
+
+
+def _finish_ended(folder: Path, own: Path | None = None) -> None:
+    for lease in refuse_leased(folder, own):
+        _put_in_place(lease, folder)
+        shutil.rmtree(lease, ignore_errors=True)
+
+
+def _commit(lease: Path, folder: Path) -> None:
+    """Replace the earlier products by the new ones.
+
+    From the moment that the file `complete.json` exists the new products are valid, even if the process is killed.
+
+    Raises:
+        InputError: if a folder has the name of a product.
+        RefusedError: if another run has taken over the folder.
+        OSError: if the disk is full or the folder read-only.
+    """
+    products = _regular_files(lease / _PRODUCTS)
+    names = {path.name for path in products}
+    taken = sorted(name for name in names if (folder / name).is_dir())
+    if taken:
+        raise InputError(
+            f"{folder / taken[0]} is a folder.",
+            "The product of that name cannot be written.",
+            "Choose another folder with -o, or rename that one.",
+            code="output-is-folder",
+        )
+    for path in products:
+        flush(path)
+    content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - names)})
+    unfinished = lease / f"{_COMPLETE}.part"
+    unfinished.write_text(content, encoding="utf-8")
+    flush(unfinished)
+    if is_revoked(lease):
+        raise _lost(folder)
+    unfinished.replace(lease / _COMPLETE)
+    flush_folder(lease)
+    _put_in_place(lease, folder)
+    flush_folder(folder)
+
+
+def _put_in_place(lease: Path, folder: Path) -> None:
+    """Move finished products to their places, and earlier ones without a successor away; nothing without any.
+
+    All changes are renamings out of the lease's folder or into it, so a run that has lost its lease changes nothing.
+    """
+    complete = _read(lease / _COMPLETE)
+    if not complete or not is_real_folder(lease / _PRODUCTS):
         return
-    owner = _read(staging / _OWNER)
-    process = owner.get("process")
-    foreign = owner.get("host") == platform.node() and process != os.getpid()
-    if foreign and isinstance(process, int) and is_running(process):
-        raise _busy(folder, f"another run (process {process}) is writing there")
-    if (staging / _COMPLETE).exists():
-        _move_in(folder)
-    else:
-        shutil.rmtree(staging)
-
-
-def _busy(folder: Path, what: str) -> RefusedError:
-    return RefusedError(
-        f"{folder}: {what}.",
-        "Two runs into one folder would mix their products.",
-        "Wait for the other run, or choose another folder with -o.",
-        code="output-busy",
-    )
-
-
-def _claim(staging: Path) -> None:
-    try:
-        staging.mkdir()
-    except FileExistsError:
-        raise _busy(staging.parent, "another run has just started to write there") from None
-    (staging / _OWNER).write_text(json.dumps({"host": platform.node(), "process": os.getpid()}))
+    leaving = lease / secrets.token_hex(4)
+    leaving.mkdir()
+    gone = complete.get("gone")
+    for name in gone if isinstance(gone, list) else ():
+        if isinstance(name, str) and is_file_name(name) and (folder / name).is_file():
+            with suppress(FileNotFoundError):
+                (folder / name).replace(leaving / name)
+    for path in _regular_files(lease / _PRODUCTS):
+        with suppress(FileNotFoundError):  # another process completes the same
+            path.replace(folder / path.name)
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
     """The products that an earlier report with the name of a new one lists under "products"."""
     listed = [_read(folder / name).get("products") for name in names if name.endswith(".json")]
     found = [name for products in listed if isinstance(products, list) for name in products]
-    return {name for name in found if isinstance(name, str) and Path(name).name == name and (folder / name).is_file()}
+    return {name for name in found if isinstance(name, str) and is_file_name(name) and (folder / name).is_file()}
 
 
-def _mark_complete(staging: Path, names: list[str], gone: list[str]) -> None:
-    """Commit: from here on the new products replace the earlier ones, even if the process is killed."""
-    unfinished = staging / "complete.part"
-    with unfinished.open("w") as file:
-        json.dump({"products": names, "gone": gone}, file)
-        file.flush()
-        os.fsync(file.fileno())
-    unfinished.replace(staging / _COMPLETE)
+def _regular_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.is_file() and not path.is_symlink())
 
 
-def _move_in(folder: Path) -> None:
-    """Move the products to their places, and remove earlier ones without a successor."""
-    staging = folder / STAGING
-    complete = json.loads((staging / _COMPLETE).read_text())
-    for name in complete["products"]:
-        with suppress(FileNotFoundError):  # moved before the process was killed
-            (staging / "products" / name).replace(folder / name)
-    for name in complete["gone"]:
-        (folder / name).unlink(missing_ok=True)
-    shutil.rmtree(staging)
+def _lost(folder: Path) -> RefusedError:
+    return RefusedError(
+        f"{folder}: another run has taken over the folder.",
+        "This process had not shown any activity for some time, as a computer that sleeps; its products were removed.",
+        "Run the command again.",
+        code="output-lost",
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
     """A JSON object; empty for a missing or damaged file."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = json.loads(read_small(path))
+    except (ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}

@@ -19,7 +19,7 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import packaged_style
+from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 
 _UTC_OFFSET: Final = 100
@@ -113,14 +113,18 @@ def read_layer(path: Path, name: str) -> Layer:
 
     Raises:
         RuntimeError: (pyogrio's own errors) if it cannot be read.
+        ValueError: if coordinates are not finite, or the columns are damaged.
     """
-    meta, _, shapes, data = pyogrio.raw.read(path, layer=name)
+    meta, _, wkb, data = pyogrio.raw.read(path, layer=name)
+    shapes = geometry_array(shapely.from_wkb(wkb))
+    if not np.isfinite(shapely.get_coordinates(shapes)).all():
+        raise ValueError(f"layer '{name}' has coordinates that are not finite")
     kind = str(meta["geometry_type"])
     kind = f"2.5D {kind.removesuffix(' Z')}" if kind.endswith(" Z") else kind
     description = (pyogrio.read_info(path, layer=name).get("layer_metadata") or {}).get("DESCRIPTION", "")
     fields = zip(meta["fields"], meta["dtypes"], data, strict=True)
     columns = {str(field): _typed(values, str(dtype)) for field, dtype, values in fields}
-    return Layer(name, kind, str(description), geometry_array(shapely.from_wkb(shapes)), columns)
+    return Layer(name, kind, str(description), shapes, columns)
 
 
 def _typed(values: NDArray[Any], dtype: str) -> NDArray[Any]:
@@ -143,9 +147,10 @@ def write_styles(path: Path, layers: Sequence[str]) -> None:
 
     Args:
         path: of the GeoPackage.
-        layers: names of layers of `field.gpkg`.
+        layers: names of its layers; those without a packaged style get none.
     """
-    store_styles(path, {name: packaged_style(f"{name}.qml") for name in layers})
+    packaged = packaged_styles()
+    store_styles(path, {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged})
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:

@@ -27,7 +27,8 @@ import rasterio
 
 from furrowmap.core.simulator.scenario_file import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.exporters.files.staging import STAGING, recover
+from furrowmap.exporters.files.lease import leases
+from furrowmap.exporters.files.staging import recover
 from tests.exporters.farm.result_folders import write_result
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -153,7 +154,7 @@ def test_kill__leaves_the_old_products_or_the_new_ones(tmp_path: Path, program: 
         recover(target)
         found = content(target, deed)
         assert found in contents.values(), end
-        assert not (target / STAGING).exists()
+        assert not leases(target)
         seen.append(found == contents[new])
     assert False in seen
     assert program.does(deed, new, target)["status"] == 0

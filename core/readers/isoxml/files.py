@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.file_names import is_file_name, leads_out
 
 MAIN: Final = "TASKDATA.XML"
 MOST_FILES: Final = 100_000
@@ -140,7 +141,7 @@ def _one_main(path: Path, names: list[str]) -> PurePosixPath:
 def _of_folder(folder: Path) -> TaskFiles:
     names = _folder_names(folder)
     inside = folder / _one_main(folder, names)
-    files = [p for p in sorted(inside.iterdir()) if p.is_file() and p.resolve().is_relative_to(inside.resolve())]
+    files = [p for p in sorted(inside.iterdir()) if p.is_file() and not leads_out(p, inside)]
     return TaskFiles(folder, (), {p.name.upper(): partial(_read_file, p) for p in files})
 
 
@@ -194,8 +195,9 @@ def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     if len(entries) > MOST_FILES:
         fault = f"it has {len(entries):,} files"
     for entry in entries:
-        name = entry.filename.replace("\\", "/")
-        if name.startswith("/") or ".." in name.split("/") or ":" in name:
+        # A backslash separates folders in archives of some programs for Windows.
+        parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
+        if not parts or not all(map(is_file_name, parts)):
             fault = f"the name {entry.filename!r} points outside the archive"
         elif stat.S_ISLNK(entry.external_attr >> 16):
             fault = f"{entry.filename!r} is a link"

@@ -15,6 +15,7 @@ from furrowmap.core.readers.rosbag.rosbag1 import Rosbag1File
 from furrowmap.core.readers.rosbag.storage import BagMessage, Storage
 from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.file_names import is_file_name
 
 METADATA: Final = "metadata.yaml"
 
@@ -95,7 +96,7 @@ class BagFiles:
         metadata = self._metadata(path)
         if metadata is not None:
             self._declared += metadata.messages
-            missing = [name for name in metadata.files if not (path / name).is_file()]
+            missing = [name for name in metadata.files if not (is_file_name(name) and (path / name).is_file())]
             if missing:
                 self._note("bag-file-missing", f"{path}: missing files of the bag: {', '.join(missing)}.")
             files = [path / name for name in metadata.files if name not in missing] or files
@@ -123,8 +124,8 @@ class BagFiles:
             )
             return None
         # Folders in the names are ignored, so that nothing outside the bag is read.
-        names = (line.strip().removeprefix("- ").strip("\"'") for line in files[1].splitlines())
-        return _Metadata(tuple(PurePath(name).name for name in names), int(messages[1]))
+        names = (PurePath(line.strip().removeprefix("- ").strip("\"'")).name for line in files[1].splitlines())
+        return _Metadata(tuple(names), int(messages[1]))
 
     def _note(self, code: str, text: str) -> None:
         self.notices.append(Notice(code, text))

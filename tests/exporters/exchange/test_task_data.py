@@ -16,10 +16,11 @@ from isoxml.util.isoxml_io import isoxml_from_path
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.json_text import json_text
+from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.session import Crs
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.task_data import write_task_data
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME
@@ -165,11 +166,13 @@ def test_a_stated_boundary__is_the_fields(products: Path, tmp_path: Path) -> Non
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     report["session"]["field"]["boundary"] = "boundary.geojson"
     report["session_file"] = "../session.toml"
-    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
     ring = shapely.Polygon([(139.0, 36.0), (139.002, 36.0), (139.002, 36.001), (139.0, 36.001)], [
         [(139.0005, 36.0003), (139.001, 36.0003), (139.001, 36.0006)],
     ])  # fmt: skip
-    gpd.GeoDataFrame(geometry=[ring], crs="EPSG:4326").to_file(folder.parent / "boundary.geojson", driver="GeoJSON")
+    boundary = folder.parent / "boundary.geojson"
+    gpd.GeoDataFrame(geometry=[ring], crs="EPSG:4326").to_file(boundary, driver="GeoJSON")
+    report["inputs"] += plain(file_records([boundary], folder.parent))
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
     assert {notice.code for notice in write_task_data(open_result(folder), tmp_path / "out")} == {
         "crs-change-loose"
     }  # of the way
@@ -177,6 +180,24 @@ def test_a_stated_boundary__is_the_fields(products: Path, tmp_path: Path) -> Non
     (polygon,) = content.partfields[0].polygons
     assert shapely.equals(ShapelyConverterV4().to_shapely_polygon(polygon), ring)
     assert content.partfields[0].area == pytest.approx(20_000 - 750, rel=0.02)
+
+
+@pytest.mark.parametrize("stated", ["boundary.geojson", "../../../etc/passwd", "/dev/zero", "a\0b"])
+def test_promise_23__no_other_file_than_the_one_that_the_run_read_is_opened(
+    products: Path, tmp_path: Path, stated: str
+) -> None:
+    folder = tmp_path / "session" / "result"
+    shutil.copytree(products, folder)
+    (folder.parent / "boundary.geojson").write_text('{"type": "FeatureCollection", "features": []}')
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    report["session"]["field"]["boundary"] = stated
+    report["session_file"] = "../session.toml"
+    report["inputs"] += [{"name": stated, "bytes": 42, "sha256": "0" * 64}]
+    (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
+    notices = write_task_data(open_result(folder), tmp_path / "out")
+    assert any(
+        notice.code == "boundary-lost" and "is not the boundary that the run read" in notice.text for notice in notices
+    )
 
 
 def test_a_run_that_knows_no_tool__has_no_task_data(products: Path, tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -75,3 +77,16 @@ def coverage() -> shapely.Geometry:
     ground = field()[1].ground
     assert ground is not None
     return ground.coverage
+
+
+def rename_layer(path: Path, old: str, new: str) -> None:
+    """Give a layer of a GeoPackage a name that GDAL would not write."""
+    with closing(sqlite3.connect(path)) as database, database:
+        quoted = new.replace('"', '""')
+        triggers = database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall()
+        for (trigger,) in triggers:
+            database.execute(f'DROP TRIGGER "{trigger}"')
+        database.execute(f'ALTER TABLE "{old}" RENAME TO "{quoted}"')
+        for table in ("gpkg_contents", "gpkg_geometry_columns", "gpkg_ogr_contents"):
+            database.execute(f"UPDATE {table} SET table_name = ? WHERE table_name = ?", (new, old))
+        database.execute("UPDATE gpkg_contents SET identifier = ? WHERE table_name = ?", (new, new))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import platform
 import signal
 import subprocess
 import sys
@@ -13,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.exporters.files.staging import STAGING, recover, staged_folder
+from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.files.lease import leases
+from furrowmap.exporters.files.staging import recover, staged_folder
 
 NAMES = ("cloud.copc.laz", "field.gpkg", "report.json")
 
@@ -58,29 +58,13 @@ def test_an_interruption_leaves_the_old_products_and_nothing_else(tmp_path: Path
         (staging / "cloud.copc.laz").write_text("half")
         raise error
     assert contents(tmp_path / "out") == {"old"}
-    assert not (tmp_path / "out" / STAGING).exists()
+    assert not leases(tmp_path / "out")
 
 
 def test_an_interruption_takes_a_new_folder_with_it(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt), staged_folder(tmp_path / "out"):
         raise KeyboardInterrupt
     assert not (tmp_path / "out").exists()
-
-
-def test_a_second_run_is_refused_while_the_first_is_at_work(tmp_path: Path) -> None:
-    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    try:
-        staging = tmp_path / STAGING
-        staging.mkdir()
-        (staging / "owner.json").write_text(json.dumps({"host": platform.node(), "process": sleeper.pid}))
-        with pytest.raises(RefusedError, match=str(sleeper.pid)):
-            write(tmp_path, "new")
-        assert staging.exists()
-    finally:
-        sleeper.kill()
-        sleeper.wait()
-    write(tmp_path, "new")
-    assert contents(tmp_path) == {"new"}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="kills a process")
@@ -109,18 +93,23 @@ def test_a_killed_run_leaves_old_or_new_after_recovery(tmp_path: Path, delay_s: 
 
 @pytest.mark.skipif(os.name == "nt", reason="kills a process")
 @pytest.mark.parametrize("account", ["report.json", "surfaces.json", "provenance.json"])
-def test_a_kill_between_moving_in_and_removing_is_made_up_for(tmp_path: Path, account: str) -> None:
+def test_promise_20__a_kill_between_two_renamings_is_made_up_for(tmp_path: Path, account: str) -> None:
     names = ["dsm.tif", account]
     (tmp_path / account).write_text(json.dumps({"products": [*names, "low_spots.gpkg"]}))
     (tmp_path / "low_spots.gpkg").write_text("old")
     program = (
         "import json, os, sys; from pathlib import Path\n"
         "from furrowmap.exporters.files.staging import staged_folder\n"
-        "Path.unlink = lambda *_, **__: os.kill(os.getpid(), 9)\n"
+        "rename = Path.replace\n"
+        "def killed(path, target):\n"
+        "    if path.name == sys.argv[-1]: os.kill(os.getpid(), 9)\n"
+        "    return rename(path, target)\n"
+        "Path.replace = killed\n"
         "with staged_folder(Path(sys.argv[1])) as staging:\n"
         "    for name in sys.argv[2:]: (staging / name).write_text(json.dumps({'products': sys.argv[2:]}))\n"
     )
     assert subprocess.run([sys.executable, "-c", program, str(tmp_path), *names], check=False).returncode == -9
+    assert texts(tmp_path)[account] != json.dumps({"products": names}), "the kill came too late"
     recover(tmp_path)
     assert texts(tmp_path).keys() == set(names)
 
@@ -130,3 +119,12 @@ def test_a_folder_that_is_a_file_is_an_error_in_three_lines(tmp_path: Path) -> N
     with pytest.raises(InputError) as caught:
         write(tmp_path / "out", "new")
     assert len(str(caught.value).splitlines()) == 3
+
+
+def test_promise_19__a_folder_with_the_name_of_a_product_leaves_all_as_it_was(tmp_path: Path) -> None:
+    write(tmp_path, "old")
+    (tmp_path / "dsm.tif").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        write(tmp_path, "new", (*NAMES, "dsm.tif"))
+    assert contents(tmp_path) == {"old"}
+    assert not leases(tmp_path)

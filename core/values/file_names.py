@@ -1,0 +1,62 @@
+"""Names that were read from a file and become paths: they stay inside the folder that they belong to."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.values.errors import InputError
+
+LONGEST_BYTES: Final = 255
+"""Longest name of a file, in UTF-8, on the usual file systems."""
+_RESERVED: Final = re.compile(r"(?i:con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
+"""Names of devices on Windows, with any suffix."""
+_DRIVE: Final = re.compile(r"[A-Za-z]:")
+_CONTROL: Final = frozenset({"Cc", "Cs", "Zl", "Zp"})
+"""Unicode categories: control characters, halves of surrogate pairs, separators of lines and paragraphs."""
+
+
+def is_file_name(name: str) -> bool:
+    """Whether `name` is the name of one file inside a folder, on every system.
+
+    It has no separator, drive letter, control character or trailing dot or space (which Windows drops), is no device of
+    Windows, and not too long.
+    """
+    return (
+        0 < len(name.encode(errors="surrogatepass")) <= LONGEST_BYTES
+        and name == name.rstrip(". ")
+        and not any(c in "/\\" or unicodedata.category(c) in _CONTROL for c in name)
+        and _DRIVE.match(name) is None
+        and _RESERVED.fullmatch(name) is None
+    )
+
+
+def leads_out(path: Path, folder: Path) -> bool:
+    """Whether `path`, after following links, is outside `folder`, or cannot be followed."""
+    try:
+        return not path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # too long, a null byte, or a circle of links
+        return True
+
+
+def inside(folder: Path, name: str, source: Path) -> Path:
+    """The path of a file in `folder` whose name was read from a file.
+
+    Args:
+        folder: that the file is in.
+        name: of the file, without folders.
+        source: the file that states the name, for the message.
+
+    Raises:
+        InputError: if the name is not that of one file in the folder, or that file is a link that leads out of it.
+    """
+    if is_file_name(name) and not leads_out(folder / name, folder):
+        return folder / name
+    raise InputError(
+        f"{source}: {name!r} is not the name of a file in {folder}.",
+        "A file may only name files in its own folder; nothing was read from or written to that place.",
+        "Rename it if the file is yours; do not use a file of unknown origin that states such names.",
+        code="name-outside",
+    )
