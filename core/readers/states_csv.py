@@ -12,10 +12,11 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.last_line import cut_line_notice, is_whole
 from furrowmap.core.readers.reader import FileReader, Inspection
-from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.values.clock import LAST_S, iso_utc
+from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 LARGEST_BYTES: Final = 50_000_000
@@ -47,7 +48,8 @@ class StatesCsv(FileReader):
         Raises:
             InputError: with the line, if a row is invalid or the times do not increase.
         """
-        rows = [row for path in self.paths for row in _rows(path)]
+        self.notices = []
+        rows = [row for path in self.paths for row in _rows(path, self.notices)]
         for (t_s, *_), (later_s, *_, where) in pairwise(rows):
             if later_s <= t_s:
                 raise InputError(
@@ -76,7 +78,8 @@ class StatesCsv(FileReader):
         Raises:
             InputError: as :meth:`states`.
         """
-        states = StatesCsv(self.paths[:1], self.options).states()
+        reader = StatesCsv(self.paths[:1], self.options)
+        states = reader.states()
         length_s = np.where(np.isfinite(states.end_s), states.end_s, states.begin_s) - states.begin_s
         facts: dict[str, Any] = {
             "intervals": len(states),
@@ -87,16 +90,21 @@ class StatesCsv(FileReader):
         }
         if len(states):
             facts |= {"first": iso_utc(float(states.begin_s[0])), "last": iso_utc(float(states.begin_s[-1]))}
-        return Inspection(self.paths[0], self.format, self.title, facts)
+        return Inspection(self.paths[0], self.format, self.title, facts, notices=tuple(reader.notices))
 
 
-def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
+def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
     """(t_s, state, sigma_s, confidence, common_share, file and line) of each row."""
     with Source(path) as source:
-        data = source.read(LARGEST_BYTES + 1)
+        data, fault = source.read(LARGEST_BYTES + 1), source.fault
     if len(data) > LARGEST_BYTES:
         raise _bad(f"{path}: more than {LARGEST_BYTES:,} bytes")
     lines = data.decode("utf-8", "replace").splitlines()
+    if fault:
+        notices.append(cut_notice(path, fault))
+    if data and not data.endswith((b"\n", b"\r")) and not _is_whole(data.splitlines(), fault):
+        notices.append(cut_line_notice(path))
+        lines.pop()
     names, separator = columns_of(lines[0] if lines else "")
     for number, line in enumerate(lines[1:], start=2):
         cells = line.replace('"', "").split(separator)
@@ -112,6 +120,14 @@ def _rows(path: Path) -> Iterator[tuple[float, ToolState, float, float, float, s
         yield _time_s(row, where), _STATES[word], sigma_s, _share(confidence), _share(common), where
 
 
+def _is_whole(lines: list[bytes], fault: str) -> bool:
+    """Whether the last line is certainly complete; no state is the beginning of another."""
+    names, separator = columns_of(lines[0].decode("utf-8", "replace"))
+    cells = [cell.strip('" ').lower() for cell in lines[-1].decode("utf-8", "replace").split(separator)]
+    word = len(cells) == len(names) and cells[-1] in _STATES
+    return not fault and (word or is_whole(lines[-1], lines[1:-1]))
+
+
 def _share(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
@@ -119,15 +135,15 @@ def _share(value: float) -> float:
 def _time_s(row: dict[str, str], where: str) -> float:
     if row.get("t_s"):
         t_s = _number(row, "t_s", where, math.nan)
-        if not math.isfinite(t_s):
+        if not 0.0 <= t_s < LAST_S:
             raise _bad(f"{where}: the time is {row['t_s'][:40]!r}")
         return t_s
     text = row.get("time", "")
     try:
         when = dt.datetime.fromisoformat(text)
-    except ValueError:
+        return when.timestamp() if when.tzinfo is not None else when.replace(tzinfo=dt.UTC).timestamp()
+    except (ValueError, OverflowError):
         raise _bad(f"{where}: the time is {text[:40]!r}") from None
-    return when.timestamp() if when.tzinfo is not None else when.replace(tzinfo=dt.UTC).timestamp()
 
 
 def _number(row: dict[str, str], name: str, where: str, default: float) -> float:

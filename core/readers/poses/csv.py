@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.last_line import cut_line_notice, is_whole
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
@@ -23,6 +24,7 @@ from furrowmap.core.values.errors import InputError, Notice
 FloatArray = NDArray[np.float64]
 
 CHUNK_BYTES: Final = 1 << 23
+LONGEST_TAIL: Final = 8192
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 PROJECTED: Final = ("e_m", "n_m", "h_m")
@@ -76,7 +78,7 @@ class PoseCsv(PoseFile):
         """
         inspection = super().inspect()
         with Source(self.paths[0]) as source:
-            pieces = _pieces(source)
+            pieces = _pieces(source, [])
             header = _Header.of(next(pieces, b""))
             place = header.place(next(pieces, b"").partition(b"\n")[0]) if header.projected else {}
         unused = [name for name in header.names if name not in header.columns]
@@ -85,7 +87,7 @@ class PoseCsv(PoseFile):
 
     def _read(self, path: Path) -> RawPoses:
         with Source(path) as source:
-            pieces = _pieces(source)
+            pieces = _pieces(source, self.notices)
             header = _Header.of(next(pieces, b""))
             header.check(path)
             blocks = [np.empty((0, len(header.columns)))]
@@ -197,9 +199,9 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
 
 
-def _pieces(source: Source) -> Iterator[bytes]:
-    """The first line, then pieces of complete lines; the incomplete last line of a damaged stream is dropped."""
-    rest = b""
+def _pieces(source: Source, notices: list[Notice]) -> Iterator[bytes]:
+    """The first line, then pieces of complete lines; a last line that may be cut is dropped."""
+    rest = tail = b""
     first = True
     while block := source.read(CHUNK_BYTES):
         rest += block
@@ -210,9 +212,13 @@ def _pieces(source: Source) -> Iterator[bytes]:
         end = rest.rfind(b"\n") + 1
         if end and not first:
             yield rest[:end]
-            rest = rest[end:]
-    if rest.strip() and not source.fault:
+            tail, rest = rest[max(0, end - LONGEST_TAIL) : end], rest[end:]
+    if not rest.strip() or source.fault:
+        return
+    if is_whole(rest, tail.splitlines()):
         yield rest
+    else:
+        notices.append(cut_line_notice(source.path))
 
 
 def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:

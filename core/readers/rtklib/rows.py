@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.last_line import COMPARED, is_whole
 from furrowmap.core.readers.source import Source
 
 CHUNK_BYTES: Final = 1 << 22
@@ -22,6 +23,8 @@ LONGEST: Final = 2048
 FEWEST: Final = 5
 """Minimum number of values after the time: three of position, quality, satellites."""
 MOST: Final = 24
+CUT: Final = b" (cut)"
+"""Makes a last line no row, and so a damaged one."""
 
 _NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _BETWEEN = rb"[ \t,;]+"
@@ -144,15 +147,17 @@ def finished(gathered: _Gathering) -> Rows:
 
 
 def _lines(source: Source) -> Iterator[list[bytes]]:
-    rest = b""
+    """Lists of lines; a last line that may be cut ends with :data:`CUT`."""
+    rest, before = b"", [b""]
     while True:
         block = source.read(CHUNK_BYTES)
         if not block:
             if rest:
-                yield [rest]
+                yield [rest if is_whole(rest, before) and not source.fault else rest + CUT]
             return
         *whole, rest = (rest + block).split(b"\n")
         rest = rest[: LONGEST + 1]  # a longer line is not a row and need not be kept
+        before = (before + [line for line in whole[-COMPARED:] if not line.startswith(b"%")])[-COMPARED:]
         yield whole
 
 
