@@ -32,6 +32,9 @@ _WEST_EAST_DEG: Final = (100.0, 180.0)
 """Where mesh codes are defined (JIS X 0410)."""
 LARGEST_BYTES: Final = 50_000_000
 """The largest official file (TKY2JGD, 390,000 nodes) has 11 MB."""
+LARGEST: Final = (1.0 / 60.0, 1.0 / 60.0, 100.0)
+_ROW: Final = re.compile(r"[0-9]{8}(\s+-?[0-9]+\.[0-9]{5}){1,3}\s*|\s*")
+"""The columns are of fixed width: with a digit lost, all behind it would be read from the wrong place."""
 _ROUNDS: Final = 6
 """Iterations of the inverse: parameters vary by less than 1e-3, so each adds three digits."""
 _JAPAN: Final = dt.timezone(dt.timedelta(hours=9))
@@ -156,12 +159,15 @@ def read_parameters(path: Path) -> ParameterFile:
         raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
     try:
         found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
-    except jgdtrans.ParseParFileError as error:
-        raise _unreadable(path, str(error)) from None
+    except Exception as error:  # noqa: BLE001 damage ends in errors of several families
+        raise _unreadable(path, str(error) or type(error).__name__) from None
+    damaged = next((k for k, line in enumerate(lines[head:], start=1 + (head or 0)) if not _ROW.fullmatch(line)), 0)
+    if damaged:
+        raise _unreadable(path, f"line {damaged} is not a mesh code and parameters")
     codes = np.array(sorted(found), np.int64)
     rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
-    if not np.isfinite(rows).all():
-        raise _unreadable(path, "some of its parameters are not numbers")
+    if not _plausible(rows):
+        raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
     year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
     days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
     return ParameterFile(path.name, kind, days, codes, rows)
@@ -175,9 +181,14 @@ def _quarter(path: Path, lines: list[str]) -> ParameterFile:
         raise _unreadable(path, str(error)) from None
     order = np.argsort(found.codes)
     rows = found.corrections[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
-    if not np.isfinite(rows).all():
-        raise _unreadable(path, "some of its parameters are not numbers")
+    if not _plausible(rows):
+        raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
     return ParameterFile(path.name, QUARTER, found.days, found.codes[order], rows, found.from_map)
+
+
+def _plausible(rows: FloatArray) -> bool:
+    """Whether parameters (n, 3) are numbers of the size of a change of datum: up to a minute of arc and 100 m."""
+    return bool(len(rows)) and bool((np.abs(rows) <= LARGEST).all())
 
 
 def _kind(lines: list[str], head: int | None) -> str | None:

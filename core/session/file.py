@@ -24,6 +24,7 @@ from furrowmap.core.values.session import (
     SCHEMA,
     Session,
 )
+from furrowmap.core.values.toml_text import parse_toml
 
 FARTHEST_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
@@ -74,7 +75,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
         InputError: as :func:`load_session`.
     """
     try:
-        data = tomllib.loads(text)
+        data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(
             f"{name}: {error}.",

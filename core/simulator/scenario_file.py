@@ -50,7 +50,7 @@ def scenario_from(text: str, name: str) -> Scenario:
     """
     try:
         return msgspec.convert(tomllib.loads(text), Scenario)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(
             f"{name}: not valid TOML: {error}.",
             "Nothing was simulated.",

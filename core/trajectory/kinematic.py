@@ -33,6 +33,7 @@ CURVATURE_FLOOR_RAD: Final = 0.0005
 CLIMB_ACCELERATION_MPS2: Final = 0.15
 CLIMB_MPS: Final = 0.05
 """How much a vehicle's height changes in a second across a stop or a turn of direction, where nothing else links it."""
+LARGEST_CLIMB_M: Final = 1000.0
 STAND_STEP_M: Final = 0.0005
 STAND_STEP_RAD: Final = np.radians(0.005)
 ITERATIONS: Final = 12
@@ -218,7 +219,8 @@ def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> 
     equations.add(moving * _STATE, design, -sideways, np.hypot(SLIP * along, SLIP_FLOOR_M))
 
     still = np.flatnonzero(chain.standing & ~chain.gap)
-    turning = np.where(chain.standing, STAND_STEP_RAD, YAW_RATE_RADPS * dt)
+    # Over a long gap nothing is known of the yaw; a weaker link than that makes the equations singular.
+    turning = np.where(chain.standing, STAND_STEP_RAD, np.minimum(YAW_RATE_RADPS * dt, np.pi))
     pair = np.zeros((len(dt), _STATE + 1))
     pair[:, 0], pair[:, _STATE] = -1.0, 1.0
     for column in range(2):
@@ -267,7 +269,7 @@ def _solve_height(chain: Chain, antenna: Antenna) -> tuple[FloatArray, FloatArra
     dt = np.diff(chain.t_s)
     pair = np.zeros((n - 1, size + 1))
     pair[:, 0], pair[:, size] = -1.0, 1.0
-    sigma = np.where(chain.standing, STAND_STEP_M, CLIMB_MPS * dt)
+    sigma = np.where(chain.standing, STAND_STEP_M, np.minimum(CLIMB_MPS * dt, LARGEST_CLIMB_M))
     weak = np.where(chain.stretch[1:] == chain.stretch[:-1], 10.0 * sigma, sigma)
     sigma = np.where(chain.standing, sigma, weak)
     equations.add(np.arange(n - 1) * size, pair, np.zeros(n - 1), sigma)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.fuzz.positions import POSITIONS
 from tests.fuzz.recordings import RECORDINGS
+from tests.fuzz.texts import TEXTS
 from tests.fuzz.trials import Entry
 
-ENTRIES: dict[str, Entry] = {entry.name: entry for entry in (*RECORDINGS, *POSITIONS)}
+ENTRIES: dict[str, Entry] = {entry.name: entry for entry in (*RECORDINGS, *POSITIONS, *TEXTS)}

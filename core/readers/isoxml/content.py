@@ -21,6 +21,7 @@ EXTERNAL: Final = "XFC"
 BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
+MOST_DIGITS: Final = 20
 PARALLEL: Final = frozenset({"4", "5"})
 """Types of device elements that are side by side: sections and units."""
 
@@ -248,7 +249,8 @@ def _hex(text: str) -> int | None:
 
 
 def _whole(text: str) -> int | None:
+    """The integer in a text; None if it is none, or has more digits than any in task data."""
     try:
-        return int(text)
+        return int(text) if len(text) <= MOST_DIGITS else None
     except ValueError:
         return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import stat
 import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -62,7 +61,7 @@ class TaskFiles:
             )
         try:
             return reader()
-        except (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
+        except Exception as error:  # noqa: BLE001 damage ends in errors of many families
             raise InputError(
                 f"{self.named(name)}: {error}.",
                 "The file is damaged or locked.",
@@ -93,7 +92,7 @@ def is_task_data(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return bool(_mains(archive.namelist()))
-    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+    except Exception:  # noqa: BLE001 damage ends in errors of many families
         return False
 
 
@@ -153,20 +152,20 @@ def _read_file(path: Path) -> bytes:
 
 def _of_archive(path: Path) -> TaskFiles:
     try:
-        archive = zipfile.ZipFile(path)
-    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError) as error:
+        with zipfile.ZipFile(path) as archive:
+            found = archive.infolist()
+    except Exception as error:  # noqa: BLE001 damage ends in errors of many families
         raise InputError(
             f"{path}: {error}.",
             "It is not a zip archive, or damaged.",
             "Use the TASKDATA folder, its TASKDATA.XML, or an archive of it.",
             code="task-data-unreadable",
         ) from None
-    with archive:
-        ahead = min((entry.header_offset for entry in archive.infolist()), default=0)
-        entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-        _refuse_hostile(path, entries)
-        inside = _one_main(path, [entry.filename for entry in entries])
-        here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
+    ahead = min((entry.header_offset for entry in found), default=0)
+    entries = [entry for entry in found if not entry.filename.endswith("/")]
+    _refuse_hostile(path, entries)
+    inside = _one_main(path, [entry.filename for entry in entries])
+    here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
     notices = [Notice("archive-foreign-bytes", f"{path}: {ahead:,} foreign bytes before the archive are ignored.")] * (
         ahead > 0
     )

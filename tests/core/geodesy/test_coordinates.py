@@ -313,7 +313,8 @@ def test_what_is_missing_or_wrong_is_said_before_any_work(geo: Path, tmp_path: P
 
 
 def test_a_place_outside_the_parameters_is_refused(semidyna: ParameterFile) -> None:
-    for lon, lat in ((141.0, 36.1), (20.9, 52.4), (-140.0, 36.1)):
+    """The last one has, by the rule of mesh codes, the codes of Tsukuba."""
+    for lon, lat in ((141.0, 36.1), (20.9, 52.4), (-140.0, 36.1), (40.06, 36.75)):
         with pytest.raises(InputError, match="has no parameters for"):
             semidyna.backward(np.array([lon]), np.array([lat]), np.zeros(1))
 
@@ -323,6 +324,15 @@ def test_damaged_parameters_are_refused(geo: Path, tmp_path: Path) -> None:
     (tmp_path / "a.par").write_text(text)
     with pytest.raises(InputError, match=r"0\.01x29"):
         read_parameters(tmp_path / "a.par")
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "nan", "1e999", "0.0152", "٣"])
+def test_promise_18__parameters_with_numbers_that_are_none_are_refused(geo: Path, tmp_path: Path, number: str) -> None:
+    text = (geo / "semidynaexe_sample.par").read_text().replace("0.01529", number)
+    (tmp_path / "a.par").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        read_parameters(tmp_path / "a.par")
+    assert refused.value.code == "parameters-unreadable"
 
 
 @pytest.mark.parametrize("name", ["GSIGEO2011", "JPGEO2024"])

@@ -89,3 +89,31 @@ def test_no_boundary__is_reported_with_the_file_and_the_reason(tmp_path: Path, c
 def test_missing_file__is_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         read_boundary(tmp_path / "nothing.geojson")
+
+
+@pytest.mark.parametrize(
+    ("ring", "says"),
+    [
+        ("[[1e999,1],[1,2],[2,2],[1e999,1]]", "not finite"),
+        ("[[NaN,1],[1,2],[2,2],[NaN,1]]", "linestring"),
+        ("[[140,95],[140.1,99],[140.1,95],[140,95]]", "99 latitude"),
+        ("[[1000,35],[1001,36],[1001,35],[1000,35]]", "1001 longitude"),
+        ("[[140,35],[143,36],[143,35],[140,35]]", "3° wide"),
+        ("[[140,35],[140,35],[140,35],[140,35]]", "empty"),
+        ("[[" + "9" * 5000 + ",1],[1,2],[2,2],[1,1]]", ""),
+        ("[" * 100_000, "nest"),
+    ],
+)
+def test_promise_17__corners_that_no_field_has_are_refused(tmp_path: Path, ring: str, says: str) -> None:
+    file = tmp_path / "field.geojson"
+    file.write_text(f'{{"type":"Polygon","coordinates":[{ring}]}}')
+    with pytest.raises(InputError) as refused:
+        read_boundary(file)
+    assert refused.value.code == "boundary-unreadable"
+    assert says in refused.value.what
+
+
+def test_a_ring_that_crosses_itself__is_the_ground_on_both_sides(tmp_path: Path) -> None:
+    file = tmp_path / "field.geojson"
+    file.write_text('{"type":"Polygon","coordinates":[[[0.1,0],[0.2,0.1],[0.2,0],[0.1,0.1],[0.1,0]]]}')
+    assert read_boundary(file).area == pytest.approx(0.005)

@@ -118,3 +118,12 @@ def test_decimal_year__is_the_share_of_its_own_year() -> None:
 
 def test_iso_utc__carries_over() -> None:
     assert clock.iso_utc(utc("2016-12-31T23:59:59") + 0.9996) == "2017-01-01T00:00:00.000Z"
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True))
+def test_promise_14__any_time_has_words(t_s: float) -> None:
+    words = clock.iso_utc(t_s)
+    if clock.FIRST_S <= t_s < clock.LAST_S:
+        assert abs(dt.datetime.fromisoformat(words).timestamp() - t_s) < 2e-3
+    else:
+        assert words.endswith(" s")

@@ -7,6 +7,7 @@ import stat
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from furrowmap.core.readers.isoxml.content import read_content
@@ -116,3 +117,23 @@ def test_damage__anywhere_ends_in_an_answer_or_three_lines(shared_data: Path, tm
 def test_an_unknown_encoding__is_reported(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text(f'<?xml version="1.0" encoding="UTF-4"?>{EMPTY}')
     assert "UTF-4" in refused(tmp_path).what
+
+
+def test_promise_24__an_entry_without_a_name_is_refused(tmp_path: Path) -> None:
+    assert refused(archive(tmp_path / "a.zip", [MAIN, ""])).code == "archive-hostile"
+
+
+def test_promise_24__xml_nested_a_hundred_thousand_deep_is_refused(tmp_path: Path) -> None:
+    (tmp_path / MAIN).write_text("<a>" * 100_000 + "</a>" * 100_000)
+    error = refused(tmp_path)
+    assert error.code == "xml-hostile"
+    assert "more than 64 levels" in error.what
+
+
+def test_promise_24__numbers_of_five_thousand_digits_are_none(tmp_path: Path) -> None:
+    huge = "9" * 5000
+    body = f'<PFD A="PFD1" C="x" D="{"9" * 400}"/><TSK A="T"><TIM><DLV A="0074" B="{huge}" C="D"/></TIM></TSK>'
+    (tmp_path / MAIN).write_text(EMPTY.replace("/>", f">{body}</ISO11783_TaskData>"))
+    content = read_content(open_task_files(tmp_path))
+    assert np.isnan(content.partfields["PFD1"].stated_area_m2)
+    assert content.tasks[0].spans[0].totals == {}

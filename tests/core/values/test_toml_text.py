@@ -1,0 +1,31 @@
+"""TOML that others wrote is read, or refused by the one error of its parser."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from furrowmap.core.session.file import parse_session
+from furrowmap.core.simulator.scenario_file import scenario_from
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.toml_text import parse_toml
+
+HOSTILE = ["a = " + "9" * 5000, "a = 0x" + "f" * 5000, "a = [9223372036854775808]", "a = " + "[" * 5000, "a = ="]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=["digits", "hexadecimal", "65 bits", "nested", "syntax"])
+def test_promise_23__toml_that_python_cannot_hold_is_a_syntax_error(text: str) -> None:
+    with pytest.raises(tomllib.TOMLDecodeError):
+        parse_toml(text)
+    with pytest.raises(InputError) as error:
+        parse_session(text)
+    assert error.value.code == "session-syntax"
+    with pytest.raises(InputError) as error:
+        scenario_from(text, "scenario.toml")
+    assert error.value.code in ("scenario-toml", "scenario-value")
+
+
+def test_parse_toml__reads_what_the_parser_of_python_reads() -> None:
+    text = "a = 9223372036854775807\nb = [-9223372036854775808, 1.5, {c = true}]\n"
+    assert parse_toml(text) == tomllib.loads(text)
