@@ -123,7 +123,7 @@ def read_bag2(path: Path) -> None:
 
 RECORDINGS = (
     Entry("las", las_seeds, read_cloud, trials=600),
-    Entry("laz", laz_seeds, read_cloud, trials=100),
+    Entry("laz", laz_seeds, read_cloud, trials=500),
     Entry("copc", copc_seeds, read_cloud),
     Entry("capture", capture_seeds, read_recording),
     Entry("capture-packed", packed_seeds, read_recording),

@@ -21,6 +21,7 @@ from furrowmap.core.readers.las.laz import (
     LazPoints,
     decode_chunks,
     find_points,
+    first_points,
     stream_points,
 )
 from furrowmap.core.readers.las.points import CloudBatch, layout, unpack
@@ -218,5 +219,5 @@ def _first_times(
     if laz is None:
         data = next(_plain(path, file, header, count, count))
     else:
-        data = next(stream_points(path, file, header, laz, count, count))
+        data = first_points(path, file, header, laz, count)
     return np.asarray(data.view(layout(header))["gps_time"], np.float64)

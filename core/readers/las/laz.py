@@ -1,16 +1,16 @@
 """Compressed points: checks of a LAZ file before it is passed to the decoder, and the decoding.
 
-The decoder (lazrs) trusts what it reads: a chunk table of 2³² entries makes it ask for 68 GB, which ends the process,
-and there is no checksum. So everything that the decoder would use as a size is compared with the file first: the items
-of a point, the number of chunks, the bytes of each, and the lengths of the layers inside (Isenburg 2013, *LASzip:
-lossless compression of LiDAR data*; LAZ specification 1.4 R1, sections 2 to 4).
+The decoder (lazrs) trusts what it reads: a chunk table of 2³² entries makes it ask for 68 GB, damaged GPS times
+overflow its stack, both of which end a process, and there is no checksum. So it runs in a process of its own, and all
+that it would use as a size is compared with the file first: the items of a point, the number of chunks, the bytes of
+each, and the lengths of the layers inside (Isenburg 2013, *LASzip: lossless compression of LiDAR data*; LAZ
+specification 1.4 R1, sections 2 to 4).
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -19,6 +19,7 @@ import lazrs
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.readers.las.records import Record
 from furrowmap.core.values.errors import InputError
@@ -165,8 +166,7 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
     # With a record that has only the version of the method, the decoder neither seeks nor allocates more than `count`
     # entries.
     file.seek(at)
-    with decoding(path, "the chunk table"):
-        table: list[tuple[int, int]] = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
+    table = _table(path, file, vlr)
     least = min(size for _, size in table)
     sizes = sum(size for _, size in table)
     points = sum(number for number, _ in table)
@@ -184,88 +184,122 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
     return table
 
 
+def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
+    """The chunk table at the file's position, decoded.
+
+    Raises:
+        InputError: if it is damaged.
+    """
+    try:
+        table: list[tuple[int, int]] = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
+    except BaseException as error:
+        # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        raise _refusal(path, f"the chunk table cannot be decoded ({_short(str(error))})", "laz-chunk-damaged") from None
+    return table
+
+
 def decode_chunks(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
     """The records (n × bytes of one, flat) of the consecutive chunks `first` to `last` − 1, decoded in parallel.
 
     Raises:
         InputError: if a chunk is found to be damaged.
     """
-    begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
-    file.seek(begin)
-    data = file.read(end - begin)
-    if len(data) != end - begin:
-        raise _refusal(
-            path, f"the file ends at byte {begin + len(data):,}, within chunk {first + 1}", "laz-chunk-damaged"
-        )
-    if laz.layers:
-        whole = memoryview(data)
+    try:
+        return _decoded(path, file, laz, first, last)
+    except Undecodable as fault:
+        reason, number = str(fault), first
         for number in range(first, last):
-            _check_layers(path, laz, number, whole[int(laz.begins[number]) - begin :])
-    records = np.empty(int(laz.points[first:last].sum()) * laz.record_bytes, np.uint8)
+            try:
+                _decoded(path, file, laz, number, number + 1)
+            except Undecodable as found:
+                reason = str(found)
+                break
+        begin, size = int(laz.begins[number]), int(laz.sizes[number])
+        where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
+        raise _refusal(path, f"{where} cannot be decoded: {_short(reason)}", "laz-chunk-damaged") from None
+
+
+def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
+    """The records of consecutive chunks.
+
+    Raises:
+        Undecodable: if one of them is damaged.
+    """
+    _check_layers(file, laz, first, last)
+    begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
+    size = int(laz.points[first:last].sum()) * laz.record_bytes
     table = list(zip(laz.points[first:last].tolist(), laz.sizes[first:last].tolist(), strict=True))
-    with decoding(path, f"chunks {first + 1} to {last} (bytes {begin:,} to {end:,})"):
-        lazrs.decompress_points_with_chunk_table(data, laz.vlr, records, table)
-    return records
+    order = {"path": str(path.resolve()), "begin": begin, "bytes": end - begin, "table": table, "vlr": laz.vlr.hex()}
+    return DECODER.points(size, what="chunks", **order)
+
+
+def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, points: int) -> NDArray[np.uint8]:
+    """The records of the first points of a file.
+
+    Raises:
+        InputError: if they are found to be damaged.
+    """
+    return next(stream_points(path, file, header, laz, points, points, DECODER))
 
 
 def stream_points(
-    path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, points: int, batch_points: int
+    path: Path,
+    file: BinaryIO,
+    header: LasHeader,
+    laz: LazPoints,
+    points: int,
+    batch_points: int,
+    decoder: Decoder | None = None,
 ) -> Iterator[NDArray[np.uint8]]:
     """The records of the first `points`, decoded in sequence, `batch_points` at a time.
 
     Raises:
         InputError: if a chunk is found to be damaged.
     """
-    if laz.layers:
-        for number in range(int(np.searchsorted(np.cumsum(laz.points), points)) + 1):
-            file.seek(int(laz.begins[number]))
-            _check_layers(path, laz, number, file.read(laz.record_bytes + 4 + 4 * laz.layers))
-    file.seek(header.offset)
-    with decoding(path, "the first chunk"):
-        decoder = lazrs.LasZipDecompressor(file, laz.vlr)
+    order = {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
+    own = decoder or Decoder()
     done = 0
-    while done < points:
-        count = min(batch_points, points - done)
-        records = np.empty(count * laz.record_bytes, np.uint8)
-        with decoding(path, f"points {done + 1:,} to {done + count:,}"):
-            decoder.decompress_many(records)
-        done += count
-        yield records
+    try:
+        _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
+        while done < points:
+            count = min(batch_points, points - done)
+            yield own.points(count * laz.record_bytes, **(order if done == 0 else {"what": "more"}))
+            done += count
+    except Undecodable as fault:
+        where = f"points {done + 1:,} to {min(done + batch_points, points):,}"
+        raise _refusal(path, f"{where} cannot be decoded: {_short(str(fault))}", "laz-chunk-damaged") from None
+    finally:
+        if decoder is None:
+            own.close()
 
 
-def _check_layers(path: Path, laz: LazPoints, number: int, data: bytes | memoryview) -> None:
-    """Check a layered chunk: its first point, the number of its points, the lengths of its layers, and the layers.
+def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None:
+    """Check the heads of layered chunks: the first point, the number of points, the lengths of the layers.
 
     Raises:
-        InputError: if they do not add up to the chunk's length.
+        Undecodable: if they do not add up to the length of a chunk.
     """
-    points, size = int(laz.points[number]), int(laz.sizes[number])
+    if not laz.layers:
+        return
     lengths = laz.record_bytes + 4 + 4 * laz.layers
-    if size < lengths or len(data) < lengths:
-        raise _refusal(path, f"chunk {number + 1} has {size} bytes, too few for its layers", "laz-chunk-damaged")
-    counted, *layers = struct.unpack_from(f"<{1 + laz.layers}I", data, laz.record_bytes)
-    if counted != points or lengths + sum(layers) != size:
-        raise _refusal(
-            path,
-            f"chunk {number + 1} (byte {int(laz.begins[number]):,}) states {counted:,} points in "
-            f"{lengths + sum(layers):,} bytes, the chunk table {points:,} in {size:,}",
-            "laz-chunk-damaged",
-        )
+    for number in range(first, last):
+        points, size, begin = int(laz.points[number]), int(laz.sizes[number]), int(laz.begins[number])
+        file.seek(begin)
+        data = file.read(lengths)
+        if size < lengths or len(data) < lengths:
+            raise Undecodable(f"chunk {number + 1} has {min(size, len(data))} bytes, too few for its layers")
+        counted, *layers = struct.unpack_from(f"<{1 + laz.layers}I", data, laz.record_bytes)
+        if counted != points or lengths + sum(layers) != size:
+            raise Undecodable(
+                f"chunk {number + 1} states {counted:,} points in {lengths + sum(layers):,} bytes, the chunk table "
+                f"{points:,} in {size:,}"
+            )
 
 
-@contextmanager
-def decoding(path: Path, what: str) -> Iterator[None]:
-    """Turns the decoder's errors, including panics, into `InputError`."""
-    try:
-        yield
-    except (KeyboardInterrupt, SystemExit, GeneratorExit, MemoryError, InputError):
-        raise
-    except BaseException as error:
-        # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
-        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
-            raise
-        reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise _refusal(path, f"{what} cannot be decoded ({reason})", "laz-chunk-damaged") from error
+def _short(reason: str) -> str:
+    return reason.splitlines()[0][:120] if reason.strip() else "no reason is given"
 
 
 def _signed(data: bytes) -> int:

@@ -1,0 +1,139 @@
+"""Compressed points decoded in a process that may die of them."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from threading import Lock, Timer
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.las import decoding
+from furrowmap.core.values.threads import threads
+
+LEAST_S: Final = 20.0
+SLOWEST_BYTES_S: Final = 1e6
+"""An order that takes longer than LEAST_S and its bytes at this speed hangs; two cores decode 40 MB/s."""
+
+
+class Undecodable(Exception):
+    """Why points cannot be decoded."""
+
+
+class Decoder:
+    """A process that decodes points. It is started with the first order, and again after it has ended."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._owner = 0
+
+    def points(self, size: int, **order: Any) -> NDArray[np.uint8]:
+        """The decoded bytes.
+
+        Args:
+            size: their number.
+            order: what is decoded; see :mod:`~furrowmap.core.readers.las.decoding`.
+
+        Raises:
+            Undecodable: if the points are damaged, whatever that does to the decoder.
+        """
+        line = json.dumps({**order, "size": size}).encode() + b"\n"
+        with self._lock:
+            process = self._running()
+            longest_s, began_s = LEAST_S + size / SLOWEST_BYTES_S, time.monotonic()
+            late = Timer(longest_s, process.kill)
+            late.start()
+            try:
+                return _answer(process, line, size)
+            except Undecodable:
+                raise
+            except BaseException as error:
+                self._end()
+                if isinstance(error, EOFError | OSError):
+                    hangs = time.monotonic() - began_s >= longest_s
+                    why = f"needs more than {longest_s:.0f} s" if hangs else f"crashed ({process.returncode})"
+                    raise Undecodable(f"the decoder {why}") from None
+                raise
+            finally:
+                late.cancel()
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            if self._process is not None and self._owner == os.getpid():
+                self._end()
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._owner != os.getpid():  # a fork has no part in its parent's pipes
+            place = find_spec("lazrs")
+            assert place is not None
+            assert place.origin is not None
+            # Without site-packages' own start-up, and without this folder among those that are imported from.
+            program = [sys.executable, "-S", "-E", "-P", decoding.__file__, str(Path(place.origin).parents[1])]
+            self._process = subprocess.Popen(  # noqa: S603 (this interpreter, and a file beside this one)
+                program,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env=os.environ | {"RAYON_NUM_THREADS": str(threads()), "MALLOC_ARENA_MAX": "2"},
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+            self._owner = os.getpid()
+            with suppress(ImportError, AttributeError, OSError):  # on Linux; fewer changes between the processes
+                import fcntl
+
+                fcntl.fcntl(self._process.stdout, fcntl.F_SETPIPE_SZ, 1 << 20)  # type: ignore[arg-type]
+        return self._process
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    with suppress(OSError):
+                        pipe.close()
+
+
+DECODER: Final = Decoder()
+"""Serves all files; a stream, which has a state, needs one of its own."""
+atexit.register(DECODER.close)
+
+
+def _answer(process: subprocess.Popen[bytes], line: bytes, size: int) -> NDArray[np.uint8]:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write(line)
+    process.stdin.flush()
+    (length,) = decoding.LENGTH.unpack(_exactly(process.stdout, decoding.LENGTH.size).tobytes())
+    if length != size:
+        reason = bytes(_exactly(process.stdout, -length)) if length < 0 else b"too few points"
+        raise Undecodable(reason.decode("utf-8", "replace"))
+    return _exactly(process.stdout, size)
+
+
+def _exactly(pipe: IO[bytes], size: int) -> NDArray[np.uint8]:
+    """The next bytes of a pipe.
+
+    Raises:
+        EOFError: if it ends before.
+    """
+    data = np.empty(size, np.uint8)
+    rest = memoryview(data.data)
+    while rest:
+        got = pipe.readinto(rest)  # type: ignore[attr-defined]
+        if not got:
+            raise EOFError
+        rest = rest[got:]
+    return data

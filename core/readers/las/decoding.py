@@ -1,0 +1,81 @@
+"""The process that decodes compressed points: a program that imports only lazrs, and starts within 30 ms.
+
+lazrs (0.8.2) decodes GPS times by recursion, as deep as the data demand: a damaged chunk overflows the stack, which
+ends the process. So the process is one that may end; :mod:`furrowmap.core.readers.las.decoder` starts it again.
+
+It reads orders from standard input, one JSON object per line: ``chunks`` (``path``, ``begin``, ``bytes``, ``vlr``,
+``table`` of points and bytes, ``size`` of the result), ``stream`` (``path``, ``offset``, ``vlr``, ``size``), and
+``more`` (``size``), which continues the stream. It answers with 8 bytes n (a signed integer) and n bytes of points; a
+negative n announces -n bytes of text that say why there are none.
+"""
+
+import json
+import os
+import signal
+import struct
+import sys
+from contextlib import suppress
+from typing import Any, Final
+
+LENGTH: Final = struct.Struct("<q")
+MOST_MEMORY: Final = 2 << 30
+"""Bytes of address space: no order needs a quarter of it."""
+
+
+def main() -> None:
+    """Answer orders until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started the process ends it
+    _limit_memory()
+    sys.path.append(sys.argv[1])
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+    stream: Any = None
+    held = bytearray()
+    for line in sys.stdin.buffer:
+        order = json.loads(line)
+        try:
+            if order["what"] == "stream":
+                stream = _stream(order)
+            if len(held) < order["size"]:
+                held = bytearray(order["size"])
+            rest = memoryview(held)[: order["size"]]
+            if order["what"] == "chunks":
+                _decode_chunks(order, rest)
+            else:
+                stream.decompress_many(rest)
+            length = len(rest)
+        except BaseException as error:  # noqa: BLE001 (a panic of Rust is not an Exception)
+            rest = memoryview((str(error) or type(error).__name__).encode("utf-8", "replace")[:1000])
+            length = -len(rest)
+        answers.write(LENGTH.pack(length))
+        while rest:
+            rest = rest[answers.write(rest) :]
+
+
+def _decode_chunks(order: dict[str, Any], points: memoryview) -> None:
+    import lazrs
+
+    with open(order["path"], "rb") as file:  # noqa: PTH123 (pathlib takes as long to import as lazrs)
+        file.seek(order["begin"])
+        data = file.read(order["bytes"])
+    table = [(number, size) for number, size in order["table"]]
+    lazrs.decompress_points_with_chunk_table(data, bytes.fromhex(order["vlr"]), points, table)
+
+
+def _stream(order: dict[str, Any]) -> Any:
+    import lazrs
+
+    file = open(order["path"], "rb")  # noqa: PTH123, SIM115 (open as long as the stream)
+    file.seek(order["offset"])
+    return lazrs.LasZipDecompressor(file, bytes.fromhex(order["vlr"]))
+
+
+def _limit_memory() -> None:
+    with suppress(ImportError, OSError, ValueError):  # there is no such limit on Windows, or a lower one is in force
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+
+
+if __name__ == "__main__":
+    main()

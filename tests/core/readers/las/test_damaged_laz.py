@@ -1,0 +1,82 @@
+"""LAZ whose damage ends the decoder: the process that reads it lives, and gives an error."""
+
+from __future__ import annotations
+
+import os
+import struct
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
+from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
+from furrowmap.core.values.errors import InputError
+from tests.fuzz.recordings import las
+
+
+def points_of(cloud: CloudFile) -> np.ndarray:
+    return np.concatenate([batch.xyz_m for batch in cloud.batches()])
+
+
+def cloud_of(path: Path, number: int, points: int = 500) -> CloudFile:
+    path.write_bytes(las(number, points, compressed=True))
+    return open_cloud(path)
+
+
+def overflowing(cloud: CloudFile) -> list[bytes]:
+    """The file with times that say, bit by bit and without end, that the next one is of another series; from 12 places.
+
+    Points up to format 5 are coded one after the other, times among them; later ones have a layer for the times.
+    """
+    assert cloud.laz is not None
+    begin, size = int(cloud.laz.begins[0]), int(cloud.laz.sizes[0])
+    data = cloud.path.read_bytes()
+    first, last = begin + size // 8, begin + size
+    if cloud.laz.layers:
+        head = begin + cloud.laz.record_bytes + 4
+        lengths = struct.unpack_from(f"<{cloud.laz.layers}I", data, head)
+        first = head + 4 * cloud.laz.layers + sum(lengths[:8]) - 100
+        last = first + 100 + lengths[8] // 4
+    return [data[:at] + b"\xff" * (last - at) + data[last:] for at in range(first, first + 96, 8)]
+
+
+@pytest.mark.parametrize("number", [1, 3, 6, 7])
+def test_promise_09__a_laz_that_ends_its_decoder_is_refused(number: int, tmp_path: Path) -> None:
+    errors = []
+    for data in overflowing(cloud_of(tmp_path / "cloud.laz", number)):
+        (tmp_path / "damaged.laz").write_bytes(data)
+        with pytest.raises(InputError, match=r"damaged\.laz: points 1 to 500 cannot be decoded") as error:
+            points_of(open_cloud(tmp_path / "damaged.laz"))
+        assert error.value.code == "laz-chunk-damaged"
+        errors.append(error.value.what)
+        assert len(points_of(open_cloud(tmp_path / "cloud.laz"))) == 500  # a sound one is read after it
+    assert any("the decoder crashed" in what for what in errors)
+
+
+def test_decoder__serves_threads_and_forks(tmp_path: Path) -> None:
+    cloud = cloud_of(tmp_path / "cloud.laz", 6)
+    whole = points_of(cloud)
+    with ThreadPoolExecutor(4) as pool:
+        assert all(np.array_equal(points, whole) for points in pool.map(points_of, [cloud] * 12))
+    pid = os.fork()
+    if pid == 0:
+        os._exit(0 if np.array_equal(points_of(cloud), whole) else 1)
+    assert os.waitpid(pid, 0)[1] == 0
+    assert np.array_equal(points_of(cloud), whole)
+
+
+def test_decoder__that_does_not_answer_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("furrowmap.core.readers.las.decoder.LEAST_S", 0.3)
+    fifo = tmp_path / "points"
+    os.mkfifo(fifo)
+    with pytest.raises(Undecodable, match="needs more than 0 s"):
+        DECODER.points(10, what="stream", path=str(fifo), offset=0, vlr="")
+
+
+def test_decoder__has_little_memory(tmp_path: Path) -> None:
+    decoder = Decoder()
+    with pytest.raises(Undecodable):
+        decoder.points(3 << 30, what="more")
+    decoder.close()
