@@ -1,0 +1,302 @@
+"""Do the tests notice a mistake? Makes random mutants of the product's code and runs the tests nearest to each.
+
+A mutant is a copy of the checkout with one change: a comparison flipped, a `raise` removed, two arguments swapped, a
+default or a constant changed. It is killed when a test fails. Those that survive are printed with their place: some are
+equivalent (they change nothing that anybody can see), the others need a test.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+COPY: Final = CHECKOUT / "build" / "mutants" / "checkout"
+PARTS: Final = {
+    "core": "furrowmap.core",
+    "exporters": "furrowmap.exporters",
+    "app": "furrowmap",
+    "cli": "furrowmap.cli",
+}
+LONG: Final = (
+    "end_to_end",
+    "tests/plugin",
+    "tests/benchmarks",
+    "notebooks",
+    "tutorial",
+    "test_docs",
+    "test_house",
+    "qgis",
+)
+MOST_FILES: Final = 8
+"""Test files that are run on a mutant, the nearest first."""
+FARTHEST: Final = 3
+"""Imports between a test and the mutated module."""
+TEST_S: Final = 60
+ALL_TESTS_S: Final = 180
+COMMUTATIVE: Final = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "logical_and", "logical_or")
+_FLIPPED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
+    ast.Lt: ast.Gt, ast.Gt: ast.Lt, ast.LtE: ast.GtE, ast.GtE: ast.LtE, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of a file: its kind, where it is, and the source before and after."""
+
+    kind: str
+    file: str
+    line: int
+    start: int
+    end: int
+    before: str
+    after: str
+    kernel: bool
+
+
+class Sites(ast.NodeVisitor):
+    """Collects the possible changes of a file."""
+
+    def __init__(self, file: str, source: bytes) -> None:
+        self.file, self.source, self.found = file, source, list[Mutant]()
+        self._starts = [0]
+        for line in source.splitlines(keepends=True):
+            self._starts.append(self._starts[-1] + len(line))
+        self._kernel = False
+        self.visit(ast.parse(source))
+
+    def _add(self, kind: str, node: ast.expr | ast.stmt, after: str) -> None:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        start = self._starts[node.lineno - 1] + node.col_offset
+        end = self._starts[node.end_lineno - 1] + node.end_col_offset
+        before = self.source[start:end].decode()
+        self.found.append(Mutant(kind, self.file, node.lineno, start, end, before, after, self._kernel))
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        outer = self._kernel
+        self._kernel = outer or any("njit" in ast.unparse(one) for one in node.decorator_list)
+        for default in [*node.args.defaults, *(one for one in node.args.kw_defaults if one is not None)]:
+            self._constant("default", default)
+        for statement in node.body:
+            self.visit(statement)
+        self._kernel = outer
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None and (
+            "Final" in ast.unparse(node.annotation) or not self._constant("default", node.value)
+        ):
+            self.visit(node.value)
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):  # a docstring
+            self.generic_visit(node)
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """Python before 3.12 has no places inside of these."""
+
+    def visit_If(self, node: ast.If) -> None:
+        if ast.unparse(node.test) != "TYPE_CHECKING":
+            self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> None:
+        self._add("raise", node, "pass")
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        flipped = ast.Compare(node.left, [_FLIPPED[type(op)]() for op in node.ops], node.comparators)
+        self._add("comparison", node, f"({ast.unparse(flipped)})")
+        self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> None:
+        ordered = ast.unparse(node.func).rpartition(".")[2] not in COMMUTATIVE
+        if ordered and len(node.args) > 1 and not any(isinstance(one, ast.Starred) for one in node.args[:2]):
+            first, second, *rest = node.args
+            if ast.dump(first) != ast.dump(second):
+                swapped = ast.Call(node.func, [second, first, *rest], node.keywords)
+                self._add("arguments", node, ast.unparse(swapped))
+        self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        self._constant("constant", node)
+
+    def _constant(self, kind: str, node: ast.expr) -> bool:
+        """Add a change of a number or a truth value, if it is one."""
+        value = node.value if isinstance(node, ast.Constant) else None
+        if isinstance(value, bool):
+            self._add(kind, node, str(not value))
+        elif isinstance(value, int):
+            self._add(kind, node, str(value + 1))
+        elif isinstance(value, float):
+            self._add(kind, node, repr(2.0 * value if value else 1.0))
+        return isinstance(value, int | float)
+
+
+def chosen(number: int, seed: int, within: str) -> Iterator[Mutant]:
+    """Mutants, each kind as often as every other, without end of a kind that has none left."""
+    kinds: defaultdict[str, list[Mutant]] = defaultdict(list)
+    for part in PARTS:
+        for path in sorted((COPY / part).rglob("*.py")):
+            file = path.relative_to(COPY).as_posix()
+            if file.startswith(within):
+                for mutant in Sites(file, path.read_bytes()).found:
+                    kinds[mutant.kind].append(mutant)
+    dice = random.Random(seed)
+    for _ in range(number):
+        kind = dice.choice(sorted(kinds))
+        yield kinds[kind].pop(dice.randrange(len(kinds[kind])))
+        if not kinds[kind]:
+            del kinds[kind]
+
+
+def module_of(file: str) -> str:
+    """The import name of a file of the product."""
+    part, _, rest = file.removesuffix(".py").removesuffix("/__init__").partition("/")
+    return ".".join([PARTS[part], *rest.split("/")]) if rest else PARTS[part]
+
+
+def imports(path: Path, known: set[str]) -> set[str]:
+    """The product's modules that a file imports or names in a text, such as the source of another process."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names.add(node.value)
+    return names & known
+
+
+class Tests:
+    """Which test files are nearest to a module, by imports."""
+
+    def __init__(self) -> None:
+        files = {
+            path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")
+        }
+        self._modules = {module_of(file): path for file, path in files.items()}
+        known = set(self._modules)
+        self._importers: defaultdict[str, set[str]] = defaultdict(set)
+        for module, path in self._modules.items():
+            for name in imports(path, known):
+                self._importers[name].add(module)
+        self._tests = {
+            path: imports(path, known)
+            for path in sorted((COPY / "tests").rglob("test_*.py"))
+            if not any(word in path.as_posix() for word in LONG)
+        }
+
+    def nearest(self, file: str) -> list[str]:
+        """At most :data:`MOST_FILES` test files: at equal distance those of the same folder, then small ones."""
+        distance = {module_of(file): 0}
+        front = [*distance]
+        while front:
+            above = {up for one in front for up in self._importers[one]} - set(distance)
+            distance |= dict.fromkeys(above, distance[front[0]] + 1)
+            front = [*above]
+        home = COPY / "tests" / Path(file).parent
+        ranked = [
+            (near, path.parent != home, path.stat().st_size, path)
+            for path, names in self._tests.items()
+            if (near := min((distance.get(name, 99) for name in names), default=99)) <= FARTHEST
+        ]
+        return [path.relative_to(COPY).as_posix() for *_, path in sorted(ranked)[:MOST_FILES]]
+
+
+def run_tests(tests: Sequence[str], limit_s: float, **environment: str) -> tuple[bool, str]:
+    """Whether tests pass in the copy, or have not failed when the time is over; and the test that failed."""
+    options = ["-q", "-x", "-p", "no:cacheprovider", "-o", "faulthandler_exit_on_timeout=true"]
+    options += ["-o", f"faulthandler_timeout={TEST_S}"]
+    environment = os.environ | environment
+    environment |= {"PYTHONPATH": str(COPY / "build" / "typing"), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", *options, *tests]
+    try:
+        done = subprocess.run(
+            command, cwd=COPY, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return True, ""
+    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    return done.returncode == 0, failed[1] if failed else ""
+
+
+@cache
+def passes_unchanged(test: str) -> bool:
+    """Whether a test passes in the copy without a mutant."""
+    return not test or run_tests([test], ALL_TESTS_S)[0]
+
+
+def fate(mutant: Mutant, tests: list[str]) -> str:
+    """Whether a test in the copy notices the mutant: "killed", "survived", or "untested" where none imports it."""
+    if not tests:
+        return "untested"
+    path = COPY / mutant.file
+    source, written = path.read_bytes(), path.stat()
+    path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+    try:
+        if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
+            with tempfile.TemporaryDirectory() as kernels:
+                passed, failed = run_tests(tests, 2 * ALL_TESTS_S, NUMBA_CACHE_DIR=kernels)
+        else:
+            passed, failed = run_tests(tests, ALL_TESTS_S)
+    finally:
+        path.write_bytes(source)
+        os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
+    if not passed and not passes_unchanged(failed):
+        return "unclear"
+    return "survived" if passed else "killed"
+
+
+def copy_checkout() -> None:
+    """The files under version control or about to be, with their times, in :data:`COPY`."""
+    listed = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=CHECKOUT, text=True)
+    for name in listed.splitlines():
+        target = COPY / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if (CHECKOUT / name).exists():
+            shutil.copy2(CHECKOUT / name, target)
+    subprocess.run(["make", "--silent", "layout"], cwd=COPY, check=True)
+    data = COPY.parent / "shared"
+    if not data.exists():
+        data.symlink_to(CHECKOUT.parent / "shared")
+
+
+def main() -> None:
+    """Make the mutants, print the fate of each, and keep all in build/mutants."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("number", type=int)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("--within", default="", help="only files whose path begins so, such as core/work")
+    options = parser.parse_args()
+    copy_checkout()
+    tests, fates = Tests(), list[dict[str, object]]()
+    for mutant in chosen(options.number, options.seed, options.within):
+        begin = time.monotonic()
+        end = fate(mutant, tests.nearest(mutant.file))
+        took_s = time.monotonic() - begin
+        change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
+        print(f"{end:8} {took_s:4.0f} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
+        fates.append(asdict(mutant) | {"fate": end, "took_s": round(took_s)})
+        (COPY.parent / f"{options.seed}.json").write_text(json.dumps(fates, indent=1), encoding="utf-8")
+    killed = sum(one["fate"] == "killed" for one in fates)
+    print(f"{killed} of {len(fates)} killed; those that survived are equivalent, or need a test.")
+
+
+if __name__ == "__main__":
+    main()
