@@ -47,7 +47,7 @@ MOST_FILES: Final = 8
 """Test files that are run on a mutant, the nearest first."""
 FARTHEST: Final = 3
 """Imports between a test and the mutated module."""
-TEST_S: Final = 60
+TEST_S: Final = 120
 ALL_TESTS_S: Final = 180
 COMMUTATIVE: Final = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "logical_and", "logical_or")
 _FLIPPED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
@@ -187,9 +187,7 @@ class Tests:
     """Which test files are nearest to a module, by imports."""
 
     def __init__(self) -> None:
-        files = {
-            path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")
-        }
+        files = {path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")}
         self._modules = {module_of(file): path for file, path in files.items()}
         known = set(self._modules)
         self._importers: defaultdict[str, set[str]] = defaultdict(set)
@@ -239,11 +237,15 @@ def run_tests(tests: Sequence[str], limit_s: float, **environment: str) -> tuple
 @cache
 def passes_unchanged(test: str) -> bool:
     """Whether a test passes in the copy without a mutant."""
-    return not test or run_tests([test], ALL_TESTS_S)[0]
+    return run_tests([test], ALL_TESTS_S)[0]
 
 
 def fate(mutant: Mutant, tests: list[str]) -> str:
-    """Whether a test in the copy notices the mutant: "killed", "survived", or "untested" where none imports it."""
+    """What the tests in the copy make of a mutant.
+
+    It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "unclear" where the test
+    that fails does so without the mutant; "untested" where no test imports it.
+    """
     if not tests:
         return "untested"
     path = COPY / mutant.file
@@ -258,13 +260,16 @@ def fate(mutant: Mutant, tests: list[str]) -> str:
     finally:
         path.write_bytes(source)
         os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
-    if not passed and not passes_unchanged(failed):
-        return "unclear"
-    return "survived" if passed else "killed"
+    if passed:
+        return "survived"
+    if not failed:
+        return "hung"
+    return "killed" if passes_unchanged(failed) else "unclear"
 
 
 def copy_checkout() -> None:
     """The files under version control or about to be, with their times, in :data:`COPY`."""
+    shutil.rmtree(COPY, ignore_errors=True)
     listed = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=CHECKOUT, text=True)
     for name in listed.splitlines():
         target = COPY / name
@@ -294,7 +299,7 @@ def main() -> None:
         print(f"{end:8} {took_s:4.0f} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
         fates.append(asdict(mutant) | {"fate": end, "took_s": round(took_s)})
         (COPY.parent / f"{options.seed}.json").write_text(json.dumps(fates, indent=1), encoding="utf-8")
-    killed = sum(one["fate"] == "killed" for one in fates)
+    killed = sum(one["fate"] in ("killed", "hung") for one in fates)
     print(f"{killed} of {len(fates)} killed; those that survived are equivalent, or need a test.")
 
 

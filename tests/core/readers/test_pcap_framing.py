@@ -124,7 +124,7 @@ LINKS = [
 
 
 @pytest.mark.parametrize(("link", "wrapped"), LINKS, ids=[f"{n}-{f.__name__}" for n, f in LINKS])
-def test_capture__unwraps_each_link_type(tmp_path: Path, link: int, wrapped) -> None:  # type: ignore[no-untyped-def]
+def test_promise_04__each_link_type_and_tag_is_unwrapped(tmp_path: Path, link: int, wrapped) -> None:  # type: ignore[no-untyped-def]
     path = write_pcap(tmp_path / "a.pcap", [(T0 + i, wrapped(p)) for i, p in enumerate(PAYLOADS)], link=link)
     assert read(path)[0] == [(T0 + i, p) for i, p in enumerate(PAYLOADS)]
 

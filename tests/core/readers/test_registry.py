@@ -85,7 +85,7 @@ def test_receivers_own_formats__without_an_intact_message_are_named(start: bytes
     assert "Export NMEA (GGA, RMC, GST)" in error.remedy
 
 
-def test_other_formats__are_named(shared_data: Path, tmp_path: Path) -> None:
+def test_promise_02__other_formats_are_named(shared_data: Path, tmp_path: Path) -> None:
     assert "a PCD point cloud" in refused(shared_data / "velodyne/vlp16_dual_truth.pcd").what
     (tmp_path / "base.rtcm3").write_bytes(bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98"))
     assert "RTCM 3" in refused(tmp_path / "base.rtcm3").what
@@ -109,7 +109,7 @@ def test_folder__without_a_bag_is_reported_as_one(tmp_path: Path) -> None:
         ("velodyne/vlp16_single_gps.pcap", "velodyne-pcap"),
     ],
 )
-def test_content__decides_and_not_the_name(name: str, format_: str, shared_data: Path, tmp_path: Path) -> None:
+def test_promise_02__content_decides_and_not_the_name(name: str, format_: str, shared_data: Path, tmp_path: Path) -> None:
     for suffix in ("", ".dat", ".pcap", ".nmea", ".csv"):
         copy = tmp_path / f"recording{suffix}"
         shutil.copyfile(shared_data / name, copy)

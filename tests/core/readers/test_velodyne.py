@@ -290,7 +290,7 @@ def codes(decoder: PacketDecoder) -> list[str]:
     return [notice.code for notice in decoder.notices()]
 
 
-def test_return_mode__that_changes_is_followed_and_reported() -> None:
+def test_promise_05__return_mode_is_that_of_the_packets() -> None:
     single = turning(30)
     dual = turning(30, 30 * PACKET_US, 30 * 480, mode=DUAL, packet_us=PACKET_US / 2)
     decoder = decode(single + dual)
@@ -298,7 +298,7 @@ def test_return_mode__that_changes_is_followed_and_reported() -> None:
     assert codes(decoder) == ["return-mode-changed"]
 
 
-def test_model__stated_overrides_the_packets_and_is_reported() -> None:
+def test_promise_05__model_stated_against_the_packets_is_reported_with_both() -> None:
     packets = turning(40, product=VLP16)
     decoder = decode(packets, "Puck Hi-Res")
     assert decoder.model is model_named("puck hi res")
@@ -308,7 +308,7 @@ def test_model__stated_overrides_the_packets_and_is_reported() -> None:
     assert "VLP-16 (0x22) in 40 packets" in notice.text
 
 
-def test_model__that_contradicts_the_packet_rate_is_reported() -> None:
+def test_promise_05__model_that_contradicts_the_packet_rate_is_reported() -> None:
     decoder = decode(turning(40, product=VLP16), "HDL-32E")
     texts = {notice.code: notice.text for notice in decoder.notices()}
     assert texts.keys() == {"model-differs", "packet-rate"}
@@ -320,7 +320,7 @@ def test_model__that_contradicts_the_packet_rate_is_reported() -> None:
     ("product", "code", "words"),
     [(0xA1, "unsupported-model", "VLS-128"), (0x23, "unsupported-model", "VLP-32A"), (0x00, "model-unknown", "0x00")],
 )
-def test_model__that_is_not_known_is_refused(product: int, code: str, words: str) -> None:
+def test_promise_05__model_that_is_not_known_is_refused(product: int, code: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
         decode(turning(5, product=product))
     assert error.value.code == code

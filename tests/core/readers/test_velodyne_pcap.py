@@ -95,7 +95,7 @@ def test_inspect__reports_place_and_clocks_of_a_sensor_with_gps(shared_data: Pat
     assert iso_utc(gnss.first_s) == "2016-01-21T08:18:02.000Z"
 
 
-def test_inspect__counts_what_is_missing_and_what_is_foreign(shared_data: Path) -> None:
+def test_promise_04__inspect_counts_what_is_missing_and_what_is_foreign(shared_data: Path) -> None:
     lost = {n.code: n.text for n in inspected(shared_data / "velodyne" / "damaged_lost_packets.pcap").notices}
     assert "67 packets are missing in 67 gaps, 0.044 s" in lost["lost-packets"]
     foreign = inspected(shared_data / "velodyne" / "damaged_foreign_traffic_mixed.pcap")
@@ -104,14 +104,14 @@ def test_inspect__counts_what_is_missing_and_what_is_foreign(shared_data: Path) 
     assert "4 pauses of 0.050 s, 0.2 s in total" in pauses["pauses"]
 
 
-def test_scans__of_a_capture_with_foreign_traffic_are_the_same(shared_data: Path) -> None:
+def test_promise_04__scans_of_a_capture_with_foreign_traffic_are_the_same(shared_data: Path) -> None:
     folder = shared_data / "velodyne"
     clean = read(folder / "vlp16_single_gps.pcap")
     for name in ("damaged_foreign_traffic_mixed.pcap", "vlp16_single_gps.pcapng", "vlp16_single_gps_bigendian.pcap"):
         np.testing.assert_array_equal(read(folder / name), clean)
 
 
-def test_scans__of_a_cut_capture_are_those_up_to_the_cut(shared_data: Path) -> None:
+def test_promise_03__scans_of_a_cut_capture_are_those_up_to_the_cut(shared_data: Path) -> None:
     whole = VelodynePcap([shared_data / "velodyne" / "vlp16_dual.pcap"], NO_OPTIONS)
     cut = VelodynePcap([shared_data / "velodyne" / "damaged_truncated_mid_packet.pcap"], NO_OPTIONS)
     expected, found = points(whole.scans()), points(cut.scans())
@@ -270,7 +270,7 @@ def test_clock__of_a_recorder_without_a_date_is_found_by_a_time_near(tmp_path: P
     assert points(reader.scans())[0, 0] == pytest.approx(T0, abs=2e-6)
 
 
-def test_two_sensors__are_refused_by_name(tmp_path: Path) -> None:
+def test_promise_04__two_sensors_are_refused_by_name(tmp_path: Path) -> None:
     one = frames(turning(60, 0), T0)
     two = [
         (t + 1e-4, frame(data_packet(i * PACKET_US + 77, 100), sender="192.168.1.202")) for i, (t, _) in enumerate(one)
@@ -313,7 +313,7 @@ WHOLE = recording(40, mode=DUAL, distance=np.arange(384).reshape(12, 32) * 20, p
 
 @given(cut=st.integers(0, 42 * 1264))
 @settings(max_examples=60)
-def test_scans__of_a_capture_cut_anywhere_are_a_part_from_the_start(
+def test_promise_03__scans_of_a_capture_cut_anywhere_are_a_part_from_the_start(
     tmp_path_factory: pytest.TempPathFactory, cut: int
 ) -> None:
     folder = tmp_path_factory.mktemp("cut")
