@@ -84,6 +84,7 @@ pages: $(INSTALLED)  ## write the generated pages of docs again
 	$(BIN)/python scripts/plugin_commands.py
 	$(BIN)/python scripts/plugin_strings.py
 	$(BIN)/python scripts/house_graph.py
+	$(BIN)/python scripts/reliability_reference.py
 
 plugin: $(INSTALLED)  ## the QGIS plugin as a zip, in dist
 	$(BIN)/python scripts/plugin_zip.py

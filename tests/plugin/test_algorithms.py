@@ -434,7 +434,9 @@ def test_cancel__ends_the_work_and_leaves_nothing(answers: dict[str, Any], folde
     assert not list(folder.glob("cancelled/*"))
 
 
-def test_promise_16__a_worker_that_crashes_leaves_qgis_alive_and_is_reported_with_its_last_words(answers: dict[str, Any]) -> None:
+def test_promise_16__a_worker_that_crashes_leaves_qgis_alive_and_is_reported_with_its_last_words(
+    answers: dict[str, Any],
+) -> None:
     lines = answers["crashing"]["error"].splitlines()
     assert len(lines) == 3
     assert lines[1] == "last words"

@@ -109,7 +109,9 @@ def test_folder__without_a_bag_is_reported_as_one(tmp_path: Path) -> None:
         ("velodyne/vlp16_single_gps.pcap", "velodyne-pcap"),
     ],
 )
-def test_promise_02__content_decides_and_not_the_name(name: str, format_: str, shared_data: Path, tmp_path: Path) -> None:
+def test_promise_02__content_decides_and_not_the_name(
+    name: str, format_: str, shared_data: Path, tmp_path: Path
+) -> None:
     for suffix in ("", ".dat", ".pcap", ".nmea", ".csv"):
         copy = tmp_path / f"recording{suffix}"
         shutil.copyfile(shared_data / name, copy)

@@ -1,0 +1,38 @@
+"""Writes into docs/reliability.md, below each promise, the tests named after it: `test_promise_07__what_holds`."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from pathlib import Path
+from typing import Final
+
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+PAGE: Final = CHECKOUT / "docs" / "reliability.md"
+PROMISES: Final = range(1, 26)
+
+
+def tests() -> dict[int, dict[str, list[str]]]:
+    """Promise → test file → what its tests hold, in words."""
+    found: defaultdict[int, dict[str, list[str]]] = defaultdict(dict)
+    for path in sorted((CHECKOUT / "tests").rglob("*.py")):
+        file, text = path.relative_to(CHECKOUT).as_posix(), path.read_text(encoding="utf-8")
+        for number, name in re.findall(r"^ *def test_promise_(\d\d)__(\w+)", text, re.MULTILINE):
+            found[int(number)].setdefault(file, []).append(name.replace("_", " "))
+    return found
+
+
+def page() -> str:
+    """The page with its lists of tests written again."""
+    found = tests()
+
+    def listed(mark: re.Match[str]) -> str:
+        lines = [f"- `{file}`: {'; '.join(words)}" for file, words in found[int(mark[1])].items()]
+        return "\n".join([f"<!-- tests {mark[1]} -->", "", *lines, *[""] * bool(lines), ""])
+
+    text = PAGE.read_text(encoding="utf-8")
+    return re.sub(r"<!-- tests (\d+) -->\n(?:\n*- .*)*\n*", listed, text).rstrip("\n") + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
