@@ -230,7 +230,7 @@ def run_tests(tests: Sequence[str], limit_s: float, **environment: str) -> tuple
         )
     except subprocess.TimeoutExpired:
         return True, ""
-    failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)
+    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
     return done.returncode == 0, failed[1] if failed else ""
 
 

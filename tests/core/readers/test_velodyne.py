@@ -340,6 +340,11 @@ def test_model_named__unknown_names_the_nearest() -> None:
     assert "`lidar.model`: unknown model 'VLP-23C'" in error.value.what
 
 
+def test_rpm__is_that_of_the_azimuths() -> None:
+    """0.4° a block, twelve blocks a packet."""
+    assert decode(turning(10)).counts.rpm == pytest.approx(60.0 * 12 * 0.4 / 360.0 / (PACKET_US * 1e-6), rel=1e-3)
+
+
 def test_gaps__are_counted() -> None:
     packets = turning(600)
     decoder = decode(packets[:100] + packets[103:200] + packets[210:300] + packets[500:])

@@ -52,6 +52,14 @@ def test_offset__whole_hours_are_found_whatever_the_lengths(hours: int, length_s
     assert found[0] == 3600.0 * hours
 
 
+@pytest.mark.parametrize("hours", [-9, 9])
+def test_offset__of_recordings_of_hours_is_the_one_with_the_largest_overlap(hours: int) -> None:
+    """Five hours overlap in part with eight other whole hours too."""
+    found = likely_offset(reading(T0_S + 3600.0 * hours, T0_S + 3600.0 * (hours + 5)), reading(T0_S, T0_S + 18_000.0))
+    assert found is not None
+    assert found[0] == 3600.0 * hours
+
+
 def pose_csv(path: Path, first_s: float, last_s: float) -> Path:
     rows = "".join(
         f"{first_s + i * 0.1:.1f},16650,96560,271,0,0,90\n" for i in range(round((last_s - first_s) * 10) + 1)
