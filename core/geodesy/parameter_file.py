@@ -154,16 +154,18 @@ def read_parameters(path: Path) -> ParameterFile:
     if lines and lines[0].strip() == pos2jgd.TITLE:
         return _quarter(path, lines)
     head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
-    kind = _kind(lines, head) if head is not None else None
+    if head is None:
+        raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
+    damaged = next((k for k, line in enumerate(lines[head:], start=1 + head) if not _ROW.fullmatch(line)), 0)
+    if damaged:
+        raise _unreadable(path, f"line {damaged} ({lines[damaged - 1][:60]!r}) is not a mesh code and parameters")
+    kind = _kind(lines, head)
     if kind is None:
         raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
     try:
         found = jgdtrans.par.loads(text.rstrip(), format=kind).parameter
     except Exception as error:  # noqa: BLE001 damage ends in errors of several families
         raise _unreadable(path, str(error) or type(error).__name__) from None
-    damaged = next((k for k, line in enumerate(lines[head:], start=1 + (head or 0)) if not _ROW.fullmatch(line)), 0)
-    if damaged:
-        raise _unreadable(path, f"line {damaged} is not a mesh code and parameters")
     codes = np.array(sorted(found), np.int64)
     rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
     if not _plausible(rows):
@@ -191,7 +193,7 @@ def _plausible(rows: FloatArray) -> bool:
     return bool(len(rows)) and bool((np.abs(rows) <= LARGEST).all())
 
 
-def _kind(lines: list[str], head: int | None) -> str | None:
+def _kind(lines: list[str], head: int) -> str | None:
     """The format, from the length of the header, the columns and the mesh; None if unknown."""
     codes = [line[:8] for line in lines[head:] if line.strip()]
     if head == 2:

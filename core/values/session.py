@@ -89,6 +89,10 @@ class Lidar(_Part, frozen=True):
         return Mounting(self.xyz_m, self.rpy_deg)
 
 
+WIDEST_M: Final = 100.0
+"""No implement is wider."""
+
+
 class Implement(_Part, frozen=True):
     """`[implement]`: the implement.
 
@@ -105,7 +109,7 @@ class Implement(_Part, frozen=True):
         states_minus_gnss_s: clock of the states minus that of the positions, if they differ by a constant.
     """
 
-    width_m: Annotated[float, Meta(gt=0.0)]
+    width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None

@@ -20,7 +20,7 @@ from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_wi
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.session import Crs, Implement
+from furrowmap.core.values.session import WIDEST_M, Crs, Implement
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.field_work import FieldWork, with_ground
@@ -107,13 +107,7 @@ def task_works(
         )
     frame = _frame(placed, crs)
     width = width_m if width_m is not None else whole_width_m(placed)
-    if not np.isfinite(width) or width <= 0.0:
-        raise InputError(
-            f"{path}: no time log says how wide the machine works.",
-            "Without a width no ground can be computed.",
-            "State it: --width 9.0 (metres).",
-            code="width-unknown",
-        )
+    _expect_width(path, width)
     implement = Implement(width_m=width, xy_m=(0.0, 0.0))
     works = []
     for k, task in enumerate(placed):
@@ -127,6 +121,23 @@ def task_works(
             notices.append(Notice("task-left-out", text))
     progress("tasks", 1.0)
     return TaskWorks(tuple(works), frame, tuple(dict.fromkeys(notices)))
+
+
+def _expect_width(path: Path, width_m: float) -> None:
+    if not np.isfinite(width_m) or width_m <= 0.0:
+        raise InputError(
+            f"{path}: no time log says how wide the machine works.",
+            "Without a width no ground can be computed.",
+            "State it: --width 9.0 (metres).",
+            code="width-unknown",
+        )
+    if width_m > WIDEST_M:
+        raise InputError(
+            f"A width of {width_m:g} m was stated.",
+            f"No machine works more than {WIDEST_M:g} m at a time.",
+            "State it in metres: --width 9.0.",
+            code="width-implausible",
+        )
 
 
 def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:

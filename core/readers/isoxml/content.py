@@ -9,9 +9,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.boundary import LARGEST_DEG
 from furrowmap.core.readers.isoxml.files import MAIN, TaskFiles
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.values.errors import InputError, Notice
@@ -196,7 +198,8 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
     for ring in item.all("LSG"):
         places = [(_degrees(p.get("D")), _degrees(p.get("C"))) for p in ring.all("PNT")]
         usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
-        if len(usable) < 3 or len(usable) < len(places) or ring.get("A") not in (*EXTERIORS, INTERIOR):
+        far = len(usable) > 0 and bool(np.ptp(usable, axis=0).max() > LARGEST_DEG)
+        if len(usable) < 3 or len(usable) < len(places) or far or ring.get("A") not in (*EXTERIORS, INTERIOR):
             text = f"Field {name}: an invalid ring of its boundary ({len(usable)} of {len(places)} corners) is dropped."
             notices.append(Notice("boundary-ring", text))
         else:

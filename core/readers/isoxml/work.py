@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement
 from furrowmap.core.readers.isoxml.time_log import TimeLog
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.session import WIDEST_M
 from furrowmap.core.values.tool_states import ToolState
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +66,7 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
         table = np.stack(list(states.values()))
         state[(table == ToolState.UP).any(axis=0)] = ToolState.UP
         state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
-    width = _width(log, elements, states, state == ToolState.DOWN)
+    width = _width(log, elements, states, state == ToolState.DOWN, notices)
     state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
     return LoggedWork(state, width, _counted(log, elements), tuple(notices))
 
@@ -111,6 +112,7 @@ def _width(
     elements: Mapping[str, DeviceElement],
     states: Mapping[str, NDArray[np.int8]],
     at_work: NDArray[np.bool_],
+    notices: list[Notice],
 ) -> FloatArray:
     """The working width (n,), from the largest device elements that have one.
 
@@ -122,8 +124,16 @@ def _width(
         elements: device elements by id.
         states: (n,) of the elements that have one.
         at_work: (n,) whether any element works, for sections without a state.
+        notices: extended where a width is that of no machine, and taken as unknown.
     """
     widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
+    wrong = sum(int(np.sum((values < 0.0) | (values > WIDEST_M))) for values in widths.values())
+    if wrong:
+        text = f"{log.name}: {wrong} records state a width below 0 or above {WIDEST_M:g} m; it is taken as unknown."
+        notices.append(Notice("width-implausible", text))
+    widths = {
+        element: np.where((values >= 0.0) & (values <= WIDEST_M), values, np.nan) for element, values in widths.items()
+    }
     topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
     width = np.full(len(log), np.nan)
     parallel = np.zeros(len(log))

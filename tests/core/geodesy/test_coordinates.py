@@ -326,6 +326,13 @@ def test_damaged_parameters_are_refused(geo: Path, tmp_path: Path) -> None:
         read_parameters(tmp_path / "a.par")
 
 
+@pytest.mark.parametrize("more", ["5440", "54401005", "54401005 0.1", "x"])
+def test_promise_18__a_line_that_is_no_row_of_parameters_is_refused(geo: Path, tmp_path: Path, more: str) -> None:
+    (tmp_path / "a.par").write_text((geo / "semidynaexe_sample.par").read_text() + more + "\n")
+    with pytest.raises(InputError, match="is not a mesh code and parameters"):
+        read_parameters(tmp_path / "a.par")
+
+
 @pytest.mark.parametrize("number", ["9" * 5000, "nan", "1e999", "0.0152", "٣"])
 def test_promise_18__parameters_with_numbers_that_are_none_are_refused(geo: Path, tmp_path: Path, number: str) -> None:
     text = (geo / "semidynaexe_sample.par").read_text().replace("0.01529", number)

@@ -223,6 +223,23 @@ def test_scatter_tells_returns_that_share_an_error_from_those_that_do_not() -> N
     assert together.correlated > 10.0
 
 
+def test_scatter_counts_groups_of_one_half_one_column_and_one_second() -> None:
+    """A column's error that lasts for four seconds is shared by its returns of each second, not by all of them."""
+    knots, spot = 161, ((2.0, 9.0), 4.0, 16.0)
+    walls, xyz = standing(wall(*spot, 30_000, 21)), wall(*spot, 8000, 11)
+    random = np.random.default_rng(4)
+    t = np.sort(random.uniform(0.0, STEP_S * (knots - 1), len(xyz)))
+    half = random.integers(0, 2, len(xyz), np.uint8)
+    column = np.floor(xyz[:, :2] / 0.5).astype(int)
+    xyz[:, 1] += 0.02 * random.standard_normal((100, 100))[column[:, 0], column[:, 1]]
+    poses = ChainPoses(Chain(0, knots, 0.0), np.zeros((knots, 3)), CoarseGrid(0, 0, 1.0))
+    scatter = register_walls(PlacedUpright(t, xyz, half), walls, poses, 10.0, 1.0, SliceSums.of(knots))[1]
+    _, size = np.unique(np.column_stack([column, half, np.floor(t)]), axis=0, return_counts=True)
+    assert scatter.groups == pytest.approx(np.sum(size > 10), rel=0.3)  # columns at the ends of the wall show no line
+    shared = size[size > 10].mean()
+    assert 0.5 * shared < scatter.correlated < 1.3 * shared
+
+
 def test_only_what_stands_near_is_selected() -> None:
     random = np.random.default_rng(2)
     xyz = random.uniform([-50.0, -50.0, -2.5], [50.0, 50.0, 3.0], (50_000, 3)).astype(np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -212,3 +213,14 @@ def test_sample_recordings(
     want = np.where(v > 0.05, Motion.FORWARD, np.where(v < -0.05, Motion.REVERSE, Motion.STANDING))
     judged = (np.abs(np.abs(v) - 0.03) > 0.03) | (np.abs(v) < 0.01)
     assert (found.motion[judged] == want[judged]).mean() > moving_share
+
+
+def test_promise_13__one_position_of_another_day_costs_neither_knots_nor_the_solution() -> None:
+    truth = drive((15, 1.0, 0))
+    t_s = truth.t_s.copy()
+    t_s[-1] += 4 * 86_400.0
+    track = track_of(truth, 0.003)
+    found = trajectory_from_gnss(replace(track, t_s=t_s), FRAME, LEVER_M, None).trajectory
+    whole = trajectory_from_gnss(track, FRAME, LEVER_M, None).trajectory
+    assert len(found.t_s) == len(whole.t_s)
+    np.testing.assert_allclose(found.xyz_m[:-5], whole.xyz_m[:-5], atol=0.01)

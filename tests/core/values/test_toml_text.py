@@ -23,7 +23,7 @@ def test_promise_23__toml_that_python_cannot_hold_is_a_syntax_error(text: str) -
     assert error.value.code == "session-syntax"
     with pytest.raises(InputError) as error:
         scenario_from(text, "scenario.toml")
-    assert error.value.code in ("scenario-toml", "scenario-value")
+    assert error.value.code.startswith("scenario-")
 
 
 def test_parse_toml__reads_what_the_parser_of_python_reads() -> None:

@@ -129,6 +129,26 @@ def test_zones__a_pass_across_the_turns_is_headland() -> None:
     assert shares[3] > 0.85
 
 
+@pytest.mark.parametrize(("along_s", "far"), [(12.0, False), (60.0, True)])
+def test_zones__a_turn_is_one_place_unless_its_passes_end_far_apart(along_s: float, *, far: bool) -> None:
+    """Of a way along the headland to a distant pass only the ends are turns; a near one takes up what it encloses."""
+    quarter = (6.0, 1.0, 18.0)
+    truth = drive((40.0, 1.2, 0.0), quarter, (along_s, 1.2, 0.0), quarter, (40.0, 1.2, 0.0))
+    trajectory = trajectory_of(truth)
+    again_s = 52.0 + along_s
+    states = states_of(trajectory, (2.0, 39.0), (again_s + 1.0, again_s + 38.0))
+    ground = worked_ground(trajectory, states, Implement(width_m=3.0, xy_m=(0.0, 0.0)), FRAME)
+    headland = shapely.union_all([z.ground for z in ground.zones if z.kind == "headland"])
+    t = truth.t_s - truth.t_s[0]
+    place = np.array([truth.en_m[np.searchsorted(t, at_s)] for at_s in (39.0, 43.0, 46.0 + 0.5 * along_s, again_s)])
+    leaving, turning, half_way, coming = place + PLACE_M
+    assert headland.covers(shapely.Point(turning))
+    enclosed = 0.85 * 0.5 * (leaving + coming) + 0.15 * half_way
+    assert headland.covers(shapely.Point(enclosed)) == (not far)
+    assert headland.covers(shapely.Point(half_way)) == (not far)
+    assert len(shapely.get_parts(headland)) == (2 if far else 1)
+
+
 def test_lifting_on_a_straight_way__is_no_turn() -> None:
     trajectory = trajectory_of(drive((60.0, 1.2, 0.0)))
     ground = worked_ground(

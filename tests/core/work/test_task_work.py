@@ -115,3 +115,51 @@ def test_a_straight_run__is_its_length_times_its_width(tmp_path: Path, width_mm:
     assert worked.sigma_m2 > 0.0
     assert shapely.get_num_geometries(work.work.ground.coverage) == 1
     assert work.logged_swept_m2 == pytest.approx(worked.ellipsoid_m2, rel=0.002)
+
+
+def passes(folder: Path, *, width_mm: int = 1700, corner: str = "141.341", jump_s: int = 0) -> Path:
+    """Task data of three passes at one record a second; one record has another width, the second half comes later."""
+    rows, lat, lon = [], 43.05, 141.34
+    for k in range(120):
+        lat, lon = lat + 1e-5 * (1 - 2 * (k // 40 % 2)), lon + 2e-5 * (k % 40 == 39)
+        place = {"A": int(lat * 1e7), "B": int(lon * 1e7), "D": 4}
+        day, since_s = divmod(29_000 + k + jump_s * (k >= 50), 86_400)
+        width = width_mm if k == 60 else 1700
+        rows.append(Record(1000 * since_s, 16967 + day, place, {0: int(k % 40 < 30), 1: width}))
+    corners = [("43.049", "141.339"), ("43.049", corner), ("43.051", "141.341")]
+    ring = "".join(f'<PNT A="2" C="{lat}" D="{lon}"/>' for lat, lon in corners)
+    body = (
+        '<TSK A="TSK1" G="4" E="PFD1"><TLG A="TLG00001"/></TSK><DVC A="DVC1"><DET A="DET-1" B="1" C="1"/></DVC>'
+        f'<PFD A="PFD1" C="north"><PLN A="1"><LSG A="1">{ring}</LSG></PLN></PFD>'
+    )
+    head = header([(141, "DET-1"), (67, "DET-1")])
+    return task_data(folder / "TASKDATA", body, {"TLG00001": (head, b"".join(row.pack() for row in rows))})
+
+
+@pytest.mark.parametrize("width_mm", [2**31 - 1, 100_001, -1])
+def test_promise_14__a_width_of_no_machine_is_unknown(tmp_path: Path, width_mm: int) -> None:
+    right = task_works(passes(tmp_path / "right")).works[0]
+    (work,) = task_works(passes(tmp_path, width_mm=width_mm)).works
+    assert work.implement.width_m == right.implement.width_m == 1.7
+    assert work.work.ground is not None
+    assert right.work.ground is not None
+    assert work.work.ground.figures.worked == right.work.ground.figures.worked
+    assert {n.code for n in work.notices} - {n.code for n in right.notices} == {"width-implausible"}
+    with pytest.raises(InputError) as refused:
+        task_works(tmp_path / "TASKDATA", width_m=2000.0)
+    assert refused.value.code == "width-implausible"
+
+
+def test_promise_24__a_boundary_with_a_corner_far_away_is_dropped(tmp_path: Path) -> None:
+    (work,) = task_works(passes(tmp_path, corner="0.0")).works
+    assert work.work.boundary is None
+    assert "boundary-ring" in {notice.code for notice in work.notices} | {n.code for n in task_works(tmp_path).notices}
+
+
+@pytest.mark.parametrize("jump_s", [4 * 86_400, 300 * 86_400])
+def test_promise_13__a_jump_of_the_clock_is_a_gap_that_is_not_filled(tmp_path: Path, jump_s: int) -> None:
+    (work,) = task_works(passes(tmp_path, jump_s=jump_s)).works
+    assert len(work.course.trajectory.t_s) == 120
+    assert work.work.ground is not None
+    assert work.work.ground.figures.worked.grid_m2 < 2.0 * 1.7 * 120
+    np.testing.assert_allclose(np.diff(work.course.trajectory.gaps_s), jump_s + 1.0)

@@ -18,6 +18,7 @@ from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.png import data_uri, png
 from furrowmap.exporters.reports.drawings import map_box, pass_colour, quality_graph, quality_map, tool_graph, work_map
+from furrowmap.exporters.reports.svg import Sheet
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 from tests.exporters.vectors.worked_field import worked_field
 
@@ -55,6 +56,22 @@ def test_drawings__are_well_formed_and_stay_on_their_sheet() -> None:
             assert ((y >= -1) & (y <= height + 1)).all()
             found += len(shape.attrib)
         assert found > 5
+
+
+@given(
+    west=st.floats(-1e6, 1e6), south=st.floats(-1e6, 1e7), width=st.floats(10.0, 5e4), shape=st.floats(0.2, 5.0)
+)  # fmt: skip
+def test_scale_bar__is_as_long_as_a_line_of_its_length(west: float, south: float, width: float, shape: float) -> None:
+    sheet = Sheet.of((west, south, west + width, south + shape * width))
+    root = ET.fromstring(sheet.svg([], "map"))
+    (bar,) = (shape for shape in root.iter() if shape.attrib.get("class") == "bar")
+    label = next(shape.text or "" for shape in root.iter() if (shape.text or "").endswith(" m"))
+    left, right = (float(part) for part in re.findall(r"^M([\d.]+) [\d.]+H([\d.]+)$", bar.attrib["d"])[0])
+    length_m = float(label.removesuffix(" m"))
+    drawn = ET.fromstring(sheet.line(np.array([[west, south], [west + length_m, south]]), "line"))
+    begin, end = (float(word.split()[0]) for word in drawn.attrib["d"].removeprefix("M").split("L"))
+    assert right - left == pytest.approx(end - begin, abs=0.2)
+    assert 0.08 * sheet.size[0] < right - left < 0.3 * sheet.size[0]
 
 
 @pytest.mark.parametrize(
