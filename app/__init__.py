@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
+    from furrowmap.core.values.allowances import allowing as allowing
     from furrowmap.core.values.errors import FurrowmapError as FurrowmapError
     from furrowmap.core.values.errors import InputError as InputError
     from furrowmap.core.values.errors import Notice as Notice
@@ -106,6 +107,7 @@ _HOMES = {
     "SurfaceSettings": "core.pointclouds.surface_settings",
     "UsageError": "core.values.errors",
     "add_to_farm_map": "workflows.farm",
+    "allowing": "core.values.allowances",
     "calibrate": "workflows.calibrate",
     "check": "workflows.check",
     "clean": "workflows.clean",

@@ -174,11 +174,18 @@ def read_raster(path: Path) -> Any:
     Returns:
         An `xarray.DataArray` with the dimensions y and x (centres of the cells, easting and northing in metres) and the
         attributes `crs` (WKT) and `transform`; where xarray is not installed, a `Raster`.
+
+    Raises:
+        InputError: if the file is damaged.
+        RefusedError: if it takes more than half of the free memory.
     """
     import pyproj
-    import rasterio
 
-    with rasterio.open(path, driver="GTiff") as source:
+    from furrowmap.core.readers.geotiff import open_geotiff
+    from furrowmap.core.values.allowances import expect_memory
+
+    with open_geotiff(path, _no_raster) as source:
+        expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)
         array = source.read(1)
         if source.nodata is not None:
             array = np.where(array == source.nodata, np.float32(np.nan), array)
@@ -192,3 +199,12 @@ def read_raster(path: Path) -> Any:
     y = raster.transform.f + raster.transform.e * (np.arange(rows) + 0.5)
     attributes = {"crs": raster.crs.to_wkt(), "transform": tuple(raster.transform)[:6], "units": "m"}
     return xarray.DataArray(array, {"y": y, "x": x}, ("y", "x"), path.stem, attributes)
+
+
+def _no_raster(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path} {why}.",
+        "It is not a raster of a run or of surfaces.",
+        "Make it again with `furrowmap run` or `furrowmap surface`.",
+        code="raster-unreadable",
+    )

@@ -10,6 +10,7 @@ import pyproj
 
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.surveyed_points import read_points
+from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.values.errors import InputError
 
 HEIGHT: Final = "height"
@@ -28,33 +29,29 @@ def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | No
         InputError: if it is no such raster, or the points cannot be read.
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
-    import rasterio
     from rasterio.windows import Window
 
-    try:
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
-            if raster.crs is None:
-                raise _no_surface(path, "has no CRS")
-            band = raster.descriptions[0]
-            if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT:
-                raise _no_surface(path, f"holds {band!r} and no heights above a datum")
-            box = tuple(raster.bounds)
-            crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
-            survey = read_points(points_file, crs, points_crs)
-            checks, to_cells = [], ~raster.transform
-            for name, xyz in zip(survey.name, survey.xyz_m, strict=True):
-                column, row = (a * xyz[0] + b * xyz[1] + c for a, b, c in (to_cells[:3], to_cells[3:6]))
-                left, top = int(np.floor(column - 0.5)), int(np.floor(row - 0.5))
-                four = raster.read(1, window=Window(left, top, 2, 2), boundless=True, masked=True)
-                cells = np.ma.filled(four.astype(np.float64), np.nan)
-                right, down = column - 0.5 - left, row - 0.5 - top
-                share = np.outer([1.0 - down, down], [1.0 - right, right])
-                height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
-                why = "" if np.isfinite(height) else "lies where the surface has no heights"
-                found = (np.nan, np.nan, height)
-                checks.append(PointCheck(name, three(xyz), found, why_not=why))
-    except rasterio.errors.RasterioIOError:
-        raise _no_surface(path, "is neither a cloud nor a GeoTIFF that GDAL reads") from None
+    with open_geotiff(path, _no_surface) as raster:
+        if raster.crs is None:
+            raise _no_surface(path, "has no CRS")
+        band = raster.descriptions[0]
+        if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT:
+            raise _no_surface(path, f"holds {band!r} and no heights above a datum")
+        box = tuple(raster.bounds)
+        crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
+        survey = read_points(points_file, crs, points_crs)
+        checks, to_cells = [], ~raster.transform
+        for name, xyz in zip(survey.name, survey.xyz_m, strict=True):
+            column, row = (a * xyz[0] + b * xyz[1] + c for a, b, c in (to_cells[:3], to_cells[3:6]))
+            left, top = int(np.floor(column - 0.5)), int(np.floor(row - 0.5))
+            four = raster.read(1, window=Window(left, top, 2, 2), boundless=True, masked=True)
+            cells = np.ma.filled(four.astype(np.float64), np.nan)
+            right, down = column - 0.5 - left, row - 0.5 - top
+            share = np.outer([1.0 - down, down], [1.0 - right, right])
+            height = float(np.sum(np.where(share > 0.0, cells * share, 0.0)))
+            why = "" if np.isfinite(height) else "lies where the surface has no heights"
+            found = (np.nan, np.nan, height)
+            checks.append(PointCheck(name, three(xyz), found, why_not=why))
     return ProductAtPoints(crs, tuple(checks), survey, box, "nothing", tuple(survey.notices))
 
 

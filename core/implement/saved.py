@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +11,7 @@ from furrowmap.core.implement.model import DepthImages, Implement, Levels, Regio
 from furrowmap.core.implement.range_image import COLUMNS
 from furrowmap.core.implement.template import SideViewGrid, Template
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.npz import read_npz
 from furrowmap.core.values.tool_states import ToolState
 
 FORM: Final = 1
@@ -53,10 +53,8 @@ def load_implement(path: Path) -> Implement:
         InputError: if the file cannot be read, or is none of :func:`save_implement`.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays: dict[str, Any] = {name: archive[name] for name in archive.files}
-        implement = _implement(arrays)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        implement = _implement(read_npz(path))
+    except (OSError, ValueError, KeyError) as error:
         raise InputError(
             f"{path} is not an implement file of an earlier run ({error}).",
             "The session refers to it as [implement] learned, so the run did not start.",

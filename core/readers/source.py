@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from furrowmap.core.values.allowances import expect_growth
 from furrowmap.core.values.errors import InputError, Notice
 
 if sys.version_info >= (3, 14):
@@ -90,7 +91,8 @@ class Head:
 class Source(io.BufferedIOBase):
     """A file's decompressed bytes, in order, and the share that has been read.
 
-    A truncated or damaged compressed stream raises no exception: reading ends there, and `fault` describes it.
+    A truncated or damaged compressed stream raises no exception: reading ends there, and `fault` describes it. One with
+    far more content than a recording has is refused.
 
     Attributes:
         compression: "gzip", "zstd", "xz" or "".
@@ -141,6 +143,7 @@ class Source(io.BufferedIOBase):
 
     def _decompressed(self) -> Iterator[bytes]:
         """All content before a truncation; the file objects of the libraries lose the last part of it."""
+        unpacked = 0
         data = self._raw.read(_RAW_BYTES)
         while data:
             member = _MEMBER[self.compression]()
@@ -152,6 +155,8 @@ class Source(io.BufferedIOBase):
                 piece = member.decompress(data, _PIECE_BYTES)
                 data = b""
                 if piece:
+                    unpacked += len(piece)
+                    expect_growth(self.path, self.size_bytes, unpacked)
                     yield piece
             data = member.unused_data or self._raw.read(_RAW_BYTES)
             if not data.strip(b"\0"):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
 from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
 from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
@@ -22,7 +23,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file
+from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file, unusable
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import file_records
@@ -223,16 +224,24 @@ class _Source:
     nearest: Any
     grid: Grid
     bands: int
+    path: Path
 
     def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
-        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata."""
+        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata.
+
+        Raises:
+            InputError: if the file is damaged there.
+        """
         shared = common(tile, self.grid)
         if shared is None:
             return None
         part = window(shared, self.grid)
-        values = _values(self.raster, self.bands, part)
-        if self.nearest is not None:
-            values[:, np.isnan(_values(self.nearest, 1, part)[0])] = np.nan
+        try:
+            values = _values(self.raster, self.bands, part)
+            if self.nearest is not None:
+                values[:, np.isnan(_values(self.nearest, 1, part)[0])] = np.nan
+        except RasterioError as error:
+            raise unusable(self.path, f"is damaged ({error})") from None
         return shared.window_in(tile), values
 
 
@@ -247,7 +256,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
     grid = _grid_in(surface, crs, cell_m)
     with rasterio.open(surface.path, driver="GTiff") as raster:
         if _fits(surface, crs, cell_m):
-            yield _Source(raster, None, grid, bands)
+            yield _Source(raster, None, grid, bands, surface.path)
             return
         coarser = cell_m > COARSER * surface.cell_m
         options = {
@@ -265,7 +274,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
             WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
             WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,
         ):
-            yield _Source(warped, None if coarser else nearest, grid, bands)
+            yield _Source(warped, None if coarser else nearest, grid, bands, surface.path)
 
 
 def _latest(sources: Sequence[_Source], tile: Grid, count: int) -> list[NDArray[np.float32]]:

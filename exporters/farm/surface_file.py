@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import rasterio
 from pyproj import CRS
 
+from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.rasters.cog import Band
@@ -50,27 +50,25 @@ def surface_file(path: Path) -> SurfaceFile:
     Raises:
         InputError: if it is no GeoTIFF, has no CRS, or its cells are not square and north-up.
     """
-    try:
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
-            if raster.crs is None:
-                raise _unusable(path, "has no CRS")
-            width, skew, _, skew2, height = raster.transform[:5]
-            if skew or skew2 or height >= 0 or abs(width + height) > 1e-9 * width:
-                raise _unusable(path, "has cells that are not square and north-up")
-            bands = tuple(
-                Band(description or f"band {i}", unit or "", 0)
-                for i, (description, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), start=1)
-            )
-            crs = CRS.from_wkt(raster.crs.to_wkt())
-            grid = _anchored(width, raster.bounds, raster.shape)
-            return SurfaceFile(
-                path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, _span(raster.tags())
-            )
-    except rasterio.errors.RasterioIOError as error:
-        raise _unusable(path, f"cannot be read ({error})") from None
+    with open_geotiff(path, unusable) as raster:
+        if raster.crs is None:
+            raise unusable(path, "has no CRS")
+        width, skew, _, skew2, height = raster.transform[:5]
+        if skew or skew2 or height >= 0 or abs(width + height) > 1e-9 * width:
+            raise unusable(path, "has cells that are not square and north-up")
+        bands = tuple(
+            Band(description or f"band {i}", unit or "", 0)
+            for i, (description, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), start=1)
+        )
+        crs = CRS.from_wkt(raster.crs.to_wkt())
+        grid = _anchored(width, raster.bounds, raster.shape)
+        return SurfaceFile(
+            path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, _span(raster.tags())
+        )
 
 
-def _unusable(path: Path, why: str) -> InputError:
+def unusable(path: Path, why: str) -> InputError:
+    """The error of a file that a mosaic cannot be made of."""
     return InputError(
         f"{path} {why}.",
         "A mosaic cannot be made of it.",

@@ -8,6 +8,8 @@
   <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
   <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
   <message><source>Adds them to the project when the algorithm has finished.</source><translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation></message>
+  <message><source>Allow damaged</source><translation>破損したファイルを許可</translation></message>
+  <message><source>Allow large</source><translation>大きなファイルを許可</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
@@ -177,6 +179,8 @@
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of the dates, such as Asia/Tokyo [default: from the longitude].</source><translation>日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation></message>
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
+  <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
+  <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from furrowmap.core.values.allowances import expect_growth, expect_memory
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import is_file_name, leads_out
 
@@ -17,8 +18,6 @@ MAIN: Final = "TASKDATA.XML"
 MOST_FILES: Final = 100_000
 LARGEST_BYTES: Final = 1 << 30
 """Largest plausible file: the time log of a day has a few megabytes."""
-MOST_GROWTH: Final = 1100
-"""Largest plausible compression ratio: deflate reaches about 1000."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +187,11 @@ def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
     """Check an archive for hostile entries.
 
     Raises:
-        InputError: if a name points outside the archive, an entry is a link, or a stated size is implausible.
+        InputError: if a name points outside the archive, or an entry is a link.
+        RefusedError: if the stated sizes are implausible.
     """
+    expect_growth(path, path.stat().st_size, sum(entry.file_size for entry in entries))
+    expect_memory(path, max((entry.file_size for entry in entries), default=0))
     fault = ""
     if len(entries) > MOST_FILES:
         fault = f"it has {len(entries):,} files"
@@ -200,8 +202,6 @@ def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
             fault = f"the name {entry.filename!r} points outside the archive"
         elif stat.S_ISLNK(entry.external_attr >> 16):
             fault = f"{entry.filename!r} is a link"
-        elif entry.file_size > min(LARGEST_BYTES, MOST_GROWTH * max(entry.compress_size, 1)):
-            fault = f"{entry.filename!r} states {entry.file_size:,} bytes, compressed to {entry.compress_size:,}"
         if fault:
             break
     if fault:

@@ -53,6 +53,7 @@ class CloudFile:
         index: the octree; None if there is none, or it is invalid.
         notices: errors in header and records that show before the points are read; for the others see
             :class:`~furrowmap.core.readers.las.survey.Survey`.
+        lost: what of damaged points has been left out so far.
     """
 
     path: Path
@@ -66,6 +67,7 @@ class CloudFile:
     laz: LazPoints | None = field(repr=False)
     index: CopcIndex | None = field(repr=False)
     notices: tuple[Notice, ...]
+    lost: list[Notice] = field(default_factory=list, repr=False, compare=False)
 
     @property
     def dimensions(self) -> tuple[str, ...]:
@@ -85,7 +87,8 @@ class CloudFile:
             batch_points: a larger compressed chunk (up to four million points) is a batch of its own.
 
         Raises:
-            InputError: if compressed points are damaged, or the file was truncated since it was opened.
+            InputError: if compressed points are damaged and the user does not allow that, or the file was truncated
+                since it was opened.
         """
         kind = layout(self.header)
         with self.path.open("rb") as file:
@@ -105,13 +108,13 @@ class CloudFile:
         if laz is None:
             yield from _plain(self.path, file, self.header, self.points, batch_points)
         elif not laz.wholesale:
-            yield from stream_points(self.path, file, self.header, laz, self.points, batch_points)
+            yield from stream_points(self.path, file, self.header, laz, self.points, batch_points, self.lost)
         else:
             wanted = np.arange(len(laz.points))
             if self.index is not None and (box is not None or resolution is not None):
                 wanted = self.index.chunks_in(box, resolution)
             for first, last in _runs(wanted, laz.points, batch_points):
-                yield decode_chunks(self.path, file, laz, first, last)
+                yield from decode_chunks(self.path, file, laz, first, last, self.lost)
 
 
 def open_cloud(path: Path) -> CloudFile:
@@ -216,8 +219,7 @@ def _first_times(
     count = min(SAMPLE, points)
     if not header.has_time or not count:
         return np.empty(0)
-    if laz is None:
-        data = next(_plain(path, file, header, count, count))
-    else:
-        data = first_points(path, file, header, laz, count)
+    data = (
+        next(_plain(path, file, header, count, count)) if laz is None else first_points(path, file, header, laz, count)
+    )
     return np.asarray(data.view(layout(header))["gps_time"], np.float64)

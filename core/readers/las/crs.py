@@ -69,7 +69,7 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
         with (
             rasterio.Env(GTIFF_REPORT_COMPD_CS=True),
             rasterio.MemoryFile(_pixel(records), ext=".tif") as file,
-            file.open() as picture,
+            file.open(driver="GTiff") as picture,
         ):
             found = pyproj.CRS.from_wkt(picture.crs.to_wkt()) if picture.crs else None
     except (RasterioError, CRSError, ProjError, ValueError):

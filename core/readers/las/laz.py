@@ -13,7 +13,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import Any, BinaryIO, Final
 
 import lazrs
 import numpy as np
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.readers.las.records import Record
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.allowances import allows, expect_growth
+from furrowmap.core.values.errors import InputError, Notice
 
 USER: Final = "laszip encoded"
 NUMBER: Final = 22204
@@ -78,6 +79,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
 
     Raises:
         InputError: if they cannot be found or decoded.
+        RefusedError: if they are implausibly many for the file.
     """
     stated = next((record for record in records if (record.user, record.number) == (USER, NUMBER)), None)
     if stated is None or len(stated.data) < _RECORD.size:
@@ -97,6 +99,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
         none = np.zeros(0, np.int64)
         return LazPoints(stated.data, none, none, none, layers, header.record_bytes)
     table = _chunk_table(path, file, header, stated.data, chunk_points)
+    expect_growth(path, header.size_bytes, header.points * header.record_bytes)
     sizes = np.array([size for _, size in table], np.int64)
     points = np.array([number for number, _ in table], np.int64)
     if chunk_points != VARIABLE:
@@ -196,29 +199,53 @@ def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise _refusal(path, f"the chunk table cannot be decoded ({_short(str(error))})", "laz-chunk-damaged") from None
+        raise _refusal(path, f"the chunk table cannot be decoded ({_short(error)})", "laz-chunk-damaged") from None
     return table
 
 
-def decode_chunks(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
+def decode_chunks(
+    path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int, lost: list[Notice]
+) -> Iterator[NDArray[np.uint8]]:
     """The records (n × bytes of one, flat) of the consecutive chunks `first` to `last` − 1, decoded in parallel.
 
+    Damage within a chunk cannot be located, because it has no checksum: if the user allows damaged files, it is left
+    out as a whole, with a notice in `lost`, and the other chunks are decoded.
+
     Raises:
-        InputError: if a chunk is found to be damaged.
+        InputError: if a chunk is found to be damaged, and the user does not allow that.
     """
     try:
-        return _decoded(path, file, laz, first, last)
-    except Undecodable as fault:
-        reason, number = str(fault), first
-        for number in range(first, last):
-            try:
-                _decoded(path, file, laz, number, number + 1)
-            except Undecodable as found:
-                reason = str(found)
-                break
-        begin, size = int(laz.begins[number]), int(laz.sizes[number])
-        where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
-        raise _refusal(path, f"{where} cannot be decoded: {_short(reason)}", "laz-chunk-damaged") from None
+        whole = [_decoded(path, file, laz, first, last)]
+    except Undecodable:
+        whole = _undamaged(path, file, laz, first, last, lost)
+    yield from whole
+
+
+def _undamaged(
+    path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int, lost: list[Notice]
+) -> list[NDArray[np.uint8]]:
+    """The records of the chunks that can be decoded.
+
+    Raises:
+        InputError: as :func:`decode_chunks`.
+    """
+    found = []
+    before = np.cumsum(laz.points) - laz.points
+    for number in range(first, last):
+        try:
+            found.append(_decoded(path, file, laz, number, number + 1))
+        except Undecodable as fault:
+            begin, size = int(laz.begins[number]), int(laz.sizes[number])
+            where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
+            if not allows("damaged"):
+                raise _refusal(path, f"{where} cannot be decoded: {_short(fault)}", "laz-chunk-damaged") from None
+            points = f"points {before[number] + 1:,} to {before[number] + laz.points[number]:,}"
+            lost.append(_left_out(path, f"{where} cannot be decoded ({_short(fault)}): {points}"))
+    return found
+
+
+def _left_out(path: Path, what: str) -> Notice:
+    return Notice("laz-damage-left-out", f"{path.name}: {what} are left out.")
 
 
 def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
@@ -236,12 +263,32 @@ def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) 
 
 
 def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, points: int) -> NDArray[np.uint8]:
-    """The records of the first points of a file.
+    """The records of the first points of a file; none if they are damaged, and the user allows that.
 
     Raises:
-        InputError: if they are found to be damaged.
+        InputError: if they are damaged.
     """
-    return next(stream_points(path, file, header, laz, points, points, DECODER))
+    try:
+        _check_layers(file, laz, 0, _chunk_of(laz, points) + 1)
+        return DECODER.points(points * laz.record_bytes, **_stream(path, header, laz))
+    except Undecodable as fault:
+        if not allows("damaged"):
+            raise _refusal(path, _undecodable(1, points, fault), "laz-chunk-damaged") from None
+        return np.empty(0, np.uint8)
+
+
+def _chunk_of(laz: LazPoints, point: int) -> int:
+    """Index of the chunk that holds a point."""
+    return int(np.searchsorted(np.cumsum(laz.points), point))
+
+
+def _undecodable(first: int, last: int, fault: Undecodable) -> str:
+    return f"points {first:,} to {last:,} cannot be decoded: {_short(fault)}"
+
+
+def _stream(path: Path, header: LasHeader, laz: LazPoints) -> dict[str, Any]:
+    """The order that starts a stream."""
+    return {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
 
 
 def stream_points(
@@ -251,28 +298,31 @@ def stream_points(
     laz: LazPoints,
     points: int,
     batch_points: int,
-    decoder: Decoder | None = None,
+    lost: list[Notice],
 ) -> Iterator[NDArray[np.uint8]]:
     """The records of the first `points`, decoded in sequence, `batch_points` at a time.
 
+    If the user allows damaged files, they end where damage is found, with a notice in `lost`.
+
     Raises:
-        InputError: if a chunk is found to be damaged.
+        InputError: if a chunk is found to be damaged, and the user does not allow that.
     """
-    order = {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
-    own = decoder or Decoder()
+    order = _stream(path, header, laz)
+    decoder = Decoder()
     done = 0
     try:
-        _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
+        _check_layers(file, laz, 0, _chunk_of(laz, points) + 1)
         while done < points:
             count = min(batch_points, points - done)
-            yield own.points(count * laz.record_bytes, **(order if done == 0 else {"what": "more"}))
+            yield decoder.points(count * laz.record_bytes, **(order if done == 0 else {"what": "more"}))
             done += count
     except Undecodable as fault:
-        where = f"points {done + 1:,} to {min(done + batch_points, points):,}"
-        raise _refusal(path, f"{where} cannot be decoded: {_short(str(fault))}", "laz-chunk-damaged") from None
+        what = _undecodable(done + 1, min(done + batch_points, points), fault)
+        if not allows("damaged"):
+            raise _refusal(path, what, "laz-chunk-damaged") from None
+        lost.append(_left_out(path, f"{what}; points {done + 1:,} to {points:,}"))
     finally:
-        if decoder is None:
-            own.close()
+        decoder.close()
 
 
 def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None:
@@ -298,7 +348,8 @@ def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None
             )
 
 
-def _short(reason: str) -> str:
+def _short(error: BaseException) -> str:
+    reason = str(error)
     return reason.splitlines()[0][:120] if reason.strip() else "no reason is given"
 
 
@@ -310,6 +361,6 @@ def _refusal(path: Path, what: str, code: str) -> InputError:
     return InputError(
         f"{path}: {what}.",
         "Compressed points cannot be decoded after damage, so none of them is used.",
-        _AGAIN,
+        _AGAIN if code != "laz-chunk-damaged" else f"{_AGAIN[:-1]}; or leave out what is damaged with --allow-damaged.",
         code=code,
     )

@@ -58,8 +58,9 @@ class Survey:
             self.last_time = float(np.fmax(self.last_time, np.fmax.reduce(batch.gps_time)))
 
     def notices(self) -> tuple[Notice, ...]:
-        """Differences between header and points, once all points have been added."""
-        return tuple(notice for notice in (self._box(), self._returns(), self._times()) if notice is not None)
+        """Lost points, and differences between header and points, once all points have been added."""
+        differences = (self._box(), self._returns(), self._times())
+        return (*dict.fromkeys(self.cloud.lost), *(notice for notice in differences if notice is not None))
 
     def _box(self) -> Notice | None:
         header = self.cloud.header

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, StorageFile, ros2_type
+from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, BagMessage, StorageFile, ros2_type
 from furrowmap.core.readers.source import Source
+from furrowmap.core.values.allowances import expect_disk
 
 MAGIC: Final = b"SQLite format 3\x00"
 _JOURNALS: Final = ("-wal", "-journal")
@@ -38,6 +39,7 @@ class Db3File(StorageFile):
             flags = "mode=rw" if writable else "mode=ro&immutable=1"
             try:
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
+                    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(LARGEST_BYTES, database.stat().st_size))
                     yield from self._rows(connection, topics)
             except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
                 self._note("bag-cut", f"the database is damaged ({error}); the rest of it is lost")
@@ -56,7 +58,9 @@ class Db3File(StorageFile):
                 return self.path.resolve(), False
             copy = folder / "bag.db3"
             with copy.open("wb") as file:
-                shutil.copyfileobj(source, file, 1 << 20)
+                while piece := source.read(1 << 20):
+                    expect_disk(self.path, folder, max(file.tell(), 0 if source.compression else source.size_bytes))
+                    file.write(piece)
             if source.fault:
                 self._note("bag-cut", f"{source.fault}; the rest is lost")
         for journal in journals:

@@ -7,13 +7,17 @@ import struct
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
 
+from furrowmap.cli.main import attempt
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
-from furrowmap.core.values.errors import InputError
-from tests.fuzz.recordings import las
+from furrowmap.core.readers.las.survey import survey
+from furrowmap.core.values.allowances import allowing, expect_growth
+from furrowmap.core.values.errors import InputError, RefusedError
+from tests.fuzz.recordings import copc_seeds, las
 
 
 def points_of(cloud: CloudFile) -> np.ndarray:
@@ -53,6 +57,51 @@ def test_promise_09__a_laz_that_ends_its_decoder_is_refused(number: int, tmp_pat
         errors.append(error.value.what)
         assert len(points_of(open_cloud(tmp_path / "cloud.laz"))) == 500  # a sound one is read after it
     assert any("the decoder crashed" in what for what in errors)
+
+
+def test_promise_09__undamaged_chunks_are_kept_on_request(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.copc.laz"
+    path.write_bytes(copc_seeds(tmp_path)[0]["cloud.copc.laz"])
+    cloud = open_cloud(path)
+    assert cloud.laz is not None
+    begin, number = int(cloud.laz.begins[4]), int(cloud.laz.points[4])
+    whole = points_of(cloud)
+    data = bytearray(path.read_bytes())
+    data[begin + 34 : begin + 38] = b"\xff" * 4
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"chunk 5 of (.|\n)*--allow-damaged"):
+        points_of(open_cloud(path))
+    with allowing("damaged"):
+        found = survey(open_cloud(path))
+        left = points_of(open_cloud(path))
+    before = int(cloud.laz.points[:4].sum())
+    assert np.array_equal(left, np.delete(whole, slice(before, before + number), axis=0))
+    (notice,) = (notice for notice in found.notices() if notice.code == "laz-damage-left-out")
+    assert f"points {before + 1:,} to {before + number:,} are left out" in notice.text
+    status, error = attempt(["inspect", str(path), "--json", "--allow-damaged", "--quiet"])
+    assert (status, error) == (0, None)
+
+
+def test_promise_10__a_cloud_of_constant_points_in_a_tiny_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.laz"
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    cloud = laspy.LasData(header)
+    cloud.x = np.zeros(1_000_000)
+    cloud.write(path)
+    assert path.stat().st_size < 30_000
+    points, at = 40_000_000_000, 247  # 1.2 TB
+    table = open_cloud(path).laz
+    assert table is not None
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<Q", data, at, points)
+    with pytest.raises(InputError, match="these do not match"):  # the table has too few chunks for that
+        path.write_bytes(data)
+        open_cloud(path)
+    with pytest.raises(RefusedError, match="--allow-large") as error:
+        expect_growth(path, path.stat().st_size, points * 30)
+    assert error.value.code == "too-large"
+    with allowing("large"):
+        expect_growth(path, path.stat().st_size, points * 30)
 
 
 def test_decoder__serves_threads_and_forks(tmp_path: Path) -> None:

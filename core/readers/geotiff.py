@@ -1,0 +1,42 @@
+"""GeoTIFFs of any software, opened without trusting what they state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj.exceptions import CRSError, ProjError
+
+from furrowmap.core.values.allowances import expect_memory
+from furrowmap.core.values.errors import InputError
+
+
+@contextmanager
+def open_geotiff(path: Path, unusable: Callable[[Path, str], InputError]) -> Iterator[Any]:
+    """A dataset of rasterio, within which whatever GDAL, PROJ and rasterio raise becomes an error of ours.
+
+    No other format is opened, whatever its name: a VRT may refer to any file.
+
+    Args:
+        path: of the file.
+        unusable: makes the error from the file and from what is wrong with it.
+
+    Raises:
+        InputError: if it is no GeoTIFF, is damaged, or its cells have no extent.
+        RefusedError: if one of its blocks takes more than half of the free memory.
+    """
+    import rasterio
+    from rasterio.errors import RasterioError
+
+    try:
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
+            if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
+                raise unusable(path, "states cells without an extent")
+            block = max(rows * columns for rows, columns in raster.block_shapes)
+            expect_memory(f"A block of {path}", block * max(np.dtype(kind).itemsize for kind in raster.dtypes))
+            yield raster
+    except (RasterioError, CRSError, ProjError, ValueError) as error:
+        raise unusable(path, f"cannot be read as a GeoTIFF ({' '.join(str(error).split())[:200]})") from None
