@@ -15,6 +15,8 @@ from furrowmap.cli.tables import table
 if TYPE_CHECKING:
     from furrowmap import Calibration
 
+_ASSUMED = "not determined: too little relief, and nothing upright stands out"
+
 
 @click.command(
     short_help="Estimate the sensor mounting from the recording itself.",
@@ -37,6 +39,7 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
             "session": session,
             "lidar_rpy_deg": {"stated": found.stated.rpy_deg, "found": found.found.rpy_deg},
             "sigma_deg": found.sigma_deg,
+            "facing_shown": found.facing_shown,
             "height_above_ground_m": found.height_m,
             "lidar_minus_gnss_s": {"stated": found.stated_offset_s, "found": found.offset_s},
             "written": written,
@@ -50,6 +53,7 @@ def _words(found: Calibration, *, written: bool) -> str:
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
         ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
+        ("scanner faces as stated", "shown by the scans" if found.facing_shown else _ASSUMED),
         ("vehicle origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
         ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
         (

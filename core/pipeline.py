@@ -11,7 +11,6 @@ import numpy as np
 
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
-from furrowmap.core.calibration.yaw_ambiguity import TURNED_DEG
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
@@ -31,6 +30,8 @@ from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
 from furrowmap.core.work.run_result import RunResult
 
+TURNED_DEG: Final = 20.0
+"""A mounting whose yaw differs by more sees the implement elsewhere."""
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a multiple of this."""
 PREVIEW_SCANS: Final = 400

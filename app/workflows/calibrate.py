@@ -34,6 +34,8 @@ class Calibration:
         stated: mounting in the session.
         found: mounting as the recording shows it; the stated one where that is right.
         sigma_deg: standard deviations of roll, pitch, yaw of the vehicle; inf where the recording does not show them.
+        facing_shown: whether the recording shows which way the scanner faces; else the stated yaw is assumed, and the
+            estimated one is good only if that is about right.
         height_m: of the vehicle's origin above the ground it stands on, and its standard deviation.
         stated_offset_s: `lidar_minus_gnss_s` in the session.
         offset_s: the same as the recording shows it, and its standard deviation; nan where it does not.
@@ -42,6 +44,7 @@ class Calibration:
     stated: Mounting
     found: Mounting
     sigma_deg: tuple[float, float, float]
+    facing_shown: bool
     height_m: tuple[float, float]
     stated_offset_s: float
     offset_s: tuple[float, float]
@@ -123,6 +126,7 @@ def _answer(matched: Matched, mounting: Mounting, stated_s: float, offset_s: flo
         mounting,
         matched.mounting,
         found.sigma_deg,
+        matched.facing_shown,
         (found.height_m, found.sigma_height_m),
         stated_s,
         shown,

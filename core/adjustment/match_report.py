@@ -17,6 +17,12 @@ from furrowmap.core.values.mounting import Mounting
 HEIGHT_REPORTED_M: Final = 0.05
 CLOCK_CERTAIN: Final = 4.0
 CLOCK_REPORTED_S: Final = 0.01
+_FACING_ASSUMED: Final = Notice(
+    "facing-assumed",
+    "The scans do not show which way the scanner faces: the ground has too little relief, and nothing upright stands "
+    "out. The yaw in [lidar] rpy_deg is assumed; were it wrong, the cloud would be turned about the vehicle, by metres, "
+    "which the standard deviations do not include.",
+)
 
 
 def match_notices(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[float, float]) -> tuple[Notice, ...]:
@@ -55,7 +61,7 @@ def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
     """A mounting that is off."""
     found, stated, notices = adjusted.calibration, adjusted.problem.mounting, []
     was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
-    if adjusted.yaw_offset_deg:
+    if adjusted.facing.offset_deg:
         notices.append(
             Notice(
                 "mounting-off",
@@ -73,6 +79,8 @@ def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
                 "the session.",
             )
         )
+    if not adjusted.facing.shown:
+        notices.append(_FACING_ASSUMED)
     if abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m:
         notices.append(
             Notice(
@@ -100,6 +108,7 @@ def match_figures(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[floa
         },
         "relief_slope_rms": round(float(np.sqrt(adjusted.relief.variance)), 4),
         "body_footprint_m2": round(float(returns.body.sum()) * PIXEL_M**2, 2),
+        "facing_shown": adjusted.facing.shown,
         "mounting_rpy_deg": [round(angle, 3) for angle in used.rpy_deg],
         "laser_ranges_m": _range_figures(adjusted.sensor.ranges),
         "stance": _stance_figures(adjusted.calibration),

@@ -50,6 +50,7 @@ class Matched:
         mounting: of the sensor: the session's, unless matching shows that it is off.
         ranges: the lasers' constants; None where the ground does not show them.
         calibration: how the vehicle stands on the ground with that mounting.
+        facing_shown: whether the scans show which way the sensor faces; else the stated yaw is assumed.
         clock_offset_s: time by which the scanner's clock is ahead of the receiver's, and its standard deviation, which
             is inf where the antenna's place is not known.
         figures: for the report.
@@ -60,6 +61,7 @@ class Matched:
     mounting: Mounting
     ranges: LaserRanges | None
     calibration: MountingCalibration
+    facing_shown: bool
     clock_offset_s: tuple[float, float]
     figures: dict[str, Any]
     notices: tuple[Notice, ...]
@@ -109,6 +111,7 @@ def match(
         used,
         adjusted.sensor.ranges,
         adjusted.calibration,
+        adjusted.facing.shown,
         clock,
         match_figures(adjusted, used, clock),
         match_notices(adjusted, used, clock),

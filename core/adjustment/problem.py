@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.calibration.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import Knots, knots_over, start_from
@@ -120,7 +121,7 @@ class Iterate:
             a billion of them, and only rounds with all returns set it.
         sensor: as it is mounted, and its range constants.
         unused: gaps whose scans take no part.
-        yaw_offset_deg: of the sensor's turn, what resolved the yaw ambiguity; 0 if the stated yaw was right.
+        facing: which way the sensor faces, and whether the scans show it.
         crab_rad: crab angle and its standard deviation.
         calibration: of the mounting; None before the session's rounds.
         relief: reliability of the surface's slopes.
@@ -134,7 +135,7 @@ class Iterate:
     return_weight: NDArray[np.uint8]
     sensor: Sensor
     unused: tuple[Gap, ...] = ()
-    yaw_offset_deg: float = 0.0
+    facing: Facing = Facing(0.0, shown=False)
     crab_rad: tuple[float, float] = (0.0, np.inf)
     calibration: MountingCalibration | None = None
     relief: Relief = field(default_factory=Relief)
@@ -174,7 +175,7 @@ class Adjusted:
         state: poses and drifts.
         sensor: as it is mounted, and its range constants.
         unbridged: gaps between positions whose scans took no part.
-        yaw_offset_deg: see :class:`Iterate`.
+        facing: see :class:`Iterate`.
         calibration: of the mounting.
         relief: of the surface's slopes.
         ground: sums over the ground's returns.
@@ -187,7 +188,7 @@ class Adjusted:
     state: State
     sensor: Sensor
     unbridged: tuple[Gap, ...]
-    yaw_offset_deg: float
+    facing: Facing
     calibration: MountingCalibration
     relief: Relief
     ground: GroundSums
@@ -204,6 +205,6 @@ class Adjusted:
         assert it.last is not None
         doubted = sum(int((o.weight < 1.0).sum()) for o in it.observations if isinstance(o, AntennaPositions))
         return cls(
-            problem, it.state, it.sensor, it.unused, it.yaw_offset_deg, it.calibration, it.relief, it.ground, it.walls,
+            problem, it.state, it.sensor, it.unused, it.facing, it.calibration, it.relief, it.ground, it.walls,
             it.last, doubted,
         )  # fmt: skip

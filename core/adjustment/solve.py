@@ -19,7 +19,7 @@ from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
 from furrowmap.core.adjustment.steps import session_step, window_step
 from furrowmap.core.calibration.laser_ranges import laser_ranges
 from furrowmap.core.calibration.mounting_calibration import mounting_calibration
-from furrowmap.core.calibration.yaw_ambiguity import yaw_offset_deg
+from furrowmap.core.calibration.yaw_ambiguity import facing
 from furrowmap.core.estimation.relaxation import Relaxation
 from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import GUARD_S
@@ -71,11 +71,9 @@ def solve(problem: Problem, progress: Callable[[float], None]) -> Adjusted:
 
 def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:
     """Turn the scanner to the yaw at which the relief repeats, if that is far from the stated one."""
-    angle = yaw_offset_deg(problem.returns, problem.knots, it.state, problem.sensor_m)
-    if angle is None:
-        return it
-    turn = Rotation.from_euler("z", angle, degrees=True).as_matrix()
-    return replace(it, yaw_offset_deg=angle, sensor=replace(it.sensor, turn=turn))
+    found = facing(problem.returns, problem.knots, it.state, problem.sensor_m)
+    turn = Rotation.from_euler("z", found.offset_deg, degrees=True).as_matrix() if found.offset_deg else it.sensor.turn
+    return replace(it, facing=found, sensor=replace(it.sensor, turn=turn))
 
 
 def match_windows(problem: Problem, it: Iterate, steps: _Steps) -> Iterate:
@@ -122,7 +120,9 @@ def calibrate_mounting(problem: Problem, it: Iterate) -> Iterate:
     """How the vehicle stands and travels in its own frame, by the ground under its wheels."""
     placing = it.placing(problem)
     surface = session_surface(placing, blocks(problem.returns.t_s, problem.knots, 1, it.unused), STANCE_CELL_M)
-    found = mounting_calibration(problem.knots, it.state, surface, placing.passage, GUARD_S, it.crab_rad)
+    # Headings that no relief shows say nothing of the yaw.
+    crab_rad = it.crab_rad if it.facing.shown else (0.0, np.inf)
+    found = mounting_calibration(problem.knots, it.state, surface, placing.passage, GUARD_S, crab_rad)
     return replace(it, calibration=found)
 
 

@@ -4,13 +4,16 @@ A wrong yaw is invisible in a single scan, and on soil without walls in a cloud 
 out flat, only blurred. But as the vehicle moves, relief that several scans show is in one place under the right angle
 only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights of even
 and odd scans at the same place, which is the relief's variance where they agree and zero where they do not. GNSS poses
-suffice, because each scan's own slope and bow are removed from its heights. Where the soil is too smooth, upright
-returns decide, by the share of them that even and odd scans have at the same place.
+suffice, because each scan's own slope and bow are removed from its heights, and what stays in one place of the vehicle
+frame: the rings of lasers whose ranges are off, which on smooth ground repeat under a quarter turn. Where the soil is
+too smooth, upright returns decide, by the share of them that even and odd scans have at the same place. Where neither
+shows one angle that stands out from all others, the stated one is assumed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -23,9 +26,14 @@ from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 
 FloatArray = NDArray[np.float64]
+Measure = Callable[[FloatArray], FloatArray]
+"""What repeats in windows (n,) under each of several turns (k,) in radians, as (n, k)."""
 
 ANGLES: Final = 24
 """Angles that are tried, evenly round."""
+FINE_DEG: Final = 10.0
+FINE: Final = 11
+"""So many angles are tried within this distance of the best one."""
 WAY_M: Final = 1.0
 """A window is as long as the vehicle takes for this way: an angle off by half a step of ANGLES blurs it by 13 cm, one
 off by half a turn by two metres."""
@@ -45,48 +53,116 @@ ROUGH_M: Final = 0.03
 """Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
 CERTAIN: Final = 4.5
 """Standard deviations of the windows' mean by which the best angle must be better than the stated one."""
-TURNED_DEG: Final = 20.0
+SHOWN: Final = 3.0
+"""Standard deviations by which it must be better than the second best one."""
+UNIQUE: Final = 1.5
+"""The best angle rises above the worst one by so many times as much as any second peak above the dip beside it."""
+LEAST_CONFIRMING: Final = 3
+"""Windows that suffice to confirm the stated angle."""
+LEAST_RELIEF_M: Final = 0.0022
+LEAST_SHARE: Final = 0.03
+"""The best angle shows at least this much relief, or share of upright returns, more than the middle one."""
+STATIC_CELL_M: Final = 0.15
+"""Cells of the vehicle frame whose mean height is removed."""
+TURNED_DEG: Final = 2.0
 """Smaller angles converge by themselves; :mod:`furrowmap.core.calibration.mounting_calibration` finds them."""
 QUARTER_DEG: Final = 5.0
-"""An angle so near to a quarter or half turn is one: scanners are mounted so, and the best angle is known to 3°."""
+"""An angle so near to a quarter or half turn is one: scanners are mounted so."""
 
 
-def yaw_offset_deg(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> float | None:
-    """By how much the scanner is to be turned about the vehicle's z axis (counter-clockwise) to face as it did.
+@dataclass(frozen=True)
+class Facing:
+    """Which way the scanner faces.
+
+    Attributes:
+        offset_deg: by how much it is to be turned about the vehicle's z axis (counter-clockwise); 0 where the stated
+            mounting is used.
+        shown: whether relief or upright returns show that; else the stated mounting is assumed.
+    """
+
+    offset_deg: float
+    shown: bool
+
+
+def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> Facing:
+    """Which way the scanner faces, by what several scans show in one place.
 
     Args:
         returns: of the ground, and upright ones, in the vehicle frame by the stated mounting.
         knots: times.
         state: poses at them, as GNSS alone has them.
         sensor_m: (3,) the sensor in the vehicle frame.
-
-    Returns:
-        None where the stated mounting faces right, or too little shows that it does not.
     """
     windows, upright = _windows(knots, state), returns.upright
-    ground = (_ground(returns, part, knots, state, sensor_m) for part in _parts(returns.t_s, windows))
-    standing = (_standing(upright, part, knots, state, sensor_m) for part in _parts(upright.t_s, windows))
-    for measured in (ground, standing):
-        shown = np.array([row for row in measured if row is not None])
-        if len(shown) < LEAST_WINDOWS:
-            continue
-        best = int(np.argmax(shown.mean(axis=0)))
-        if best == 0:
-            return None
-        better = shown[:, best] - shown[:, 0]
-        if better.mean() > CERTAIN * better.std(ddof=1) / np.sqrt(len(better)):
-            angle = _refined(shown.mean(axis=0), best)
-            return angle if abs(angle) > TURNED_DEG else None
-    return None
+
+    def ground(turns: FloatArray) -> FloatArray:
+        return _ground(returns, _parts(returns.t_s, windows), knots, state, sensor_m, turns)
+
+    def standing(turns: FloatArray) -> FloatArray:
+        parts = _parts(upright.t_s, windows)
+        rows = (_standing(upright, part, knots, state, sensor_m, turns) for part in parts)
+        return np.array([row for row in rows if row is not None]).reshape(-1, len(turns))
+
+    for measure, least in ((ground, LEAST_RELIEF_M**2), (standing, LEAST_SHARE)):
+        found = _answer(measure, least)
+        if found is not None:
+            return found
+    return Facing(0.0, shown=False)
 
 
-def _refined(mean: FloatArray, best: int) -> float:
-    """The angle in degrees, −180 to 180, at which the measure is best, by the parabola through three of them."""
-    left, middle, right = mean[[best - 1, best, (best + 1) % ANGLES]]
-    angle = 360.0 / ANGLES * (best + 0.5 * (left - right) / (left - 2.0 * middle + right))
-    quarter = 90.0 * round(angle / 90.0)
-    angle = quarter if abs(angle - quarter) < QUARTER_DEG else angle
-    return float(180.0 - (180.0 - angle) % 360.0)
+def _answer(measure: Measure, least: float) -> Facing | None:
+    """The one angle that the windows show; None where none stands out, or it is not certain enough.
+
+    Args:
+        measure: what repeats.
+        least: by how much the best angle must be better than the middle one.
+    """
+    measured = measure(np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False))
+    if len(measured) < LEAST_CONFIRMING:
+        return None
+    mean = measured.mean(axis=0)
+    best = int(np.argmax(mean))
+    if mean[best] - np.median(mean) < least:
+        return None
+    second, rise = _second_peak(mean, best)
+    if mean[best] - mean.min() < UNIQUE * rise or (rise > 0.0 and not _better(measured, best, second, SHOWN)):
+        return None
+    angle, sigma = _refined(measure, 360.0 / ANGLES * best)
+    near, enough = best in (0, 1, ANGLES - 1), len(measured) >= LEAST_WINDOWS
+    if abs(angle) <= max(TURNED_DEG, SHOWN * sigma) or (near and not enough):
+        return Facing(0.0, shown=True)
+    return Facing(angle, shown=True) if enough and (near or _better(measured, best, 0, CERTAIN)) else None
+
+
+def _second_peak(mean: FloatArray, best: int) -> tuple[int, float]:
+    """The angle that rises most above the dip that parts it from the best one, on the shallower way; and by how much."""
+    there = np.roll(mean, -best)
+    rise = there - np.maximum(np.minimum.accumulate(there), np.minimum.accumulate(there[::-1])[::-1])
+    second = int(np.argmax(rise))
+    return (best + second) % ANGLES, float(rise[second])
+
+
+def _better(measured: FloatArray, best: int, other: int, sigmas: float) -> bool:
+    """Whether one angle is better than another by so many standard deviations of the windows' mean."""
+    better = measured[:, best] - measured[:, other]
+    return bool(better.mean() > sigmas * better.std(ddof=1) / np.sqrt(len(better)))
+
+
+def _refined(measure: Measure, angle_deg: float) -> tuple[float, float]:
+    """The angle, −180 to 180, and its sigma, in degrees, at which most repeats, near one that is about right.
+
+    A parabola through angles round it is fitted twice; the sigma is the jackknife's over windows (Efron 1982).
+    """
+    off = np.linspace(-FINE_DEG, FINE_DEG, FINE)
+    for _ in range(2):
+        fitted = np.polyfit(off, measure(np.radians(angle_deg + off)).T, 2)
+        curved, sloped = np.column_stack([whole := fitted.sum(axis=1), whole[:, None] - fitted])[:2]
+        vertex = np.clip(-0.5 * sloped / np.minimum(curved, -1e-30), off[0], off[-1])
+        angle_deg += float(vertex[0])
+    sigma = float(np.sqrt((len(vertex) - 2) * vertex[1:].var()))
+    quarter = 90.0 * round(angle_deg / 90.0)
+    angle_deg = quarter if quarter % 360.0 and abs(angle_deg - quarter) < QUARTER_DEG else angle_deg
+    return 180.0 - (180.0 - angle_deg) % 360.0, sigma
 
 
 def _windows(knots: Knots, state: State) -> FloatArray:
@@ -106,42 +182,57 @@ def _parts(t_s: FloatArray, windows: FloatArray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)]
 
 
-def _ground(returns: GroundReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray) -> FloatArray | None:
-    """(ANGLES,) relief (m²) that both halves of the scans show in a window; None where it has too few returns."""
-    part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MOST_RETURNS))
-    vehicle = np.asarray(returns.xyz_m[part], np.float64)
-    near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < NEAR_M
-    if near.sum() < LEAST_RETURNS:
-        return None
-    vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
-    half = np.array(returns.half[part], np.int64)[near]
-    relief = _relief(vehicle, half)
-    out = np.empty(ANGLES)
-    for number, cell in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, CELL_M)):
-        count = _by_half(cell, half)
-        height = _by_half(cell, half, relief)
-        both = np.flatnonzero(count.all(axis=1))
-        weight = count[both].min(axis=1)
-        product = (height[both] / count[both]).prod(axis=1)
-        out[number] = (weight * product).sum() / max(weight.sum(), 1.0)
+def _ground(
+    returns: GroundReturns, parts: list[slice], knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
+) -> FloatArray:
+    """(n, turns) relief (m²) that both halves of the scans show in each window that has enough returns."""
+    side = round(2.0 * NEAR_M / STATIC_CELL_M)
+    windows, static = [], np.zeros((side * side, 2))
+    for part in parts:
+        part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MOST_RETURNS))
+        vehicle = np.asarray(returns.xyz_m[part], np.float64)
+        near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < NEAR_M
+        if near.sum() < LEAST_RETURNS:
+            continue
+        vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
+        half = np.array(returns.half[part], np.int64)[near]
+        relief = _relief(vehicle, half)
+        column, row = ((vehicle[:, :2].T + NEAR_M) / STATIC_CELL_M).astype(np.int64)
+        cell = column + side * row
+        static += np.column_stack([np.bincount(cell, values, len(static)) for values in (relief, None)])
+        windows.append((t_s, vehicle, half, relief, cell))
+    mean = static[:, 0] / np.maximum(static[:, 1], 1.0)
+    out = np.empty((len(windows), len(turns)))
+    for k, (t_s, vehicle, half, relief, cell) in enumerate(windows):
+        for number, place in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, turns, CELL_M)):
+            count, height = _by_half(place, half), _by_half(place, half, relief - mean[cell])
+            both = np.flatnonzero(count.all(axis=1))
+            weight = count[both].min(axis=1)
+            out[k, number] = (weight * (height[both] / count[both]).prod(axis=1)).sum() / max(weight.sum(), 1.0)
     return out
 
 
 def _standing(
-    returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray
+    returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
 ) -> FloatArray | None:
-    """(ANGLES,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
+    """(turns,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
     vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
     if len(half) < LEAST_STANDING:
         return None
-    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, STANDING_CELL_M)
+    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, turns, STANDING_CELL_M)
     return np.array([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
 
 
 def _cells(
-    t_s: FloatArray, vehicle_m: FloatArray, knots: Knots, state: State, sensor_m: FloatArray, cell_m: float
+    t_s: FloatArray,
+    vehicle_m: FloatArray,
+    knots: Knots,
+    state: State,
+    sensor_m: FloatArray,
+    turns: FloatArray,
+    cell_m: float,
 ) -> Iterator[NDArray[np.int64]]:
-    """For each angle the number of the cell on the map in which each return (n,) lies."""
+    """For each turn the number of the cell on the map in which each return (n,) lies."""
     k, share, _ = knots.at(t_s)
     plan, forward = state.xyz_m[:, 0] + 1j * state.xyz_m[:, 1], state.rotation[:, 0, 0] + 1j * state.rotation[:, 1, 0]
     # Straight from knot to knot, as complex numbers: easting + i northing.
@@ -150,8 +241,8 @@ def _cells(
     sensor = complex(sensor_m[0], sensor_m[1])
     arm = (vehicle_m[:, 0] + 1j * vehicle_m[:, 1] - sensor) * course
     origin = origin + sensor * course
-    for number in range(ANGLES):
-        place = origin + np.exp(2j * np.pi * number / ANGLES) * arm
+    for turn in turns:
+        place = origin + np.exp(1j * turn) * arm
         column, row = (np.floor(v / cell_m).astype(np.int64) for v in (place.real, place.imag))
         column -= column.min()
         row -= row.min()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.calibration.yaw_ambiguity import yaw_offset_deg
+from furrowmap.core.calibration.yaw_ambiguity import Facing, facing
 from furrowmap.core.estimation.knots import Knots, knots_over
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.returns import GroundReturns
@@ -65,40 +65,43 @@ def drive(relief_m: float, turned_deg: float, seed: int, trees: int = 0) -> tupl
 @pytest.mark.parametrize("turned_deg", [180.0, 90.0, -135.0, 37.0])
 def test_facing__finds_the_angle_by_which_a_mounting_is_off(turned_deg: float) -> None:
     returns, knots, state = drive(0.02, turned_deg, seed=1)
-    found = yaw_offset_deg(returns, knots, state, SENSOR_M)
-    assert found is not None
-    assert abs((found - turned_deg + 180.0) % 360.0 - 180.0) < 3.0
+    found = facing(returns, knots, state, SENSOR_M)
+    assert found.shown
+    assert abs((found.offset_deg - turned_deg + 180.0) % 360.0 - 180.0) < 3.0
     if turned_deg % 90.0 == 0.0:
-        assert found == turned_deg
+        assert found.offset_deg == turned_deg
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("relief_m", [0.02, 0.0001])
 def test_facing__leaves_a_right_mounting_alone(relief_m: float, seed: int) -> None:
     returns, knots, state = drive(relief_m, 0.0, seed)
-    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
+    assert facing(returns, knots, state, SENSOR_M) == Facing(0.0, shown=relief_m > 0.01)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_facing__says_nothing_where_no_relief_shows_it(seed: int) -> None:
-    returns, knots, state = drive(0.0001, 180.0, seed)
-    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
+@pytest.mark.parametrize(("turned_deg", "biased"), [(0.0, False), (0.0, True), (90.0, True), (180.0, False)])
+def test_promise_15__a_mounting_is_assumed_where_no_relief_shows_its_facing(turned_deg: float, *, biased: bool) -> None:
+    returns, knots, state = drive(0.0005, turned_deg, seed=3)
+    if biased:  # rings of lasers whose ranges are off: they repeat under a quarter turn
+        ring = np.floor(np.hypot(*returns.xyz_m[:, :2].T) / 0.4).astype(int) % 5
+        returns.xyz_m[:, 2] += np.array([0.004, -0.003, 0.0, 0.002, -0.004], np.float32)[ring]
+    assert facing(returns, knots, state, SENSOR_M) == Facing(0.0, shown=False)
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 180.0, 90.0, -135.0])
 def test_facing__is_shown_by_trees_where_soil_is_smooth(turned_deg: float) -> None:
     returns, knots, state = drive(0.0001, turned_deg, seed=6, trees=25)
-    assert yaw_offset_deg(returns, knots, state, SENSOR_M) == (
-        pytest.approx(turned_deg, abs=3.0) if turned_deg else None
-    )
+    found = facing(returns, knots, state, SENSOR_M)
+    assert found.shown
+    assert found.offset_deg == pytest.approx(turned_deg, abs=3.0)
 
 
 def test_facing__leaves_small_angles_to_the_stance() -> None:
     returns, knots, state = drive(0.02, 6.0, seed=4)
-    assert yaw_offset_deg(returns, knots, state, SENSOR_M) is None
+    assert facing(returns, knots, state, SENSOR_M) == Facing(0.0, shown=True)
 
 
 def test_facing__needs_some_way() -> None:
     returns, knots, state = drive(0.02, 180.0, seed=5)
     still = State(state.xyz_m * 0.1, state.rotation, state.added)
-    assert yaw_offset_deg(returns, knots, still, SENSOR_M) is None
+    assert not facing(returns, knots, still, SENSOR_M).shown
