@@ -53,7 +53,7 @@ def _words(found: Calibration, *, written: bool) -> str:
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
         ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
-        ("scanner faces as stated", "shown by the scans" if found.facing_shown else _ASSUMED),
+        ("facing of the scanner", "shown by the scans" if found.facing_shown else _ASSUMED),
         ("vehicle origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
         ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
         (

@@ -16,7 +16,7 @@ from furrowmap.core.adjustment.precision import sigmas, sources_of
 from furrowmap.core.adjustment.problem import Adjusted, Problem
 from furrowmap.core.adjustment.solve import solve
 from furrowmap.core.calibration.clock_offset import clock_offset
-from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.calibration.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
 from furrowmap.core.calibration.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import State
@@ -126,6 +126,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground + walls)
     sigma[:, :2] = np.hypot(sigma[:, :2], _sway_taken_for_noise_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
+    sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
@@ -152,6 +153,17 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         level_from=sources.level,
         max_gap_s=1.5 * STEP_S,
     )
+
+
+def _mounting_sigma_deg(adjusted: Adjusted) -> FloatArray:
+    """(3,) sigmas of roll, pitch and heading that come from a mounting which is corrected; zero of the stated one.
+
+    What is less certain than a stated mounting is corrected less, and what is not shown at all stays as stated.
+    """
+    if np.array_equal(adjusted.sensor.turn, np.eye(3)):
+        return np.zeros(3)
+    sigma = np.array(adjusted.calibration.sigma_deg)
+    return np.where(np.isfinite(sigma), np.minimum(sigma, STATED_SIGMA_DEG), 0.0)
 
 
 def _sway_taken_for_noise_m(positions: Positions) -> float:

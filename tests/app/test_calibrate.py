@@ -30,6 +30,7 @@ def found(*, turned: bool, late: bool) -> Calibration:
         stated=Mounting((-0.6, 0.0, 2.4), (0.0, 40.0, 180.0)),
         found=Mounting((-0.6, 0.0, 2.4), (0.5, 39.5, 180.25) if turned else (0.0, 40.0, 180.0)),
         sigma_deg=(0.1, 0.1, 0.1),
+        facing_shown=True,
         height_m=(0.0, 0.01),
         stated_offset_s=0.1,
         offset_s=(0.25 if late else 0.101, 0.003),
