@@ -20,8 +20,8 @@ CLOCK_REPORTED_S: Final = 0.01
 _FACING_ASSUMED: Final = Notice(
     "facing-assumed",
     "The scans do not show which way the scanner faces: the ground has too little relief, and nothing upright stands "
-    "out. The yaw in [lidar] rpy_deg is assumed; were it wrong, the cloud would be turned about the vehicle, by metres, "
-    "which the standard deviations do not include.",
+    "out. The yaw in [lidar] rpy_deg is assumed; were it wrong, the cloud would be turned about the vehicle, by "
+    "metres, which the standard deviations do not include.",
 )
 
 

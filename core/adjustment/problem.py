@@ -135,7 +135,7 @@ class Iterate:
     return_weight: NDArray[np.uint8]
     sensor: Sensor
     unused: tuple[Gap, ...] = ()
-    facing: Facing = Facing(0.0, shown=False)
+    facing: Facing = field(default_factory=lambda: Facing(0.0, shown=False))
     crab_rad: tuple[float, float] = (0.0, np.inf)
     calibration: MountingCalibration | None = None
     relief: Relief = field(default_factory=Relief)

@@ -135,7 +135,7 @@ def _answer(measure: Measure, least: float) -> Facing | None:
 
 
 def _second_peak(mean: FloatArray, best: int) -> tuple[int, float]:
-    """The angle that rises most above the dip that parts it from the best one, on the shallower way; and by how much."""
+    """The angle that rises most above the dip, the shallower one, that parts it from the best; and by how much."""
     there = np.roll(mean, -best)
     rise = there - np.maximum(np.minimum.accumulate(there), np.minimum.accumulate(there[::-1])[::-1])
     second = int(np.argmax(rise))
