@@ -9,6 +9,7 @@ from qgis.core import Qgis, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .legends import translate_categories
+from .products import read_object
 from .styles import show_as_surface
 
 tr = partial(QCoreApplication.translate, "Previews")
@@ -73,15 +74,6 @@ def session_key(account):
 def read_account(folder):
     """The content of `preview.json`; empty if it cannot be read."""
     return read_object(Path(folder) / ACCOUNT)
-
-
-def read_object(path):
-    """The JSON object in a file; empty if it cannot be read."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def preview_text(account):

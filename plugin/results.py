@@ -17,7 +17,8 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .legends import label_band, translate_categories
-from .previews import read_object, remove_previews
+from .previews import remove_previews
+from .products import product, read_object
 from .styles import set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
@@ -117,7 +118,7 @@ def _files_opened(folder):
 
 def field_layers(folder):
     """The vector layers of a run's GeoPackage one by one, each in the style stored with it."""
-    path = Path(folder) / FIELD_LAYERS
+    path = product(folder, FIELD_LAYERS)
     found = QgsProviderRegistry.instance().querySublayers(str(path)) if path.is_file() else []
     for details in found:
         if details.name() == "layer_styles":
@@ -136,7 +137,7 @@ def field_layers(folder):
 def surface_layers(folder):
     """The surfaces of a run one by one: the change in colours, above the hillshade of the DSM."""
     for name in SURFACES:
-        path = Path(folder) / name
+        path = product(folder, name)
         if not path.is_file():
             continue
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
@@ -148,7 +149,7 @@ def surface_layers(folder):
 
 def cloud_layers(folder):
     """The point cloud of a run, if there is one, coloured by class, in 3D as well."""
-    path = Path(folder) / CLOUD
+    path = product(folder, CLOUD)
     if path.is_file():
         layer = QgsPointCloudLayer(str(path), "cloud", "copc")
         if layer.isValid():
@@ -158,7 +159,7 @@ def cloud_layers(folder):
 
 def read_report(folder):
     """The content of `report.json`; empty if it cannot be read."""
-    return read_object(Path(folder) / REPORT)
+    return read_object(product(folder, REPORT))
 
 
 def session_name(report, folder):

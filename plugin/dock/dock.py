@@ -15,6 +15,7 @@ from ..interpreter import find_interpreter, is_usable
 from ..layout.session_layout import session_layout
 from ..options_page import PAGE
 from ..previews import open_preview
+from ..products import product
 from ..results import NoResultsError, groups_of, opening, read_report
 from .base_map_chooser import BaseMapChooser
 from .dropped import PREVIEW, RESULTS, SESSION, local_paths, recognise
@@ -330,7 +331,7 @@ class FurrowmapDock(QgsDockWidget):
         {
             "map": lambda: self.open_folder(self._folder),
             "replay": lambda: replay(self._iface, read_report(self._folder)),
-            "report": lambda: self._open_file(self._folder / "report.html"),
+            "report": lambda: self._open_file(product(self._folder, "report.html")),
             "folder": lambda: self._open_file(self._folder),
             "print": self._print,
             "back": self.show_start,

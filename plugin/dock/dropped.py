@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..previews import ACCOUNT
+from ..products import product
 from ..results import CLOUD, FIELD_LAYERS, REPORT
 
 RESULTS, PREVIEW, SESSION, RECORDINGS = "results", "preview", "session", "recordings"
@@ -43,7 +44,7 @@ def recognise(paths):
 def results_folder(path):
     """The folder of a run, from itself or its report; None if `path` is neither."""
     folder = path.parent if path.name == REPORT else path
-    return folder if folder.is_dir() and any((folder / name).is_file() for name in _PRODUCTS) else None
+    return folder if folder.is_dir() and any(product(folder, name).is_file() for name in _PRODUCTS) else None
 
 
 def local_paths(mime):

@@ -1,35 +1,25 @@
 """Writes products in processes of its own that end as if they were killed: a line of JSON each on standard input.
 
 A process ends without a word before its n-th operation that changes files, as far as Python knows of them, or after so
-many seconds, which falls into the work of libraries as well. Everything is imported once.
+many seconds, which falls into the work of libraries as well. Or none of its files can be larger than so many bytes.
+Everything is imported once.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import sys
 from pathlib import Path
 from typing import Any
 
-import furrowmap
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
-from furrowmap.workflows.export import export
+from furrowmap.cli.main import _in_three_lines
+from furrowmap.core.values.errors import FurrowmapError
+from tests.app.writers import WRITERS
 
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.link", "os.symlink"}
-
-
-def work(deed: str, source: str, target: str) -> None:
-    """Do what a command of that name does, replacing what is there."""
-    if deed == "surface":
-        furrowmap.surface([Path(source)], Path(target), SurfaceSettings(cell_m=0.5), overwrite=True)
-    elif deed == "export":
-        export([Path(source)], "csv", Path(target), overwrite=True)
-    elif deed == "run":
-        furrowmap.run(Path(source), Path(target), overwrite=True)
-    else:
-        raise ValueError(deed)
 
 
 def change_files(event: str, arguments: tuple[Any, ...]) -> bool:
@@ -54,7 +44,9 @@ def mortal(task: dict[str, Any]) -> int:
     if task.get("seconds"):
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, task["seconds"])
-    work(task["deed"], task["source"], task["target"])
+    if task.get("bytes"):  # as on a full disk; Python ignores the signal
+        resource.setrlimit(resource.RLIMIT_FSIZE, (task["bytes"], task["bytes"]))
+    WRITERS[task["deed"]].write(Path(task["source"]), Path(task["target"]))
     return done
 
 
@@ -63,15 +55,19 @@ if __name__ == "__main__":
         reading, writing = os.pipe()
         process = os.fork()
         if process == 0:
-            status = 1
+            said: dict[str, Any] = {}
             try:
-                os.write(writing, str(mortal(json.loads(line))).encode())
-                status = 0
+                said["operations"] = mortal(json.loads(line))
+            except (FurrowmapError, OSError) as error:
+                said["error"] = [line[:1000] for line in _in_three_lines(error, []).lines]
+            except BaseException as error:  # noqa: BLE001
+                said["fault"] = repr(error)[:1500]
             finally:
-                os._exit(status)
+                os.write(writing, json.dumps(said, ensure_ascii=False).encode())
+                os._exit(0)
         os.close(writing)
         _, ended = os.waitpid(process, 0)
-        answer = {"status": os.waitstatus_to_exitcode(ended), "operations": int(os.read(reading, 20) or 0)}
+        answer = {"status": os.waitstatus_to_exitcode(ended), **json.loads(os.read(reading, 1 << 16) or "{}")}
         os.close(reading)
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()

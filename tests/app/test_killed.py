@@ -1,12 +1,10 @@
-"""Killed at any moment, a folder holds the old products or the new ones.
+"""Killed at any moment, or on a full disk, every writer leaves the old products or the new ones.
 
-A few kills each are a part of every test; `KILLS=50 pytest tests/app/test_killed.py` makes as many, and kills
-runs as well.
+A few kills each are a part of every test; `KILLS=200 pytest tests/app/test_killed.py` makes as many.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import random
@@ -15,24 +13,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import laspy
-import msgspec
-import numpy as np
-import pyogrio
-import pyproj
 import pytest
-import rasterio
 
-from furrowmap.core.simulator.scenario_file import demo_scenario
-from furrowmap.core.simulator.simulate import simulate
-from furrowmap.exporters.files.lease import leases
 from furrowmap.exporters.files.staging import recover
-from tests.exporters.farm.result_folders import write_result
+from tests.app.writers import WRITERS
+from tests.conftest import CHECKOUT
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 KILLS = int(os.environ.get("KILLS", "0"))
+FEW = {"run": 2, "preview": 2}
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 
 
@@ -44,20 +36,21 @@ class Mortal:
             [sys.executable, "-m", "tests.app.mortal"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             text=True,
             cwd=CHECKOUT,
-            # The day of writing, which GeoPackages tell, shall make no difference.
+            # The day of writing, which GeoPackages state, makes no difference.
             env={**os.environ, "OGR_CURRENT_DATE": "2026-06-11T00:00:00Z"},
         )
 
-    def does(self, deed: str, source: Path, target: Path, **end: float) -> dict[str, int]:
-        """Its exit status, negative where it was killed, and how many operations it made that change files."""
+    def does(self, deed: str, source: Path, target: Path, **end: float) -> dict[str, Any]:
+        """Its exit status, negative where it was killed, and the operations it made that change files, or its error."""
         assert self._program.stdin is not None
         assert self._program.stdout is not None
         words = {"deed": deed, "source": str(source), "target": str(target), **end}
         self._program.stdin.write(json.dumps(words) + "\n")
         self._program.stdin.flush()
-        answer: dict[str, int] = json.loads(self._program.stdout.readline())
+        answer: dict[str, Any] = json.loads(self._program.stdout.readline())
         return answer
 
     def close(self) -> None:
@@ -71,93 +64,95 @@ def program() -> Iterator[Mortal]:
     program.close()
 
 
-def cloud(path: Path, seed: int) -> Path:
-    chance = np.random.default_rng(seed)
-    header = laspy.LasHeader(version="1.4", point_format=6)
-    header.scales, header.offsets = np.full(3, 0.001), np.array([500_000.0, 5_300_000.0, 0.0])
-    header.add_crs(pyproj.CRS.from_epsg(32633))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = (chance.uniform(0, 20, (3000, 3)) * (1, 1, 0.05) + (500_000, 5_300_000, 100)).T
-    las.write(path)
-    return path
+@dataclass
+class Scene:
+    """A folder with the old product of a writer, and what is known of a new one.
+
+    Attributes:
+        deed: name of the writer.
+        target: the old product.
+        new: source of the new product.
+        contents: of the old product and of the new one.
+        operations: that a new product takes.
+        seconds: that a new product takes.
+        largest: size of its largest file, in bytes.
+        kept: copy of the old product.
+    """
+
+    deed: str
+    target: Path
+    new: Path
+    contents: tuple[dict[str, str], dict[str, str]]
+    operations: int
+    seconds: float
+    largest: int
+    kept: Path
+
+    def restore(self) -> None:
+        shutil.rmtree(self.target.parent)
+        shutil.copytree(self.kept, self.target.parent)
+
+    def found(self) -> dict[str, str]:
+        """What a reader finds."""
+        if self.target.is_dir():
+            recover(self.target)
+        return WRITERS[self.deed].content(self.target)
 
 
-def session(folder: Path, seed: int) -> Path:
-    scenario = demo_scenario()
-    drive = msgspec.structs.replace(scenario.drive, pass_m=(3.0,), passes=1)
-    return simulate(msgspec.structs.replace(scenario, seed=seed, drive=drive), folder).recording.parent / "session.toml"
-
-
-def source(deed: str, folder: Path, number: int) -> Path:
-    """What one, and what another one of two kinds of products is made of."""
-    if deed == "surface":
-        return cloud(folder / f"{number}.las", number)
-    if deed == "export":
-        return write_result(folder / str(number), name=f"Field {number}", day=number)
-    return session(folder / str(number), number)
-
-
-def content(folder: Path, deed: str) -> dict[str, str]:
-    """The files of a folder by what is in them; those of a run, which tells how long it took, by its recording."""
-    paths = [path for path in sorted(folder.iterdir()) if path.is_file()]
-    if deed == "run":
-        return {path.name: told_recording(path) for path in paths if told_recording(path)}
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
-
-
-def told_recording(path: Path) -> str:
-    """The recording that a product of a run tells of; empty where it tells none."""
-    if path.suffix == ".tif":
-        with rasterio.open(path) as raster:
-            return str(raster.tags()["INPUT_1"])
-    if path.suffix == ".gpkg":
-        return str(pyogrio.read_info(path, layer="trajectory")["dataset_metadata"]["INPUT_1"])
-    if path.name == "report.json":
-        return "recording.pcap.gz sha256:" + json.loads(path.read_text())["inputs"][0]["sha256"]
-    if path.suffix == ".laz":
-        with laspy.CopcReader.open(path) as reader:
-            words = next(vlr for vlr in reader.header.vlrs if vlr.record_id == 3).record_data_bytes().decode()
-        return next(line.split(": ", 1)[1] for line in words.splitlines() if line.startswith("INPUT_1"))
-    return ""
-
-
-@pytest.mark.parametrize("deed", ["surface", "export", "run"])
-def test_kill__leaves_the_old_products_or_the_new_ones(tmp_path: Path, program: Mortal, deed: str) -> None:
-    if deed == "run" and not KILLS:
-        pytest.skip("killing runs takes minutes: say how many with KILLS")
-    old, new = source(deed, tmp_path, 1), source(deed, tmp_path, 2)
-    target = tmp_path / "products"
-    contents = {}
+@pytest.fixture(scope="module", params=sorted(WRITERS))
+def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, program: Mortal) -> Scene:
+    deed, folder = request.param, tmp_path_factory.mktemp(request.param)
+    writer = WRITERS[deed]
+    for name in ("sources", "products"):
+        (folder / name).mkdir()
+    old, new = (writer.make(folder / "sources", number) for number in (1, 2))
+    target = folder / "products" / writer.target
+    contents, whole, seconds, largest = [], {}, 0.0, 0
     for each in (new, old):
-        begun = time.monotonic()
-        whole = program.does(deed, each, target)
-        whole_s = time.monotonic() - begun
-        assert whole["status"] == 0
-        contents[each] = content(target, deed)
-    assert contents[new].keys() >= {"surface": {"dsm.tif"}, "export": {"passes.csv"}, "run": {"report.json"}}[deed]
-    assert contents[new] != contents[old]
-    kept = tmp_path / "kept"
-    shutil.copytree(target, kept)
+        begun_s = time.monotonic()
+        said = program.does(deed, each, target)
+        assert said.get("operations"), said
+        contents.append(writer.content(target))
+        if each == new:
+            whole, seconds = said, time.monotonic() - begun_s
+            files = [target] if target.is_file() else list(target.iterdir())
+            largest = max(file.stat().st_size for file in files)
+    assert contents[0] != contents[1]
+    shutil.copytree(target.parent, folder / "kept")
+    return Scene(deed, target, new, (contents[1], contents[0]), whole["operations"], seconds, largest, folder / "kept")
+
+
+def test_promise_20__killed_writer_leaves_the_old_products_or_the_new_ones(scene: Scene, program: Mortal) -> None:
     chance = random.Random(5)
     seen = []
-    for number in range(KILLS or 8):
-        shutil.rmtree(target)
-        shutil.copytree(kept, target)
-        if number % 2:
+    for number in range(KILLS or FEW.get(scene.deed, 4)):
+        scene.restore()
+        if number % 2 == 0:
             # The last operations put the products in their places.
-            last = chance.random() < 0.7
-            first = whole["operations"] - 30 if last else 1
-            end = {"operation": chance.randint(max(1, first), whole["operations"])}
+            first = scene.operations - 30 if chance.random() < 0.7 else 1
+            end: dict[str, float] = {"operation": chance.randint(max(1, first), scene.operations)}
         else:
-            end = {"seconds": chance.uniform(0.0, whole_s)}
-        program.does(deed, new, target, **end)
-        recover(target)
-        found = content(target, deed)
-        assert found in contents.values(), end
-        assert not leases(target)
-        seen.append(found == contents[new])
-    assert False in seen
-    assert program.does(deed, new, target)["status"] == 0
-    assert content(target, deed) == contents[new]
-    assert not [path for path in target.iterdir() if path.name.startswith(".")]
-    sys.stderr.write(f"{deed}: {len(seen)} kills, {sum(seen)} left the new products\n")
+            end = {"seconds": chance.uniform(0.01, scene.seconds)}
+        program.does(scene.deed, scene.new, scene.target, **end)
+        found = scene.found()
+        assert found in scene.contents, end
+        seen.append(found == scene.contents[1])
+    assert "operations" in program.does(scene.deed, scene.new, scene.target)
+    assert scene.found() == scene.contents[1]
+    folder = scene.target if scene.target.is_dir() else scene.target.parent
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+    sys.stderr.write(f"{scene.deed}: {len(seen)} kills, {sum(seen)} left the new products\n")
+
+
+def test_promise_19__full_disk_leaves_the_old_products_and_an_error_in_three_lines(
+    scene: Scene, program: Mortal
+) -> None:
+    chance = random.Random(5)
+    scene.restore()
+    sizes = [1, scene.largest - 1, *(chance.randint(1, scene.largest - 1) for _ in range(KILLS // 10))]
+    for size in sizes if KILLS or scene.deed not in FEW else sizes[1:]:
+        said = program.does(scene.deed, scene.new, scene.target, bytes=size)
+        assert len(said.get("error", ())) == 3, (size, said)
+        assert scene.found() == scene.contents[0]
+        folder = scene.target if scene.target.is_dir() else scene.target.parent
+        assert not [path for path in folder.iterdir() if path.name.startswith(".")]

@@ -82,6 +82,7 @@ def coverage() -> shapely.Geometry:
 def rename_layer(path: Path, old: str, new: str) -> None:
     """Give a layer of a GeoPackage a name that GDAL would not write."""
     with closing(sqlite3.connect(path)) as database, database:
+        database.execute("PRAGMA synchronous = OFF")
         quoted = new.replace('"', '""')
         triggers = database.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall()
         for (trigger,) in triggers:

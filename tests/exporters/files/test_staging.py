@@ -15,6 +15,7 @@ import pytest
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.files.lease import leases
 from furrowmap.exporters.files.staging import recover, staged_folder
+from furrowmap.plugin.products import product
 
 NAMES = ("cloud.copc.laz", "field.gpkg", "report.json")
 
@@ -110,6 +111,9 @@ def test_promise_20__a_kill_between_two_renamings_is_made_up_for(tmp_path: Path,
     )
     assert subprocess.run([sys.executable, "-c", program, str(tmp_path), *names], check=False).returncode == -9
     assert texts(tmp_path)[account] != json.dumps({"products": names}), "the kill came too late"
+    for name in names:  # QGIS sees the new products, although not all are in their places
+        assert json.loads(product(tmp_path, name).read_text()) == {"products": names}
+    assert not product(tmp_path, "low_spots.gpkg").exists()
     recover(tmp_path)
     assert texts(tmp_path).keys() == set(names)
 
