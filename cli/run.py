@@ -28,13 +28,19 @@ from furrowmap.core.values.errors import printable
 )
 @click.option("--overwrite", is_flag=True, help="Replace the products of another session in DIR.")
 @click.option(
+    "--resume",
+    is_flag=True,
+    help="Continue a run into DIR that was killed or lost power: its scan matching is used again if session and "
+    "recordings are unchanged.",
+)
+@click.option(
     "--preview",
     is_flag=True,
     help="Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or "
     "implement detection. Replaces an earlier preview, never the products of a run.",
 )
 @common_options
-def run(console: Console, session: Path, output: Path | None, *, overwrite: bool, preview: bool) -> None:
+def run(console: Console, session: Path, output: Path | None, *, overwrite: bool, resume: bool, preview: bool) -> None:
     """Compute the georeferenced point cloud, the surfaces and the worked ground of the recording described by SESSION.
 
     Writes cloud.copc.laz, field.gpkg with the trajectory and the worked ground, rasters, report.html, report.json and
@@ -45,7 +51,7 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
             folder = output or session.resolve().parent / f"{session.stem}_preview"
             report = furrowmap.preview(session, folder, progress=progress)
         else:
-            result = furrowmap.run(session, output, overwrite=overwrite, progress=progress)
+            result = furrowmap.run(session, output, overwrite=overwrite, resume=resume, progress=progress)
             folder, report = result.path, result.report
     console.warn_of(report)
     console.answer({"folder": folder, **report}, _words(report, folder))

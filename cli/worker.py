@@ -178,6 +178,8 @@ def _arguments(line: bytes) -> list[str]:
         raise _misunderstood(f"The first line is not a start message ({error}).") from None
     if not order.arguments or order.arguments[0] == "worker":
         raise _misunderstood("The start message names no command.")
+    if any("\0" in argument for argument in order.arguments):
+        raise _misunderstood("The start message has an argument with a null byte.")
     return order.arguments
 
 

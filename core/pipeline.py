@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Final, Protocol
 
@@ -26,6 +27,7 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
 from furrowmap.core.work.run_result import RunResult
@@ -54,10 +56,45 @@ class PointSink(Protocol):
         ...
 
 
-def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
+@dataclass(frozen=True)
+class MatchedSession:
+    """What scan matching of a session found.
+
+    Attributes:
+        trajectory: of the vehicle frame: the adjusted one, or the first guess where the scans were not matched.
+        notices: for the report.
+        matched: the result of scan matching; None where the scans were not matched.
+    """
+
+    trajectory: Trajectory
+    notices: tuple[Notice, ...]
+    matched: Matched | None
+
+
+class Checkpoint(Protocol):
+    """Keeps what the longest stage found, for a run that continues after this one was killed."""
+
+    def load(self) -> MatchedSession | None:
+        """What an earlier run of the same session and recordings kept; None for nothing."""
+        ...
+
+    def save(self, found: MatchedSession) -> None:
+        """Keep what matching found."""
+        ...
+
+
+def run(
+    opened: OpenSession, sink: PointSink, progress: Progress = silent, checkpoint: Checkpoint | None = None
+) -> RunResult:
     """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
 
     A session without a scanner's recording gives the ground worked alone, and `sink` gets nothing.
+
+    Args:
+        opened: the session.
+        sink: takes the points.
+        progress: is called with each stage and its share.
+        checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
 
     Raises:
         FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
@@ -71,7 +108,7 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
-    located, matched, implement = _match(opened, guess, lidar, progress)
+    located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -93,21 +130,29 @@ def run(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> Ru
 
 
 def _match(
-    opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress
+    opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress, checkpoint: Checkpoint | None
 ) -> tuple[Located, Matched | None, ImplementTracker]:
-    """Read the scans once: match them to the ground, and collect those that show the implement."""
+    """Read the scans once: match them to the ground, and collect those that show the implement.
+
+    What an earlier run kept of the matching is used instead.
+    """
     session = opened.session
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
-    if guess.antenna is None:
-        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
-            implement.add_scan(scan)
-        return guess, None, implement
-    located, matched = matched_to_ground(guess, lidar, session, implement.add_scan, progress)
-    if matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting):
+    located, matched = guess, None
+    kept = checkpoint.load() if checkpoint is not None and guess.antenna is not None else None
+    if kept is not None:
+        located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
+    elif guess.antenna is not None:
+        located, matched = matched_to_ground(guess, lidar, session, implement.add_scan, progress)
+        if checkpoint is not None:
+            checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
+    turned = matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting)
+    if matched is not None and turned:
         # With the stated mounting the implement was looked for on another side of the vehicle.
         implement = ImplementTracker(_with_mounting(session, matched.mounting), earlier)
-        for scan in lidar.scans():
+    if turned or kept is not None or guess.antenna is None:
+        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
     return located, matched, implement
 

@@ -37,18 +37,24 @@ from furrowmap.exporters.files.result_folder import (
     SESSION,
     STATES,
 )
-from furrowmap.exporters.files.staging import recover, staged_folder
+from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
 from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.results import Result, open_result
+from furrowmap.workflows.kept_matching import KeptMatching
 from furrowmap.workflows.run_cloud import RunCloud, RunSink
 
 
 def run(
-    session: str | Path, out: str | Path | None = None, *, overwrite: bool = False, progress: Progress = silent
+    session: str | Path,
+    out: str | Path | None = None,
+    *,
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: Progress = silent,
 ) -> Result:
     """Run a session and write its products into a folder.
 
@@ -59,6 +65,8 @@ def run(
         session: the session file.
         out: the folder, made if it does not exist; by default SESSION_result beside the session file.
         overwrite: replace the products of another session, too.
+        resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
+            same.
         progress: is called with each stage and its share, 0 to 1.
 
     Raises:
@@ -69,7 +77,7 @@ def run(
     opened = open_session(file)
     _refuse_original(folder, file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
-    with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
+    with staged_folder(folder, resume=resume) as staging, using_threads(opened.session.run.threads, by_default=True):
         _write_products(opened, folder, staging, inputs, progress)
     return open_result(folder)
 
@@ -113,8 +121,8 @@ class _Made:
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
     with RunCloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
-        found = pipeline.run(opened, RunSink(cloud, land), progress)
-        inputs = inputs or file_records(found.inputs, opened.file.resolve().parent, progress)
+        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
+        found = pipeline.run(opened, RunSink(cloud, land), progress, KeptMatching(kept(staging), opened, inputs))
         if not found.session.recording.lidar:
             return _Made(found, inputs)
         origin = run_origin(found, inputs)

@@ -16,6 +16,7 @@ from furrowmap.exporters.files.atomic import flush, flush_folder
 from furrowmap.exporters.files.lease import is_real_folder, is_revoked, leased, read_small, refuse_leased
 
 _COMPLETE: Final = "complete.json"
+_KEPT: Final = "kept.bin"
 _PRODUCTS: Final = "products"
 
 
@@ -36,12 +37,16 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
 
 
 @contextmanager
-def staged_folder(folder: Path) -> Iterator[Path]:
+def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
     """Write products into a staging folder and move them to `folder` together at the end.
 
     If the work is interrupted, `folder` is unchanged. If the process is killed while it moves the finished products,
     the next run or :func:`recover` completes that. Products that an earlier report of the same name lists, and that
     have no successor, are removed.
+
+    Args:
+        folder: of the products, made if it does not exist.
+        resume: take over the file :func:`kept` of a run that was killed.
 
     Yields:
         The folder to write to; every file in it becomes a product under its own name.
@@ -56,7 +61,7 @@ def staged_folder(folder: Path) -> Iterator[Path]:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
                 lease = stack.enter_context(leased(folder))
-                _finish_ended(folder, lease)
+                _finish_ended(folder, lease, resume=resume)
                 products = lease / _PRODUCTS
                 products.mkdir()
             except OSError as error:
@@ -80,8 +85,13 @@ def staged_folder(folder: Path) -> Iterator[Path]:
         raise
 
 
+def kept(staging: Path) -> Path:
+    """The file beside a staging folder for what a later run may continue from, if this one is killed."""
+    return staging.parent / _KEPT
+
+
 def recover(folder: Path) -> None:
-    """Complete the move of a killed run's finished products, and remove unfinished ones.
+    """Complete the move of a killed run's finished products, and remove unfinished ones that cannot be resumed.
 
     Raises:
         RefusedError: if a run is writing to the folder.
@@ -91,9 +101,13 @@ def recover(folder: Path) -> None:
         _finish_ended(folder)
 
 
-def _finish_ended(folder: Path, own: Path | None = None) -> None:
+def _finish_ended(folder: Path, own: Path | None = None, *, resume: bool = False) -> None:
     for lease in refuse_leased(folder, own):
-        _put_in_place(lease, folder)
+        resumable = not _put_in_place(lease, folder) and _is_regular_file(lease / _KEPT)
+        if resumable and own is None:
+            continue
+        if resumable and resume and own is not None:
+            (lease / _KEPT).replace(own / _KEPT)
         shutil.rmtree(lease, ignore_errors=True)
 
 
@@ -131,14 +145,14 @@ def _commit(lease: Path, folder: Path) -> None:
     flush_folder(folder)
 
 
-def _put_in_place(lease: Path, folder: Path) -> None:
-    """Move finished products to their places, and earlier ones without a successor away; nothing without any.
+def _put_in_place(lease: Path, folder: Path) -> bool:
+    """Move finished products to their places, and earlier ones without a successor away; False where there are none.
 
     All changes are renamings out of the lease's folder or into it, so a run that has lost its lease changes nothing.
     """
     complete = _read(lease / _COMPLETE)
     if not complete or not is_real_folder(lease / _PRODUCTS):
-        return
+        return False
     leaving = lease / secrets.token_hex(4)
     leaving.mkdir()
     gone = complete.get("gone")
@@ -149,6 +163,7 @@ def _put_in_place(lease: Path, folder: Path) -> None:
     for path in _regular_files(lease / _PRODUCTS):
         with suppress(FileNotFoundError):  # another process completes the same
             path.replace(folder / path.name)
+    return True
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
@@ -159,7 +174,11 @@ def _earlier(folder: Path, names: set[str]) -> set[str]:
 
 
 def _regular_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.is_file() and not path.is_symlink())
+    return sorted(path for path in folder.iterdir() if _is_regular_file(path))
+
+
+def _is_regular_file(path: Path) -> bool:
+    return path.is_file() and not path.is_symlink()
 
 
 def _lost(folder: Path) -> RefusedError:

@@ -48,6 +48,7 @@
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
+  <message><source>Continue a run into DIR that was killed or lost power: its scan matching is used again if session and recordings are unchanged.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
@@ -153,6 +154,7 @@
   <message><source>Required vertical RMSE</source><translation>要求する鉛直 RMSE</translation></message>
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
+  <message><source>Resume</source><translation>再開</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>

@@ -36,7 +36,18 @@ def hashes(target: Path) -> dict[str, str]:
     """The digest of each file by its name; hidden ones are not products."""
     paths = sorted(target.iterdir()) if target.is_dir() else [target]
     paths = [path for path in paths if path.is_file() and not path.name.startswith(".")]
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+    return {path.name: hashlib.sha256(_bytes(path)).hexdigest() for path in paths}
+
+
+def _bytes(path: Path) -> bytes:
+    """What is in a file; of a GeoPackage, whose styles state when they were written, the features."""
+    if path.suffix != ".gpkg":
+        return path.read_bytes()
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+        assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        names = database.execute("SELECT table_name FROM gpkg_contents WHERE data_type = 'features'").fetchall()
+        rows = [database.execute(f'SELECT * FROM "{name}"').fetchall() for (name,) in sorted(names)]
+    return repr(rows).encode()
 
 
 def recordings(target: Path) -> dict[str, str]:
@@ -103,7 +114,8 @@ def _surface(folder: Path, number: int) -> Path:
 
 
 def _log(folder: Path, number: int) -> Path:
-    return _session(folder, number).with_name("gnss.nmea")
+    log = _session(folder, number).with_name("gnss.nmea")
+    return log.rename(log.with_name(f"{number}.nmea"))
 
 
 def _surveyed(folder: Path, number: int) -> Path:

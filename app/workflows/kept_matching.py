@@ -1,0 +1,47 @@
+"""What scan matching found, kept in a file for a run that continues after this one was killed."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+
+from furrowmap.core.pipeline import MatchedSession
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.values.json_text import json_text
+from furrowmap.core.values.packed import pack, unpack
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.file_records import FileRecord
+
+
+class KeptMatching:
+    """A checkpoint in a file, valid for one version of furrowmap, one session and one set of recordings."""
+
+    def __init__(self, path: Path, opened: OpenSession, inputs: Sequence[FileRecord]) -> None:
+        known = {"furrowmap": version("furrowmap"), "session": msgspec.to_builtins(opened.session), "inputs": inputs}
+        self._path, self._key = path, hashlib.sha256(json_text(known).encode()).digest()
+
+    def load(self) -> MatchedSession | None:
+        """What an earlier run kept; None for nothing, or that of another session."""
+        if not self._path.is_file():
+            return None
+        data = self._path.read_bytes()
+        if not data.startswith(self._key):
+            return None
+        try:
+            return unpack(data[len(self._key) :], MatchedSession)
+        except (ValueError, TypeError, MemoryError):  # damaged
+            return None
+
+    def save(self, found: MatchedSession) -> None:
+        """Keep what matching found.
+
+        Raises:
+            OSError: if the disk is full.
+        """
+        with atomic_output(self._path) as unfinished, unfinished.open("wb") as file:
+            file.write(self._key)
+            file.write(pack(found))
