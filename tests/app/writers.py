@@ -171,7 +171,6 @@ WRITERS: Mapping[str, Writer] = {
     "mosaic": Writer(_surface, lambda surface, out: write_mosaic([surface], out), "mosaic.tif"),
     "virtual": Writer(_surface, lambda surface, out: write_mosaic([surface], out), "mosaic.vrt"),
     "gnss": Writer(_log, lambda log, out: evaluate_log(log, log, out, overwrite=True), "evaluation"),
-    "init": Writer(_log, lambda log, out: furrowmap.propose_session([log], out, overwrite=True), "session.toml"),
     "preview": Writer(
         _session,
         lambda session, out: furrowmap.preview(session, out),
