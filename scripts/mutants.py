@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -183,8 +183,13 @@ def imports(path: Path, known: set[str]) -> set[str]:
     return names & known
 
 
+def words_of(path: Path) -> set[str]:
+    """The longer words of a file."""
+    return set(re.findall(r"[A-Za-z]{5,}", path.read_text(encoding="utf-8")))
+
+
 class Tests:
-    """Which test files are nearest to a module, by imports."""
+    """Which test files are nearest to a module."""
 
     def __init__(self) -> None:
         files = {path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")}
@@ -199,18 +204,20 @@ class Tests:
             for path in sorted((COPY / "tests").rglob("test_*.py"))
             if not any(word in path.as_posix() for word in LONG)
         }
+        self._words = {path: words_of(path) for path in self._tests}
+        self._common = Counter(word for words in self._words.values() for word in words)
 
     def nearest(self, file: str) -> list[str]:
-        """At most :data:`MOST_FILES` test files: at equal distance those of the same folder, then small ones."""
+        """At most :data:`MOST_FILES`: by the imports between, then by the rare words that they share with `file`."""
         distance = {module_of(file): 0}
         front = [*distance]
         while front:
             above = {up for one in front for up in self._importers[one]} - set(distance)
             distance |= dict.fromkeys(above, distance[front[0]] + 1)
             front = [*above]
-        home = COPY / "tests" / Path(file).parent
+        words = words_of(COPY / file)
         ranked = [
-            (near, path.parent != home, path.stat().st_size, path)
+            (near, -sum(1.0 / self._common[word] for word in self._words[path] & words), path)
             for path, names in self._tests.items()
             if (near := min((distance.get(name, 99) for name in names), default=99)) <= FARTHEST
         ]
@@ -282,23 +289,36 @@ def copy_checkout() -> None:
         data.symlink_to(CHECKOUT.parent / "shared")
 
 
+def earlier(seed: int) -> Iterator[Mutant]:
+    """The mutants of an earlier batch that were not killed, where the source is still the same there."""
+    for one in json.loads((COPY.parent / f"{seed}.json").read_text(encoding="utf-8")):
+        mutant = Mutant(**{name: one[name] for name in Mutant.__dataclass_fields__})
+        path = COPY / mutant.file
+        same = path.exists() and path.read_bytes()[mutant.start : mutant.end] == mutant.before.encode()
+        if one["fate"] != "killed" and same:
+            yield mutant
+
+
 def main() -> None:
     """Make the mutants, print the fate of each, and keep all in build/mutants."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("number", type=int)
     parser.add_argument("seed", type=int)
     parser.add_argument("--within", default="", help="only files whose path begins so, such as core/work")
+    parser.add_argument("--again", action="store_true", help="those of this seed that were not killed, once more")
     options = parser.parse_args()
     copy_checkout()
     tests, fates = Tests(), list[dict[str, object]]()
-    for mutant in chosen(options.number, options.seed, options.within):
+    mutants = earlier(options.seed) if options.again else chosen(options.number, options.seed, options.within)
+    kept = COPY.parent / f"{options.seed}{'-again' * options.again}.json"
+    for mutant in mutants:
         begin = time.monotonic()
         end = fate(mutant, tests.nearest(mutant.file))
         took_s = time.monotonic() - begin
         change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
         print(f"{end:8} {took_s:4.0f} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
         fates.append(asdict(mutant) | {"fate": end, "took_s": round(took_s)})
-        (COPY.parent / f"{options.seed}.json").write_text(json.dumps(fates, indent=1), encoding="utf-8")
+        kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
     killed = sum(one["fate"] in ("killed", "hung") for one in fates)
     print(f"{killed} of {len(fates)} killed; those that survived are equivalent, or need a test.")
 

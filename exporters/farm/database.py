@@ -23,6 +23,8 @@ def check_farm_map(path: Path) -> None:
         InputError: if it is not.
         RefusedError: if its tables are of another version, or another program has locked it.
     """
+    if path.is_dir():
+        raise _not_a_farm_map(path, "is a folder")
     with path.open("rb") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise _not_a_farm_map(path, "is not a GeoPackage")

@@ -200,7 +200,7 @@ def open_result(folder: Path) -> ResultFolder:
     try:
         report = msgspec.json.decode((folder / REPORT).read_bytes(), type=dict[str, Any])
         msgspec.convert(report, _Report)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise InputError(
             f"{folder} contains no {REPORT}.",
             "It is not the result folder of a `furrowmap run`.",

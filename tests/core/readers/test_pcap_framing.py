@@ -221,6 +221,16 @@ def test_pcapng__cut_in_a_section_header_ends_there(tmp_path: Path) -> None:
     assert [n.code for n in capture.notices] == ["cut-capture"]
 
 
+@pytest.mark.parametrize("size", [0, 24, 30, 1 << 31])
+def test_pcapng__with_an_impossible_section_header_is_refused_with_its_place(tmp_path: Path, size: int) -> None:
+    ng = PcapNg()
+    path = tmp_path / "a.pcapng"
+    whole = ng.section() + ng.interface() + ng.packet(1, frame(b"before"))
+    path.write_bytes(whole + ng.section()[:4] + struct.pack("<I", size) + ng.section()[8:] + bytes(100))
+    with pytest.raises(InputError, match=f"invalid length {size:,} in the section header at byte {len(whole):,}"):
+        read(path)
+
+
 def test_pcapng__of_times_beyond_all_dates_gives_nothing(tmp_path: Path) -> None:
     ng = PcapNg()
     path = tmp_path / "a.pcapng"

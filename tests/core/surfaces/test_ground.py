@@ -63,6 +63,17 @@ def test_classify_ground__survives_what_is_no_place(scene: Scene, method: Ground
     assert (found[4:] & truth).sum() > 0.98 * truth.sum()
 
 
+@pytest.mark.parametrize(("width_m", "is_ground"), [(30, False), (35, False), (38, True), (60, True)])
+def test_smrf__takes_objects_up_to_36_m_wide_from_the_ground(width_m: int, is_ground: bool) -> None:
+    """Twice the window of the paper's defaults; a plateau wider than that is a terrace."""
+    lowest_m = np.zeros((180, 180))
+    side = slice(20, 20 + 2 * width_m)
+    lowest_m[side, side] = 4.0
+    middle = 20 + width_m
+    assert ground_cells(lowest_m, Smrf())[middle, middle] == is_ground
+    assert ground_cells(lowest_m, Smrf())[5, 5]
+
+
 def test_smrf__does_not_follow_returns_from_below(scene: Scene) -> None:
     xyz, truth = scene[0][::4], scene[1][::4]
     pits = np.column_stack([xyz[:20, :2], xyz[:20, 2] - 20.0])
