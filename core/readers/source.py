@@ -179,10 +179,9 @@ def look(path: Path) -> Head:
     Raises:
         InputError: if the file does not exist, is empty, or cannot be read.
     """
-    if path.is_dir():
-        return Head(path, b"", "", path.suffix.lower())
-    _refuse_non_files(path)
     try:
+        if path.is_dir():
+            return Head(path, b"", "", path.suffix.lower())
         with Source(path) as source:
             data, compression, fault = source.read(HEAD_BYTES), source.compression, source.fault
     except OSError as error:

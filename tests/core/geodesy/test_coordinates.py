@@ -302,7 +302,9 @@ def test_parameters_whose_year_is_unknown_are_used_and_told(geo: Path, tmp_path:
         (Crs(map="EPSG:32633", heights="EPSG:5783"), "geoid-unknown"),
     ],
 )
-def test_what_is_missing_or_wrong_is_said_before_any_work(geo: Path, tmp_path: Path, crs: Crs, code: str) -> None:
+def test_promise_18__what_is_missing_or_wrong_is_refused_before_any_work(
+    geo: Path, tmp_path: Path, crs: Crs, code: str
+) -> None:
     session = of_2023(geo, tmp_path)
     session.write_text("furrowmap = 1\n")
     shutil.copyfile(geo / "tky2jgd_sample.par", tmp_path / "tokyo.par")
@@ -363,7 +365,7 @@ def test_heights_above_a_geoid_are_told_in_crs_and_account() -> None:
     assert "JGD2024 (vertical) height" in wkt
 
 
-def test_a_place_without_a_geoid_is_refused() -> None:
+def test_promise_18__a_place_without_a_geoid_is_refused() -> None:
     frame = map_frame(Crs(map="EPSG:32634", heights="GSIGEO2011"))
     with pytest.raises(InputError, match="GSIGEO2011 has no geoid at 52"):
         transform_track(track(lon=20.9, lat=52.4), frame)
@@ -438,7 +440,7 @@ def test_stated_frames_are_read_whatever_their_case(epoch: float, frame: str) ->
         (26715, -93.6, 42.0, 10),
     ],
 )
-def test_a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
+def test_promise_17__a_datum_that_lies_beside_todays_is_refused_unless_it_is_stated(
     epsg: int, lon: float, lat: float, least_m: float
 ) -> None:
     """British, Dutch, Japan's and Germany's old ones, the Swiss, NAD27: 10 to 450 m beside, as textbooks have them."""
@@ -489,7 +491,7 @@ def test_heights_of_jgd2011_by_their_code_are_above_gsigeo2011() -> None:
     )
 
 
-def test_degrees_in_the_columns_of_eastings_and_northings_are_told() -> None:
+def test_promise_17__degrees_in_the_columns_of_eastings_and_northings_are_reported() -> None:
     position = np.column_stack([np.full(3, TSUKUBA[0]), TSUKUBA[1] + 1e-5 * np.arange(3), np.full(3, 70.0)])
     zeros = np.zeros(3)
     poses = PoseTrack(

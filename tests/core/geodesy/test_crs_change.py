@@ -42,7 +42,7 @@ def test_change__of_datum_says_how_well_it_is_known() -> None:
         ("EPSG:4301", "EPSG:6668", (140.0, 36.0, 140.1, 36.1)),
     ],
 )
-def test_change__that_needs_a_grid_is_refused(source: str, target: str, place: tuple[float, ...]) -> None:
+def test_promise_18__a_change_that_needs_a_grid_is_refused(source: str, target: str, place: tuple[float, ...]) -> None:
     with pytest.raises(RefusedError, match=r"\.gsb") as refused:
         crs_change(CRS(source), CRS(target), place)  # type: ignore[arg-type]
     assert refused.value.code == "crs-change-grid"

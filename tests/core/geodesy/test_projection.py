@@ -74,12 +74,12 @@ def test_convergence_takes_true_headings_to_grid_headings() -> None:
         (Crs(map="EPSG:6677", coordinates="current-epoch"), RefusedError, "crs.coordinates"),
     ],
 )
-def test_what_cannot_be_a_map_frame_is_said(crs: Crs, kind: type[FurrowmapError], word: str) -> None:
+def test_promise_17__what_cannot_be_a_map_frame_is_refused(crs: Crs, kind: type[FurrowmapError], word: str) -> None:
     with pytest.raises(kind, match=word):
         map_frame(crs)
 
 
-def test_a_place_outside_the_area_is_refused_with_both() -> None:
+def test_promise_17__a_place_outside_the_area_is_refused_with_both() -> None:
     with pytest.raises(RefusedError, match=r"52\.3758.*EPSG:6677"):
         map_frame(Crs(map="EPSG:6677")).project(np.array([20.9356]), np.array([52.3758]))
 

@@ -470,7 +470,7 @@ def test_track__without_gga_is_refused(tmp_path: Path) -> None:
         assert error.value.code == "no-positions"
 
 
-def test_track__jumps_are_reported(tmp_path: Path) -> None:
+def test_promise_12__jumps_of_metres_are_listed_with_time_and_place(tmp_path: Path) -> None:
     minutes = 30 + np.arange(40) * 1e-4
     minutes[20:] += 5 / 1852
     path = write(tmp_path, *(gga(f"1200{k:02d}.00", m, quality=5 if k < 20 else 4) for k, m in enumerate(minutes)))

@@ -102,14 +102,14 @@ def test_two_antennas_show_the_heading_at_a_stand() -> None:
     assert set(found.trajectory.heading_from) == {"antennas"}
 
 
-def test_two_antennas_across_the_vehicle_are_not_believed() -> None:
+def test_promise_12__two_antennas_across_the_vehicle_are_not_believed() -> None:
     truth = drive((15, 1.0, 0), yaw_deg=30.0)
     found = trajectory_from_gnss(track_of(truth, heading_deg=np.full(len(truth.t_s), 150.0)), FRAME, LEVER_M, None)
     assert abs(float(np.median(found.trajectory.attitude_deg()[2])) - 60.0) < 0.2
     assert "antennas-heading-unused" in {notice.code for notice in found.notices}
 
 
-def test_a_jump_is_left_out_and_told_with_its_place() -> None:
+def test_promise_12__a_jump_is_left_out_and_listed_with_its_place() -> None:
     truth = drive((15, 1.0, 0))
     track = track_of(truth, 0.003)
     lat = track.lat_deg.copy()
@@ -135,7 +135,7 @@ def test_a_log_that_mostly_jumps_is_refused() -> None:
         trajectory_from_gnss(shaken, FRAME, LEVER_M, None)
 
 
-def test_quality_gates_what_is_used() -> None:
+def test_promise_12__quality_gates_what_is_used() -> None:
     truth = drive((15, 1.0, 0))
     fix = np.full(len(truth.t_s), int(Fix.FIXED))
     fix[50:60] = Fix.SINGLE
@@ -180,7 +180,7 @@ def test_why_positions_cannot_be_used_is_told() -> None:
         trajectory_from_gnss(track_of(truth)[:1], FRAME, LEVER_M, None)
 
 
-def test_a_crs_of_another_country_is_refused() -> None:
+def test_promise_17__a_crs_of_another_country_is_refused() -> None:
     truth = drive((15, 1.0, 0))
     with pytest.raises(RefusedError, match="EPSG:32634"):
         trajectory_from_gnss(track_of(truth), map_frame(Crs(map="EPSG:32634")), LEVER_M, None)

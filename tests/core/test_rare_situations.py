@@ -1,0 +1,250 @@
+"""Errors and warnings of situations that no other test brings about."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import laspy
+import msgspec
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from pyproj import CRS
+
+from furrowmap.cli.main import furrowmap
+from furrowmap.core.evaluation.evaluation import evaluate
+from furrowmap.core.evaluation.receivers import evaluate_logs
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.run_notices import placement_notices, refuse_empty, session_notices
+from furrowmap.core.readers.isoxml.log import TaskDataLog
+from furrowmap.core.readers.las.cloud import open_cloud
+from furrowmap.core.readers.poses.csv import PoseCsv
+from furrowmap.core.readers.poses.sbet import Sbet
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.source import look
+from furrowmap.core.session.file import parse_session
+from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
+from furrowmap.core.simulator.simulate import simulate
+from furrowmap.core.surfaces.ground import classify_ground
+from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.session import Crs
+from furrowmap.core.values.tool_states import ToolStates
+from furrowmap.core.work.external_states import compare_states
+from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_sbet import records
+
+HEADER = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
+OPTIONS = ReadOptions(week=2422)
+SESSION = """furrowmap = 1
+name = "field"
+[recording]
+lidar = ["a.pcap"]
+gnss = ["a.nmea"]
+[crs]
+map = "EPSG:6677"
+[antenna]
+xyz_m = [1.85, 0.0, 1.62]
+"""
+
+
+def code_of(act: Any) -> str:
+    """The code of the error that something ends in."""
+    with pytest.raises(FurrowmapError) as refused:
+        act()
+    assert all(refused.value.lines)
+    return refused.value.code
+
+
+def codes(notices: Any) -> set[str]:
+    return {notice.code for notice in notices}
+
+
+def track(n: int = 100, step_s: float = 0.1, **columns: Any) -> GnssTrack:
+    """A drive to the north at 1 m/s."""
+    t_s = 1.78e9 + step_s * np.arange(n)
+    usual = {
+        "lon_deg": np.full(n, 140.0),
+        "lat_deg": 36.87 + np.arange(n) * step_s / 111_000.0,
+        "height_m": np.full(n, 80.0),
+        "fix": np.full(n, Fix.FIXED),
+    }
+    return GnssTrack.build(t_s, source="log", **(usual | columns))
+
+
+def csv(folder: Path, *rows: str, head: str = HEADER, name: str = "trajectory.csv") -> Path:
+    path = folder / name
+    path.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    return path
+
+
+def row(k: int, place: str = "100.5,200.5,30.25") -> str:
+    return f"{1781141019.8 + 0.01 * k:.2f},{place},1.5,-0.5,90.0"
+
+
+def test_a_scenario__that_cannot_be_read_or_simulated(tmp_path: Path) -> None:
+    assert code_of(lambda: load_scenario(tmp_path)) == "scenario-unreadable"
+    scenario = demo_scenario()
+    huge = msgspec.structs.replace(scenario.field, size_e_m=1e5, size_n_m=1e5)
+    large = msgspec.structs.replace(scenario, field=huge)
+    assert code_of(lambda: simulate(large, tmp_path / "a")) == "scenario-too-large"
+    for crs in ("EPSG:4326", "EPSG:0", "no CRS"):
+        place = msgspec.structs.replace(scenario.place, crs=crs)
+        moved = msgspec.structs.replace(scenario, place=place)
+        assert code_of(lambda moved=moved: simulate(moved, tmp_path / "b")) == "scenario-crs"
+    (tmp_path / "file").touch()
+    assert code_of(lambda: simulate(scenario, tmp_path / "file" / "c")) == "simulate-not-written"
+
+
+def test_a_command__that_does_not_exist() -> None:
+    done = CliRunner().invoke(furrowmap, ["inspekt"], standalone_mode=False)
+    assert isinstance(done.exception, FurrowmapError)
+    assert done.exception.code == "no-such-verb"
+    assert "furrowmap inspect" in done.exception.remedy
+
+
+def test_a_cloud__given_twice_or_cut_while_it_is_read(tmp_path: Path) -> None:
+    points = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    points.x, points.y, points.z = np.random.default_rng(1).uniform(0.0, 10.0, (3, 5000))
+    path = tmp_path / "a.las"
+    points.write(path)
+    assert code_of(lambda: open_clouds([path, tmp_path / "." / "a.las"])) == "cloud-twice"
+    batches = open_cloud(path).batches(batch_points=1000)
+    next(batches)
+    os.truncate(path, path.stat().st_size // 2)
+    assert code_of(lambda: list(batches)) == "file-changed"
+
+
+def test_ground__by_a_method_that_is_none() -> None:
+    assert code_of(lambda: classify_ground(np.zeros((4, 3)), "best")) == "bad-ground-method"  # type: ignore[arg-type]
+
+
+def test_a_file__that_may_not_be_opened() -> None:
+    if os.geteuid() != 0:
+        pytest.skip("needs root, to become somebody who may not")
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        Path(folder).chmod(0o755)
+        closed = Path(folder, "closed")
+        closed.mkdir()
+        for path in (Path(folder, "log.nmea"), closed / "log.nmea"):
+            path.write_text("$GNGGA")
+            path.chmod(0)
+        closed.chmod(0)
+        os.seteuid(65534)
+        try:
+            for path in (Path(folder, "log.nmea"), closed / "log.nmea"):
+                assert code_of(lambda path=path: look(path)) == "unreadable"
+        finally:
+            os.seteuid(0)
+
+
+def test_positions__whose_use_is_doubtful_or_refused() -> None:
+    frame = map_frame(Crs(map="EPSG:6677"))
+    course = trajectory_from_gnss(track(heading_deg=np.full(100, 2.0)), frame, (0.0, 0.0, 1.0), None)
+    assert "antennas-heading-off" in codes(course.notices)
+    wild = np.random.default_rng(2).normal(0.0, 2.0, 300) / 111_000.0
+    unsteady = track(300, lat_deg=36.87 + np.arange(300) / 1_110_000.0 + wild, sigma_e_m=np.full(300, 0.01))
+    assert code_of(lambda: trajectory_from_gnss(unsteady, frame, (0.0, 0.0, 1.0), None)) == "gnss-unsteady"
+
+
+def test_a_path__that_does_not_fit_a_wheeled_vehicle() -> None:
+    """Positions of an antenna that sways by decimetres from side to side."""
+    n = 400
+    sway = 0.15 * np.sin(2.0 * np.pi * 0.9 * np.arange(n) * 0.1) / 89_000.0
+    found = trajectory_from_gnss(track(n, lon_deg=140.0 + sway), map_frame(Crs(map="EPSG:6677")), (0.0, 0.0, 1.0), None)
+    assert "gnss-outliers" in codes(found.notices)
+
+
+def test_trajectories__of_two_kinds_or_of_no_known_time(tmp_path: Path) -> None:
+    one = csv(tmp_path, row(0), row(1), row(2))
+    degrees = HEADER.replace("e_m,n_m", "lon_deg,lat_deg")
+    other = csv(tmp_path, row(3, "140.0,36.0,30.0"), row(4, "140.0,36.0,30.0"), head=degrees, name="b.csv")
+    assert code_of(lambda: PoseCsv([one, other], OPTIONS).poses()) == "mixed-trajectories"
+    table = records(10)
+    table[:, 0] += 3e7
+    early = tmp_path / "early.sbet"
+    early.write_bytes(table.astype("<f8").tobytes())
+    assert code_of(lambda: Sbet([early], ReadOptions()).poses()) == "unknown-time-scale"
+    table[4, 1] = 99.0
+    early.write_bytes(table.astype("<f8").tobytes())
+    assert code_of(lambda: Sbet([early], ReadOptions()).poses()) == "damaged-record"
+    lone = PoseCsv([one], OPTIONS).poses()
+    empty = replace(
+        lone,
+        t_s=lone.t_s[:1], position=lone.position[:1], roll_deg=lone.roll_deg[:1], pitch_deg=lone.pitch_deg[:1],
+        heading_deg=lone.heading_deg[:1], sigma=lone.sigma[:1],
+    )  # fmt: skip
+    frame = map_frame(Crs(map="EPSG:6677"))
+    assert code_of(lambda: trajectory_from_poses(empty, frame)) == "trajectory-empty"
+    assert code_of(lambda: evaluate_logs(one, str(one))) == "trajectory-projected"
+
+
+def test_a_solution__written_from_its_end(tmp_path: Path) -> None:
+    head = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns\n"
+    rows = [f"2026/06/11 08:04:{59 - k:02d}.000   43.05{k:07d}  141.34{k:07d}  84.6  1  20\n" for k in range(20)]
+    path = tmp_path / "solution.pos"
+    path.write_text(head + "".join(rows))
+    reader = RtklibPos([path], ReadOptions())
+    assert len(reader.track()) == 20
+    assert "written-backward" in codes(reader.notices)
+
+
+def test_a_reference__that_is_too_coarse_and_covers_little() -> None:
+    t = 0.1 * np.arange(2000)
+    bent = {"lat_deg": 36.87 + 3e-5 * np.sin(0.9 * t), "lon_deg": 140.0 + 3e-5 * np.cos(0.9 * t)}
+    test = track(2000, **bent)
+    few = replace(track(2000, **bent)[np.arange(0, 600, 15)], source="reference")
+    assert {"interpolation-coarse", "half-compared"} <= codes(evaluate(test, few, max_gap_s=5.0).notices)
+
+
+def test_task_data__with_doubtful_parts(tmp_path: Path) -> None:
+    place = {"A": 430500000, "B": 1413400000, "D": 4}
+    rows = [Record(1000 * k, 16967, place | {"A": 430500000 + 90 * k}, {0: 1}) for k in (0, 1, 2, 9, 4, 5, 10)]
+    head = header([(141, "DET-1")])
+    body = (
+        '<TSK A="TSK1" G="4"><TLG A="TLG00001"/><TLG A="TLG00002"/><TLG A="TLG00003"/></TSK>'
+        '<PFD A="PFD1" C="a"/><PFD A="PFD1" C="b"/>'
+    )
+    logs = {"TLG00001": (head, b"".join(r.pack() for r in rows)), "TLG00002": (head, b"")}
+    path = task_data(tmp_path / "TASKDATA", body, logs)
+    reader = TaskDataLog([path], ReadOptions())
+    assert len(reader.track()) == 5
+    lost = next(notice.text for notice in reader.notices if notice.code == "time-log-lost")
+    assert "missing file TLG00003.XML" in lost
+    assert {"time-backwards", "time-log-empty", "id-twice"} <= codes(reader.notices)
+    assert code_of(lambda: TaskDataLog([path], ReadOptions(task="TSK9")).track()) == "no-such-task"
+
+
+def test_states__without_a_time_in_common() -> None:
+    def states(begin_s: float) -> ToolStates:
+        nan = np.full(1, np.nan)
+        return ToolStates(np.array([begin_s]), np.array([begin_s + 5.0]), np.array([1], np.int8), np.ones(1), nan, nan)
+
+    assert codes(compare_states(states(0.0), states(100.0)).notices(replaced=False)) == {"states-not-compared"}
+
+
+def test_a_crs__on_a_planet_of_its_own() -> None:
+    moon = CRS.from_proj4("+proj=tmerc +lon_0=140 +a=1737400 +b=1737400 +units=m")
+    found = code_of(lambda: crs_change(CRS("EPSG:6677"), moon, (0.0, 0.0, 1.0, 1.0)))
+    assert found == "crs-change-unknown"
+
+
+def test_a_run__of_which_little_is_left() -> None:
+    session = parse_session(SESSION)
+    course = trajectory_from_gnss(track(), map_frame(session.crs), (0.0, 0.0, 1.0), None).trajectory
+    nothing = Placement.without_scans(course)
+    standing = replace(nothing, scans_standing=3, points_read=300, points=0, points_standing=300)
+    assert code_of(lambda: refuse_empty(standing, course, session)) == "only-standing"
+    assert "points-without-pose" in codes(placement_notices(replace(standing, points_without_pose=30)))
+    assert "gnss-unused" in codes(session_notices(session, Located(course, "file", {}, ()), matched=True))
