@@ -16,6 +16,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
+from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
@@ -88,7 +89,10 @@ def clean(
     if settings.cleaning.ground == "csf":
         require_cloth()
     opened = open_clouds(paths, optional_crs(settings.crs), optional_crs(settings.dst_crs))
-    cleaning = replace(settings.cleaning, box=box_in(opened, settings.cleaning.box, optional_crs(settings.box_crs)))
+    box, far = box_in(opened, settings.cleaning.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
+    if box is None:
+        box, far = near_box(opened, progress)
+    cleaning = replace(settings.cleaning, box=box)
     inputs = input_records(opened, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
     summary, notices = _write_cleaned(opened, cleaning, target, inputs, progress)
@@ -104,7 +108,7 @@ def clean(
         },
         "low_m": summary.low_m,
         "high_m": summary.high_m,
-        "warnings": list(dict.fromkeys(notices)),
+        "warnings": list(dict.fromkeys([*notices, *far])),
     }
     return dict(plain(account))
 

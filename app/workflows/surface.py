@@ -11,6 +11,7 @@ import rasterio
 
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
+from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
@@ -90,6 +91,9 @@ def _write_surfaces(
                 warn(notice)
 
     box = box_in(clouds, settings.box, optional_crs(settings.box_crs))
+    if box is None:
+        box, far = near_box(clouds, progress)
+        report(far)
     cell_m = settings.cell_m
     if cell_m is None:
         cell_m = cell_for(clouds, box, settings.classes, progress)

@@ -6,6 +6,7 @@ the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS pac
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.values.clock import DAY_S
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]
@@ -30,6 +31,11 @@ _UNITS_S: Final = (1.0, 1e-3, 1e-6, 1e-9)
 _REVOLUTION_S: Final = (0.005, 1.5)
 """Range of the duration of a revolution, of any spinning scanner. Units of time differ by a factor of 1000, so at most
 one of them puts the time span of a message in this range."""
+
+FARTHEST_M: Final = 2000.0
+"""No scanner on a machine sees as far; farther coordinates are damaged or not metres."""
+_MOST_INVALID: Final = 0.5
+"""Share of the points, beyond which the messages are not what they seem to be."""
 
 _MOST_FIRINGS: Final = 1e6
 """In one message; more result from damaged times only."""
@@ -61,6 +67,8 @@ class CloudScans:
     def __init__(self, source: str) -> None:
         self._source = source
         self._scans = self._slots = self._untimed = self._empty = self._late = 0
+        self._points = 0
+        self._invalid: Counter[str] = Counter()
         self._fields: tuple[str, ...] = ()
         self._times: _PointTimes | None = None
         self._ringed = True
@@ -77,7 +85,7 @@ class CloudScans:
         self._fields = self._fields or tuple(str(field.name) for field in content.fields)
         self._slots += points.size
         xyz = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float32)
-        returned = np.isfinite(xyz).all(axis=-1) & (xyz != 0).any(axis=-1)
+        returned = self._returned(xyz, dense=bool(content.is_dense))
         if not returned.any():
             self._empty += 1
             return []
@@ -93,6 +101,11 @@ class CloudScans:
         self._ringed = self._ringed and ring is not None
         laser = np.clip(points["ring"], 0, 255).astype(np.uint8) if ring is not None else np.zeros(n, np.uint8)
         t_s = self._point_times(points["time"] if "time" in names else None, n, at_s)
+        apart = np.abs(t_s - np.median(t_s)) > _REVOLUTION_S[1]
+        if apart.any():
+            self._invalid["times apart from the others"] += int(np.count_nonzero(apart))
+            returned[returned] = ~apart
+            t_s, laser, points, xyz = t_s[~apart], laser[~apart], points[~apart], xyz[~apart]
         if layout is None:
             order = np.argsort(t_s, kind="stable")
             column = _columns_of_times(t_s[order], laser[order])
@@ -104,17 +117,46 @@ class CloudScans:
             number=self._scans - 1,
             t_s=t_s[order],
             xyz_m=xyz[order],
-            intensity=_intensity(points["intensity"][order] if "intensity" in names else np.zeros(n)),
+            intensity=_intensity(points["intensity"][order] if "intensity" in names else np.zeros(len(order))),
             laser=laser[order],
             column=np.minimum(column - column.min(), 65535).astype(np.uint16),
-            return_number=np.ones(n, np.uint8),
-            returns=np.ones(n, np.uint8),
+            return_number=np.ones(len(order), np.uint8),
+            returns=np.ones(len(order), np.uint8),
         )
         return [scan]
 
+    def _returned(self, xyz: NDArray[np.float32], *, dense: bool) -> NDArray[np.bool_]:
+        """Which points (height, width, 3) are returns; those that are neither that nor empty are counted by reason.
+
+        Drivers write nan or 0 where there is no return, nan only in messages that are not `dense`.
+        """
+        empty = (xyz == 0).all(axis=-1) | (not dense and np.isnan(xyz).any(axis=-1))
+        finite = np.isfinite(xyz).all(axis=-1)
+        near = (np.abs(xyz) <= FARTHEST_M).all(axis=-1)
+        self._points += int(np.count_nonzero(~empty))
+        self._invalid["coordinates that are no numbers"] += int(np.count_nonzero(~empty & ~finite))
+        self._invalid[f"coordinates beyond {FARTHEST_M:,.0f} m"] += int(np.count_nonzero(finite & ~near))
+        returned: NDArray[np.bool_] = ~empty & finite & near
+        return returned
+
     def finish(self) -> list[Scan]:
-        """No scans: every message is a complete scan."""
+        """No scans: every message is a complete scan.
+
+        Raises:
+            InputError: if most points are invalid.
+        """
+        if sum(self._invalid.values()) > _MOST_INVALID * self._points:
+            raise InputError(
+                f"{self._source}: most points are invalid ({self._reasons()}).",
+                "The messages are damaged, or the fields x, y and z are not coordinates in metres.",
+                "Record the topic with the driver's default settings, or copy the recording again.",
+                code="points-mostly-invalid",
+            )
         return []
+
+    def _reasons(self) -> str:
+        counted = ", ".join(f"{number:,} with {reason}" for reason, number in self._invalid.items() if number)
+        return f"of {self._points:,} points {counted}"
 
     def facts(self) -> dict[str, Any]:
         """What `inspect` reports."""
@@ -123,11 +165,17 @@ class CloudScans:
             unit = {1.0: "s", 1e-3: "ms", 1e-6: "µs", 1e-9: "ns"}[self._times.unit_s]
             origin = {"utc": "since 1970", "stamp": "from the message's stamp", "first": "from an unknown zero"}
             written = f"{unit} {origin[self._times.origin]}"
-        return {"slots": self._slots, "fields": list(self._fields), "time_per_point": written}
+        return {
+            "slots": self._slots,
+            "slots_without_return": self._slots - self._points,
+            "fields": list(self._fields),
+            "time_per_point": written,
+        }
 
     def notices(self) -> list[Notice]:
         """What the messages lack, and how many were skipped."""
         found = {
+            "points-invalid": any(self._invalid.values()) and f"{self._reasons()} are left out.",
             "no-point-times": self._untimed
             and f"{self._untimed} of {self._scans} clouds have no usable time per point, so all their points have the "
             "time of the message: motion during a revolution distorts them.",
@@ -182,7 +230,8 @@ def _points(content: Any) -> NDArray[Any]:
 
 def _read_times(values: FloatArray, at_s: float) -> _PointTimes | None:
     """Unit and origin of a cloud's times (n,), from the duration of a revolution and the difference from the stamp."""
-    span, middle = float(np.ptp(values)), float(np.median(values))
+    low, middle, high = np.quantile(values, [0.02, 0.5, 0.98]).tolist()  # a damaged time or two do not matter
+    span = (high - low) / 0.96
     unit_s = next((unit for unit in _UNITS_S if _REVOLUTION_S[0] <= span * unit < _REVOLUTION_S[1]), None)
     if unit_s is None:
         return None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Scan
 from tests.core.readers.small_bags import ROS1, T0_NS, mixed, point_cloud, revolution, write_bag1
 
@@ -201,3 +202,37 @@ def test_reading_needs_no_more_memory_for_a_longer_bag(tmp_path: Path) -> None:
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.1 * peaks[0]
+
+
+def test_promise_14__points_that_are_none_are_left_out_and_counted_by_reason() -> None:
+    points = revolution(100)
+    points["x"][:3] = np.nan
+    points["y"][3] = np.inf
+    points["z"][4:6] = 1e6
+    points["time"][7] = 3e4
+    sound = revolution(100)
+    scans, decoder = scans_of(cloud(points), cloud(sound, T0_NS + 100_000_000))
+    decoder.finish()
+    assert [len(scan) for scan in scans] == [100 - 7, 100]
+    (notice,) = (notice for notice in decoder.notices() if notice.code == "points-invalid")
+    assert decoder.facts()["slots_without_return"] == 3
+    assert "of 197 points" in notice.text
+    assert "1 with coordinates that are no numbers" in notice.text
+    assert "2 with coordinates beyond 2,000 m" in notice.text
+    assert "1 with times apart from the others" in notice.text
+
+
+def test_promise_14__a_cloud_of_mostly_invalid_points_is_refused() -> None:
+    points = revolution(100)
+    points["x"][:60] = 1e9
+    _, decoder = scans_of(cloud(points))
+    with pytest.raises(InputError, match="most points are invalid") as error:
+        decoder.finish()
+    assert error.value.code == "points-mostly-invalid"
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_promise_14__tiny_clouds_are_read(count: int) -> None:
+    scans, decoder = scans_of(cloud(revolution(count)), cloud(revolution(50), T0_NS + 100_000_000))
+    decoder.finish()
+    assert [len(scan) for scan in scans] == [n for n in (count, 50) if n]

@@ -20,6 +20,7 @@ from furrowmap.core.values import allowances
 from furrowmap.core.values.allowances import allowing, allows, expect_disk, expect_memory, free_memory_bytes
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.core.values.npz import read_npz
+from tests.fuzz.positions import nmea
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -27,13 +28,14 @@ else:
     from backports import zstd
 
 
-CONTENT = b"$GNGGA,080400.00,4303.5,N,14120.4,E,4,20,0.6,55.5,M,29.1,M,1.0,0000*60\r\n" * 400_000
+CONTENT = nmea() * 10_000
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bombs of a few megabytes, so that the tests are quick; the rule is the same."""
     monkeypatch.setattr(allowances, "FREE_BYTES", 1 << 20)
+    monkeypatch.setattr(allowances, "MOST_GROWTH", 10)
 
 
 def test_allowances__by_what_surrounds_or_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
