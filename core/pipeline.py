@@ -12,15 +12,22 @@ import numpy as np
 
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
+from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
+from furrowmap.core.calibration.strips import strip_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
 from furrowmap.core.pointclouds.placing import Placer
-from furrowmap.core.pointclouds.run_notices import gap_notices, placement_notices, refuse_empty, session_notices
+from furrowmap.core.pointclouds.run_notices import (
+    gap_notices,
+    placement_notices,
+    refuse_empty,
+    session_notices,
+)
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
-from furrowmap.core.trajectory.located import Located, locate, located_without_lidar
+from furrowmap.core.trajectory.located import Located, OpenInertial, locate, located_without_lidar
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
@@ -103,16 +110,16 @@ def run(
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
-    guess = locate(positions, session, frame)
+    guess = locate(positions, session, frame, _imu_of(opened))
     boundary = field_boundary(opened.inputs.boundary, frame)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
-    located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
+    located, matched, found, implement = _match(opened, guess, lidar, progress, checkpoint)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    placer = placer_of(located, matched.mounting if matched is not None else session.lidar.mounting)
+    placer = placer_of(located, _mounting(session, matched, found))
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -126,17 +133,35 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
-    return _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
+    notices += boresight_notices(found) if located.source == "imu" else []
+    return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), boresight=found)
+
+
+def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:
+    """The mounting of the scanner that is used: as the recording shows it, else as the session states it."""
+    if matched is not None:
+        return matched.mounting
+    return found.mounting if found is not None and found.certain else session.lidar.mounting
+
+
+def _imu_of(opened: OpenSession) -> OpenInertial | None:
+    """What opens the measurements of the session's IMU, if it has one."""
+    return opened.inertial if opened.session.imu is not None else None
 
 
 def _match(
     opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress, checkpoint: Checkpoint | None
-) -> tuple[Located, Matched | None, ImplementTracker]:
-    """Read the scans once: match them to the ground, and collect those that show the implement.
+) -> tuple[Located, Matched | None, Boresight | None, ImplementTracker]:
+    """Read the scans once: match them to the ground or to each other, and collect those that show the implement.
 
     What an earlier run kept of the matching is used instead.
     """
     session = opened.session
+    if guess.source == "imu" and guess.antenna is None:
+        implement = ImplementTracker(session, flying=True)
+        scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
+        returns = strip_returns(scans, guess.trajectory)
+        return guess, None, boresight(returns, guess.trajectory, session.lidar.mounting), implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -154,7 +179,7 @@ def _match(
     if turned or kept is not None or guess.antenna is None:
         for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
-    return located, matched, implement
+    return located, matched, None, implement
 
 
 def _corrected(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
@@ -169,7 +194,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     session, watch = opened.session, _StopWatch()
     progress("reading positions", 0.0)
     positions = opened.positions()
-    located = located_without_lidar(positions, session, opened.frame)
+    located = located_without_lidar(positions, session, opened.frame, _imu_of(opened))
     boundary = field_boundary(opened.inputs.boundary, opened.frame)
     states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
@@ -199,7 +224,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
     positions = opened.positions()
     clocks: tuple[ClockReading, ...] = ()
     if session.recording.lidar:
-        located = locate(positions, session, opened.frame)
+        located = locate(positions, session, opened.frame, _imu_of(opened))
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
         lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
@@ -210,7 +235,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
         refuse_empty(placement, located.trajectory, session)
         clocks, assumed = lidar.clocks, session_notices(session, located, matched=False)
     else:
-        located = located_without_lidar(positions, session, opened.frame)
+        located = located_without_lidar(positions, session, opened.frame, _imu_of(opened))
         placement, assumed = Placement.without_scans(located.trajectory), []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]

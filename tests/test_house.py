@@ -47,6 +47,7 @@ ROOMS = {
     "pointclouds": ["geodesy", "implement", "readers", "session", "surfaces", "trajectory", "values"],
     "work": [
         "adjustment",
+        "calibration",
         "geodesy",
         "implement",
         "pointclouds",

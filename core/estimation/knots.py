@@ -19,7 +19,7 @@ IntArray = NDArray[np.int64]
 STEP_S: Final = 0.025
 """Distance of the knots: at 3 Hz and 0.25° of sway a straight line between them is within 0.007° of it."""
 PAUSE_S: Final = 5.0
-"""Where a recording pauses for longer, a new chain of knots begins."""
+"""Where a laser scanner pauses for longer, a new chain of knots begins."""
 MOST_CHAINS: Final = 150
 """Of more pauses only the longest part chains: each chain has coarse knots of its own, whose equations are dense."""
 PART: Final = 1 << 20
@@ -83,9 +83,9 @@ class Knots:
         return (first + local).astype(np.int64), np.where(inside, place - local, 0.0), inside
 
 
-def knots_over(t_s: NDArray[np.float64]) -> Knots:
-    """Knots that cover the times (n,), which increase."""
-    pauses = _pauses(t_s)
+def knots_over(t_s: NDArray[np.float64], pause_s: float = PAUSE_S) -> Knots:
+    """Knots that cover the times (n,), which increase; a new chain begins after each longer pause."""
+    pauses = _pauses(t_s, pause_s)
     begins, ends = np.concatenate([[0], pauses]), np.append(pauses, len(t_s))
     chains, first = [], 0
     for begin, end in zip(begins, ends, strict=True):
@@ -96,12 +96,12 @@ def knots_over(t_s: NDArray[np.float64]) -> Knots:
     return Knots(tuple(chains), t)
 
 
-def _pauses(t_s: NDArray[np.float64]) -> IntArray:
+def _pauses(t_s: NDArray[np.float64], pause_s: float) -> IntArray:
     """Indices (k,) of the times before which a chain ends; looked for in parts, since `t_s` may lie in a file."""
     found, lasting = [np.zeros(0, np.int64)], [np.zeros(0)]
     for begin in range(0, len(t_s) - 1, PART):
         step_s = np.diff(t_s[begin : begin + PART + 1])
-        at = np.flatnonzero(step_s > PAUSE_S)
+        at = np.flatnonzero(step_s > pause_s)
         found.append(begin + 1 + at)
         lasting.append(step_s[at])
     longest = np.argsort(-np.concatenate(lasting), kind="stable")[: MOST_CHAINS - 1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class MotionPrior(Observation):
 
     acceleration: tuple[float, float, float] = (ACCELERATION, ACCELERATION, HEAVE)
     turning: tuple[float, float, float] = (SWAY, SWAY, TURNING)
+    linked: ClassVar[int] = 3
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Six equations for each three knots."""

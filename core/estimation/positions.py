@@ -67,10 +67,14 @@ class AntennaPositions(Observation):
 
     def normalised(self, knots: Knots, state: State) -> FloatArray:
         """(m,) horizontal residuals in standard deviations; nan outside all chains."""
+        out: FloatArray = np.hypot(*(self.residuals_m(knots, state) / self.positions.white_m)[:, :2].T)
+        return out
+
+    def residuals_m(self, knots: Knots, state: State) -> FloatArray:
+        """(m, 3) residuals; nan outside all chains."""
         k, share, inside = knots.at(self.positions.t_s)
-        out = np.full(len(inside), np.nan)
-        _, residual = self._residuals(k[inside], share[inside, None], inside, state)
-        out[inside] = np.hypot(*(residual / self.positions.white_m[inside])[:, :2].T)
+        out = np.full((len(inside), 3), np.nan)
+        _, out[inside] = self._residuals(k[inside], share[inside, None], inside, state)
         return out
 
     def _residuals(

@@ -37,6 +37,8 @@ IMPLEMENT_SHARE: Final = 0.15
 """Least share for the implement in its own frame: lower, as reversible ploughs show each side half the time and trailed
 tools swing."""
 FEWEST_SCANS: Final = 20
+AIRBORNE: Final[Plane] = (-2.0, 0.0, 0.0)
+"""Below an aircraft: it is looked for above this plane, and no ground is seen there in flight."""
 _STANDS_ROW: Final = round((0.45 - _LOW_M[2]) / VOXEL_M)
 """What reaches below this stands on the ground or works in it: wheels, a levelling board."""
 
@@ -73,7 +75,11 @@ class Machine:
 
 
 def learn_machine(
-    scans: Sequence[NearScan], moving: NDArray[np.bool_], mounting: Mounting, implement: Implement | None
+    scans: Sequence[NearScan],
+    moving: NDArray[np.bool_],
+    mounting: Mounting,
+    implement: Implement | None,
+    ground: Plane | None = None,
 ) -> Machine | None:
     """Learn the vehicle and its implement; None with too few moving scans, or without ground where the mounting has it.
 
@@ -82,11 +88,13 @@ def learn_machine(
         moving: (scans,) whether the vehicle moved.
         mounting: of the sensor.
         implement: the detected one.
+        ground: plane above which the vehicle is; by default that of the scans.
     """
     numbers = np.flatnonzero(moving).tolist()
     if len(numbers) < FEWEST_SCANS:
         return None
-    ground = implement.region.ground if implement is not None else ground_plane(scans)
+    if ground is None:
+        ground = implement.region.ground if implement is not None else ground_plane(scans)
     if ground is None:
         return None
     lasers = 1 + max(int(scan.laser.max(initial=0)) for scan in scans)

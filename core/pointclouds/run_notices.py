@@ -76,6 +76,12 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")
 
 
+_UNREAD = {
+    "camera": "Images are not read by this version: the table [camera] is not used.",
+    "parcels": "Parcels are not analysed by this version: the table [parcels] is not used.",
+}
+
+
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
     """What the session does not state, and which of its files are not used.
 
@@ -84,23 +90,25 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
         located: the trajectory.
         matched: whether the scans were matched to the ground.
     """
-    notices = []
+    notices = [Notice("table-unused", text) for table, text in _UNREAD.items() if getattr(session, table) is not None]
     from_gnss = located.source == "gnss"
-    if not from_gnss and session.recording.gnss:
+    if located.source == "file" and session.recording.gnss:
         notices.append(Notice("gnss-unused", "The GNSS log is not used: the trajectory comes from [trajectory]."))
+    if located.source == "file" and session.imu is not None:
+        notices.append(Notice("imu-unused", "The IMU is not used: the trajectory comes from [trajectory]."))
     if from_gnss and not matched:
         text = (
             "Roll and pitch are assumed to be zero and the height is that of the antenna: GNSS alone does not show the "
             "tilt of the vehicle."
         )
         notices.append(Notice("level-assumed", text))
-    if from_gnss and session.antenna is None:
+    if located.source != "file" and session.antenna is None:
         text = (
             "The session does not state the position of the antenna ([antenna] xyz_m). It is assumed to be at the "
             "origin of the vehicle frame, so heights are those of the antenna."
         )
         notices.append(Notice("antenna-unknown", text))
-    if session.lidar.mounting == Mounting():
+    if session.recording.lidar and session.lidar.mounting == Mounting():
         text = (
             "The session does not state the mounting of the scanner ([lidar] xyz_m, rpy_deg). Its frame is assumed to "
             "be the vehicle frame."

@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Clock, Scan
 from furrowmap.core.values.tool_states import ToolStates
@@ -162,6 +163,19 @@ class GivesPoses(Protocol):
     def poses(self) -> PoseTrack:
         """All poses of all files."""
         ...
+
+
+@runtime_checkable
+class GivesInertial(Protocol):
+    """A reader of an inertial measurement unit (IMU)."""
+
+    def inertial(self) -> InertialTrack:
+        """All measurements of all files, in the axes of the IMU."""
+        ...
+
+
+class InertialReader(Reader, GivesInertial, Protocol):
+    """A reader of inertial measurements."""
 
 
 @runtime_checkable

@@ -16,12 +16,14 @@ import msgspec
 from msgspec.inspect import is_struct_type
 
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.session import (
     CHECK,
     CURRENT_EPOCH,
     ELLIPSOIDAL,
     EXAMPLES,
     SCHEMA,
+    Imu,
     Session,
 )
 from furrowmap.core.values.toml_text import parse_toml
@@ -111,9 +113,9 @@ def _tables() -> dict[str, type[msgspec.Struct]]:
 
 def _check_keys(data: dict[str, Any], name: str) -> None:
     """Refuse unknown keys and suggest the nearest known one, which msgspec does not do."""
-    levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, Session.__struct_fields__)]
+    levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, Session.__struct_encode_fields__)]
     levels += [
-        (f"{table}.", data[table], struct.__struct_fields__)
+        (f"{table}.", data[table], struct.__struct_encode_fields__)
         for table, struct in _tables().items()
         if isinstance(data.get(table), dict)
     ]
@@ -197,8 +199,8 @@ def _faults(session: Session) -> Iterator[str]:
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
     implement = session.implement
-    if not session.recording.lidar and (implement is None or not implement.states):
-        yield "recording.lidar names no file, and neither does implement.states"
+    if not session.recording.lidar and (implement is None or not implement.states) and session.imu is None:
+        yield "recording.lidar names no file, and neither does implement.states or imu.files"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory]"
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
@@ -209,6 +211,8 @@ def _faults(session: Session) -> Iterator[str]:
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     yield from _far_places(session)
+    if session.imu is not None:
+        yield from _imu_faults(session.imu)
     if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None and not session.trajectory.files:
@@ -221,9 +225,20 @@ def _faults(session: Session) -> Iterator[str]:
             yield f"implement.region_m reaches farther than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
 
 
+def _imu_faults(imu: Imu) -> Iterator[str]:
+    """The faults of the table of the IMU."""
+    if not imu.files:
+        yield "imu.files names no file"
+    known = (*IMU_CLASSES, *IMU_MODELS)
+    if imu.kind not in known:
+        yield f"imu.class must be one of {', '.join(known)}, not {imu.kind!r}; imu.noise states other figures"
+
+
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
     places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.xyz_m}
+    if session.imu is not None:
+        places["imu.xyz_m"] = session.imu.xyz_m
     if session.antenna is not None:
         places["antenna.xyz_m"] = session.antenna.xyz_m
     if session.implement is not None:
@@ -242,6 +257,7 @@ def _repetitions(session: Session) -> Iterator[str]:
         ("recording.gnss", session.recording.gnss),
         ("implement.states", session.implement.states if session.implement is not None else ()),
         ("trajectory.files", trajectory),
+        ("imu.files", session.imu.files if session.imu is not None else ()),
     ):
         paths = [posixpath.normpath(name) for name in names]
         for k, path in enumerate(paths):

@@ -12,9 +12,11 @@ import msgspec
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.reader import (
     ClockReading,
+    GivesInertial,
     GivesPoses,
     GivesScans,
     GivesTrack,
+    InertialReader,
     Reader,
     ReadOptions,
     open_recording,
@@ -26,7 +28,12 @@ from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 
-_GIVES: Final = {GivesScans: "laser scans", GivesTrack: "positions", GivesPoses: "trajectory"}
+_GIVES: Final = {
+    GivesScans: "laser scans",
+    GivesTrack: "positions",
+    GivesPoses: "trajectory",
+    GivesInertial: "inertial measurements",
+}
 
 
 class LidarReader(Reader, GivesScans, Protocol):
@@ -40,6 +47,7 @@ class Inputs:
     Attributes:
         lidar: laser scanner recordings, in time order.
         positions: GNSS logs, or the files of a trajectory from elsewhere, in time order.
+        inertial: recordings of the IMU, in time order.
         boundary: boundary of the field.
         states: tool states.
         learned: implement learned in an earlier session.
@@ -49,6 +57,7 @@ class Inputs:
 
     lidar: tuple[Path, ...]
     positions: tuple[Path, ...]
+    inertial: tuple[Path, ...] = ()
     boundary: Path | None = None
     states: tuple[Path, ...] = ()
     learned: Path | None = None
@@ -73,6 +82,7 @@ class Inputs:
         return cls(
             lidar=several(session.recording.lidar),
             positions=several(stated.files if stated is not None else session.recording.gnss),
+            inertial=several(session.imu.files if session.imu is not None else ()),
             boundary=one(session.field.boundary),
             states=several(implement.states if implement is not None else ()),
             learned=one(implement.learned if implement is not None else None),
@@ -84,7 +94,11 @@ class Inputs:
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
         single = (self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
-        return tuple(dict.fromkeys([*self.lidar, *self.positions, *(path for path in single if path is not None)]))
+        return tuple(
+            dict.fromkeys(
+                [*self.lidar, *self.positions, *self.inertial, *(path for path in single if path is not None)]
+            )
+        )
 
 
 class LidarRecording:
@@ -158,6 +172,19 @@ class OpenSession:
         else:
             _expect(reader, GivesTrack, self.inputs.positions[0], "recording.gnss")
         return reader
+
+    def inertial(self, near_s: float) -> InertialReader:
+        """A reader of the IMU's measurements.
+
+        Args:
+            near_s: a time of the recording, for times that count from the start of a week.
+
+        Raises:
+            InputError: as :meth:`positions`.
+        """
+        reader = open_recording(self.inputs.inertial, ReadOptions(near_s=near_s))
+        _expect(reader, GivesInertial, self.inputs.inertial[0], "imu.files")
+        return cast("InertialReader", reader)
 
     def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
         """The laser scans.

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Final, TypeAlias
 
+import msgspec
 import numpy as np
 
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.reader import GivesPoses, GivesTrack, Reader
+from furrowmap.core.readers.reader import GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.session import Imu as ImuTable
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
 SLOWEST_DIRECTIONS_S: Final = 0.3
 """Positions further apart than this do not show whether a vehicle reverses."""
+OpenInertial: TypeAlias = Callable[[float], InertialReader]
 _FORWARD: Final = Notice(
     "direction-forward",
     "Positions are too far apart, or have no heights, for a direction of motion to be seen in them: the vehicle is "
@@ -35,11 +42,12 @@ class Located:
 
     Attributes:
         trajectory: of the vehicle frame.
-        source: "gnss" or "file".
+        source: "gnss", "imu" or "file".
         positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
         notices: for the report.
-        antenna: the positions themselves; None for a trajectory from a file, or from the course alone.
+        antenna: the positions themselves; None for a trajectory from a file, from the course alone, or of an aircraft.
         transformed: how the recorded coordinates were transformed to the map.
+        inertial: figures of the IMU; None without one.
     """
 
     trajectory: Trajectory
@@ -48,10 +56,17 @@ class Located:
     notices: tuple[Notice, ...]
     antenna: Positions | None = None
     transformed: TransformSummary = UNCHANGED
+    inertial: InertialFigures | None = None
 
 
-def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
-    """The trajectory: from the session's own file, or from GNSS.
+def locate(positions: Reader, session: Session, frame: MapFrame, inertial: OpenInertial | None = None) -> Located:
+    """The trajectory: from the session's own file, from GNSS and an IMU, or from GNSS alone.
+
+    Args:
+        positions: reader of the positions, or of the trajectory.
+        session: the session.
+        frame: the map frame.
+        inertial: opens the IMU's measurements, near a time; None without an IMU.
 
     Raises:
         InputError: if there is too little to make one.
@@ -63,21 +78,58 @@ def locate(positions: Reader, session: Session, frame: MapFrame) -> Located:
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     track, transformed = transform_track(positions.track(), frame)
+    if inertial is not None and session.imu is not None:
+        return _with_imu(track, transformed, session, frame, fixes, inertial(middle_s(track)))
     found = trajectory_from_gnss(track, frame, lever_arm_m(session), fixes)
     used = {"used": found.used, "unused": found.unused}
     notices = (*transformed.notices, *found.notices)
     return Located(found.trajectory, "gnss", used, notices, found.positions, transformed)
 
 
-def located_without_lidar(positions: Reader, session: Session, frame: MapFrame) -> Located:
+def middle_s(track: GnssTrack) -> float:
+    """A time in the middle of a track; 0 without positions."""
+    return float(np.median(track.t_s)) if len(track) else 0.0
+
+
+def _with_imu(
+    track: GnssTrack,
+    transformed: TransformSummary,
+    session: Session,
+    frame: MapFrame,
+    fixes: tuple[Fix, ...] | None,
+    inertial: InertialReader,
+) -> Located:
+    """The trajectory from GNSS and an IMU."""
+    assert session.imu is not None
+    imu = Imu(inertial.inertial(), Mounting(session.imu.xyz_m, session.imu.rpy_deg), imu_noise(session.imu))
+    found = trajectory_from_inertial(track, imu, frame, lever_arm_m(session), fixes)
+    notices = (*transformed.notices, *inertial.notices, *found.notices)
+    used = {"used": found.used, "unused": found.unused}
+    # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
+    antenna = found.positions if session.implement is not None else None
+    return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures)
+
+
+def imu_noise(imu: ImuTable) -> InertialNoise:
+    """The noise that a session states: of the class or model, but for the figures of its own."""
+    typical = IMU_CLASSES[IMU_MODELS.get(imu.kind, imu.kind)]
+    stated = {name: value for name, value in msgspec.structs.asdict(imu.noise).items() if value is not None}
+    own = asdict(InertialNoise.of_data_sheet(**{name: stated.get(name, 1.0) for name in imu.noise.__struct_fields__}))
+    given = [name in stated for name in imu.noise.__struct_fields__]
+    return replace(typical, **{name: own[name] for name, ours in zip(own, given, strict=True) if ours})
+
+
+def located_without_lidar(
+    positions: Reader, session: Session, frame: MapFrame, inertial: OpenInertial | None = None
+) -> Located:
     """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves.
 
     Raises:
         InputError: as :func:`locate`.
         RefusedError: as :func:`locate`.
     """
-    if session.trajectory is not None or not isinstance(positions, GivesTrack):
-        return locate(positions, session, frame)
+    if session.trajectory is not None or inertial is not None or not isinstance(positions, GivesTrack):
+        return locate(positions, session, frame, inertial)
     track = positions.track()
     if not _seldom(track):
         return locate(positions, session, frame)

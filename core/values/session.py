@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -22,6 +22,7 @@ ELLIPSOIDAL: Final = "ellipsoidal"
 """Value of `heights` without a geoid model."""
 
 Vector3 = tuple[float, float, float]
+_Positive = Annotated[float, Meta(gt=0.0)]
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -141,6 +142,44 @@ class TrajectorySource(_Part, frozen=True):
     week: Annotated[int, Meta(ge=0)] | None = None
 
 
+class ImuNoise(_Part, frozen=True):
+    """`[imu] noise`: figures of a data sheet; what is left out is that of the class.
+
+    Attributes:
+        gyro_deg_s_rthz: noise density of the angular rate.
+        accel_mg_rthz: noise density of the specific force.
+        gyro_bias_deg_s: standard deviation of the angular rate's bias at turn-on.
+        accel_bias_mg: the same of the specific force.
+        gyro_walk_deg_s_rts: random walk of the angular rate's bias.
+        accel_walk_mg_rts: the same of the specific force.
+    """
+
+    gyro_deg_s_rthz: _Positive | None = None
+    accel_mg_rthz: _Positive | None = None
+    gyro_bias_deg_s: _Positive | None = None
+    accel_bias_mg: _Positive | None = None
+    gyro_walk_deg_s_rts: _Positive | None = None
+    accel_walk_mg_rts: _Positive | None = None
+
+
+class Imu(_Part, frozen=True, rename={"kind": "class"}):
+    """`[imu]`: the inertial measurement unit.
+
+    Attributes:
+        files: recordings, in time order.
+        xyz_m: its place in the vehicle frame.
+        rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
+        kind: class of device ("consumer", "industrial", "tactical") or model; the key is `class`.
+        noise: figures that replace those of the class.
+    """
+
+    files: tuple[str, ...]
+    xyz_m: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    kind: str = "industrial"
+    noise: ImuNoise = ImuNoise()
+
+
 class Run(_Part, frozen=True):
     """`[run]`: processing options.
 
@@ -162,7 +201,8 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, implement, field, trajectory, run: the tables.
+        recording, crs, antenna, lidar, imu, implement, field, trajectory, run: the tables.
+        camera, parcels: tables of files that a run does not read.
     """
 
     furrowmap: int
@@ -171,14 +211,19 @@ class Session(_Part, frozen=True):
     name: str = ""
     antenna: Antenna | None = None
     lidar: Lidar = Lidar()
+    imu: Imu | None = None
     implement: Implement | None = None
     field: Field = Field()
     trajectory: TrajectorySource | None = None
     run: Run = Run()
+    camera: dict[str, Any] | None = None
+    parcels: dict[str, Any] | None = None
 
 
 EXAMPLES: Final = {
     "name": '"North field"',
+    "camera": '{ table = "images.csv" }',
+    "parcels": '{ file = "parcels.geojson" }',
     "recording.lidar": '["recording.pcap"]',
     "recording.gnss": '["gnss.nmea"]',
     "recording.lidar_minus_gnss_s": "0.0",
@@ -193,6 +238,11 @@ EXAMPLES: Final = {
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
+    "imu.files": '["imu.csv"]',
+    "imu.xyz_m": "[-0.04, -0.01, -0.29]",
+    "imu.rpy_deg": "[180.0, 0.0, 0.0]",
+    "imu.class": '"VN-200"',
+    "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
     "implement.kind": '"rotary tiller"',
     "implement.width_m": "1.70",
     "implement.xy_m": "[-1.45, 0.0]",

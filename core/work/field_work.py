@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.heights import ToolHeightTracker
 from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.machine import Machine, learn_machine
+from furrowmap.core.implement.machine import AIRBORNE, Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
@@ -109,9 +109,11 @@ class ImplementTracker:
     Args:
         session: says how the scanner is mounted, and where the implement is if it knows.
         earlier: the implement as an earlier session learned it, for a session that does not show it moving.
+        flying: whether the vehicle is an aircraft, which has no implement.
     """
 
-    def __init__(self, session: Session, earlier: SeenImplement | None = None) -> None:
+    def __init__(self, session: Session, earlier: SeenImplement | None = None, *, flying: bool = False) -> None:
+        self._flying = flying
         self._session = session
         self._earlier = earlier
         self._near: NearScans | None = NearScans(session.lidar.mounting)
@@ -124,6 +126,11 @@ class ImplementTracker:
         assert self._near is not None
         self._near.add(scan)
 
+    def looked_at(self, scan: Scan) -> Scan:
+        """A scan of the first pass, once it is added."""
+        self.add_scan(scan)
+        return scan
+
     def learn(self, trajectory: Trajectory) -> Machine | None:
         """Find the implement, between the two readings; the machine of which it is part, None where that is not known.
 
@@ -132,6 +139,9 @@ class ImplementTracker:
         """
         assert self._near is not None
         stated, mounting = self._session.implement, self._session.lidar.mounting
+        if self._flying:
+            near, self._near = self._near.scans, None
+            return learn_machine(near, np.ones(len(near), np.bool_), mounting, None, AIRBORNE)
         hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
         self._learned = learn_implement(self._near.scans, hint)
         if self._learned.implement is None and self._earlier is not None:

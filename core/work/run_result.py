@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furrowmap.core.adjustment.matched import Matched
+from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
@@ -30,6 +31,7 @@ class RunResult:
         notices: warnings, in the order of the work.
         timings_s: seconds of each stage.
         matched: the result of scan matching; None where the scans were not matched.
+        boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
     """
 
     session: Session
@@ -42,3 +44,4 @@ class RunResult:
     notices: tuple[Notice, ...]
     timings_s: dict[str, float]
     matched: Matched | None = None
+    boresight: Boresight | None = None

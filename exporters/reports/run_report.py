@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.json_text import json_text, plain
@@ -60,11 +61,29 @@ def run_report(
         "coordinates": found.located.transformed.account(found.frame),
         "accuracy": _accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
         "observability": _observability(found),
+        "inertial": found.located.inertial,
+        "calibration": _calibration(found.boresight),
         "clocks": _clocks(found),
         "warnings": found.notices,
         "timings": timings_s,
         "products": products,
     }
+
+
+def _calibration(found: Boresight | None) -> dict[str, Any] | None:
+    """What the recording shows of the scanner's mounting; None where it shows nothing."""
+    if found is None:
+        return None
+    lidar = {
+        "rpy_deg": [round(angle, 5) for angle in found.mounting.rpy_deg],
+        "sigma_deg": [round(sigma, 5) for sigma in found.sigma_deg],
+        "correction_deg": [round(angle, 5) for angle in found.correction_deg],
+        "time_offset_s": [round(value, 6) for value in found.time_offset_s],
+        "scatter_m": [round(value, 4) for value in found.scatter_m],
+        "cells": found.cells,
+        "used": found.certain,
+    }
+    return {"lidar": lidar}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:

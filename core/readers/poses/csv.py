@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import difflib
-import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,16 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.last_line import cut_line_notice, is_whole
+from furrowmap.core.readers.csv_numbers import numbers, pieces
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]
-
-CHUNK_BYTES: Final = 1 << 23
-LONGEST_TAIL: Final = 8192
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 PROJECTED: Final = ("e_m", "n_m", "h_m")
@@ -78,22 +74,22 @@ class PoseCsv(PoseFile):
         """
         inspection = super().inspect()
         with Source(self.paths[0]) as source:
-            pieces = _pieces(source, [])
-            header = _Header.of(next(pieces, b""))
-            place = header.place(next(pieces, b"").partition(b"\n")[0]) if header.projected else {}
+            lines = pieces(source, [])
+            header = _Header.of(next(lines, b""))
+            place = header.place(next(lines, b"").partition(b"\n")[0]) if header.projected else {}
         unused = [name for name in header.names if name not in header.columns]
         facts: dict[str, Any] = {"columns": list(header.columns), "unused_columns": unused, **inspection.facts}
         return replace(inspection, facts=facts | ({"place": place} if place else {}))
 
     def _read(self, path: Path) -> RawPoses:
         with Source(path) as source:
-            pieces = _pieces(source, self.notices)
-            header = _Header.of(next(pieces, b""))
+            lines = pieces(source, self.notices)
+            header = _Header.of(next(lines, b""))
             header.check(path)
             blocks = [np.empty((0, len(header.columns)))]
             line = 2
-            for piece in pieces:
-                blocks.append(_parse(piece, header, path, line))
+            for piece in lines:
+                blocks.append(numbers(piece, header.names, header.separator, header.columns, path, line))
                 line += piece.count(b"\n")
             if source.fault:
                 self.notices.append(cut_notice(path, source.fault))
@@ -197,89 +193,6 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
     strangers = [name for name in names if name not in KNOWN]
     same = [name for name in strangers if re.search(word, name.lower())]
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
-
-
-def _pieces(source: Source, notices: list[Notice]) -> Iterator[bytes]:
-    """The first line, then pieces of complete lines; a last line that may be cut is dropped."""
-    rest = tail = b""
-    first = True
-    while block := source.read(CHUNK_BYTES):
-        rest += block
-        if first and b"\n" in rest:
-            line, _, rest = rest.partition(b"\n")
-            first = False
-            yield line
-        end = rest.rfind(b"\n") + 1
-        if end and not first:
-            yield rest[:end]
-            tail, rest = rest[max(0, end - LONGEST_TAIL) : end], rest[end:]
-    if not rest.strip() or source.fault:
-        return
-    if is_whole(rest, tail.splitlines()):
-        yield rest
-    else:
-        notices.append(cut_line_notice(source.path))
-
-
-def _parse(piece: bytes, header: _Header, path: Path, line: int) -> FloatArray:
-    """Rows (n, k) of the numbers in :attr:`_Header.columns`; nan where a field is empty.
-
-    Args:
-        piece: complete lines.
-        header: of the file.
-        path: of the file, for messages.
-        line: number of the first line.
-
-    Raises:
-        InputError: with the line, if a field is not a number.
-    """
-    import pandas as pd  # takes as long as importing all readers
-
-    index = [header.names.index(name) for name in header.columns]
-    try:
-        frame = pd.read_csv(
-            io.BytesIO(piece),
-            sep=header.separator,
-            header=None,
-            names=list(range(len(header.names))),
-            usecols=index,
-            index_col=False,
-            dtype=np.float64,
-            skipinitialspace=True,
-            encoding="latin-1",
-        )
-    except pd.errors.EmptyDataError:
-        return np.empty((0, len(index)))
-    except (ValueError, OverflowError, pd.errors.ParserError):
-        raise _bad_field(piece, header, path, line) from None
-    values: FloatArray = frame[index].to_numpy()
-    return values
-
-
-def _bad_field(piece: bytes, header: _Header, path: Path, line: int) -> InputError:
-    """The error of lines that are not rows of numbers, with the first such field."""
-    where, what = f"{path}, from line {line}", "the lines are not rows of numbers"
-    wanted = [(name, header.names.index(name)) for name in header.columns]
-    for k, text in enumerate(piece.decode("latin-1").split("\n")):
-        fields = [field.strip().strip('"') for field in text.split(header.separator)]
-        bad = [(name, fields[i]) for name, i in wanted if i < len(fields) and not _is_number(fields[i])]
-        if bad:
-            where, what = f"{path}, line {line + k}", f"column `{bad[0][0]}` holds {bad[0][1][:40]!r}"
-            break
-    return InputError(
-        f"{where}: {what}.",
-        "The columns of a trajectory hold numbers with a decimal point; a field may be empty.",
-        "Correct or remove that line.",
-        code="not-a-number",
-    )
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field or "nan")
-    except ValueError:
-        return field.lower() in ("na", "n/a", "null", "none")
-    return True
 
 
 def _check_units(header: _Header, rows: FloatArray, path: Path) -> None:

@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.elsewhere import elsewhere, far_from_middle, strays
 from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.clock import (
-    GPS_EPOCH_S,
     WEEK_S,
-    gps_to_utc_s,
     iso_utc,
-    nearest_in_cycle,
     runs_forward,
     unroll,
-    utc_to_gps_s,
 )
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.errors import InputError, Notice
@@ -33,8 +30,6 @@ FloatArray = NDArray[np.float64]
 
 MOST_DISORDER: Final = 0.01
 """Share of poses out of order above which a trajectory is rejected; below it, they are dropped."""
-EARLIEST_S: Final = 10 * 365.25 * 86_400.0
-"""Seconds since 1980-01-06 that are below this are not absolute times: GPS was not complete before 1990."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +65,7 @@ class RawPoses:
         Raises:
             InputError: if the week or the time scale is unknown, or too many poses are out of order.
         """
-        return self._in_order(self._utc_s(options), notices)
+        return self._in_order(utc_of(self.seconds, self.scale, self.name, options), notices)
 
     def facts(self, options: ReadOptions, notices: list[Notice]) -> tuple[dict[str, Any], tuple[ClockReading, ...]]:
         """Facts and clock for an inspection; an unknown week is only a notice.
@@ -89,35 +84,6 @@ class RawPoses:
             return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), self.scale_note)
         return {**utc_facts(track.t_s), **timing_facts(track.t_s), **pose_facts(track)}, (clock,)
-
-    def _utc_s(self, options: ReadOptions) -> FloatArray:
-        if self.scale == "unix":
-            return self.seconds
-        since_1980 = self.seconds
-        if bool(np.all((self.seconds >= 0) & (self.seconds < 2 * WEEK_S))):
-            # Some processors continue the seconds into the next week, others restart them.
-            since_1980 = self._of_week(unroll(self.seconds, WEEK_S), options)
-        elif not bool(np.all(self.seconds >= EARLIEST_S)):
-            raise InputError(
-                f"{self.name}: unknown time scale (times from {self.seconds.min():.3f} to {self.seconds.max():.3f} s).",
-                "They count neither from the start of a week nor from 1980-01-06, so they cannot be converted to UTC.",
-                "Export GPS seconds of the week, or since 1980-01-06 (adjusted standard GPS time plus 1e9).",
-                code="unknown-time-scale",
-            )
-        return since_1980 + GPS_EPOCH_S if self.scale == "utc" else gps_to_utc_s(since_1980)
-
-    def _of_week(self, within: FloatArray, options: ReadOptions) -> FloatArray:
-        if options.week is not None:
-            return within + options.week * WEEK_S
-        if options.near_s is not None:
-            near = options.near_s - GPS_EPOCH_S if self.scale == "utc" else float(utc_to_gps_s(options.near_s))
-            return within + float(nearest_in_cycle(within[0], near, WEEK_S) - within[0])
-        raise InputError(
-            f"{self.name}: the times {within[0]:.3f} to {within[-1]:.3f} s are seconds of an unknown GPS week.",
-            "Without the week the poses cannot be matched with scans.",
-            "Write `week = N` under `[trajectory]`: weeks since 1980-01-06, such as 2422 for the week of 2026-06-07.",
-            code="no-gps-week",
-        )
 
     def _in_order(self, t_s: FloatArray, notices: list[Notice]) -> PoseTrack:
         keep = runs_forward(t_s)

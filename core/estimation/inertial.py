@@ -1,0 +1,196 @@
+"""Inertial measurements between knots, with slowly varying biases."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.observation import Observation
+from furrowmap.core.estimation.preintegration import Increments, increments
+from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, POSITION, ROTATION, Block, Layout, State
+from furrowmap.core.values.inertial import InertialNoise, InertialTrack
+
+FloatArray = NDArray[np.float64]
+
+VELOCITY: Final = Block("velocity_mps", 3)
+"""Of the IMU over the ground, in the map's axes: metres on the ground, not of the map."""
+RATE_BIAS: Final = Block("rate_bias_radps", 3)
+FORCE_BIAS: Final = Block("force_bias_mps2", 3)
+"""Biases of the IMU in the axes of the vehicle: measured minus true."""
+INERTIAL: Final = Layout((GNSS_DRIFT, VELOCITY, RATE_BIAS, FORCE_BIAS))
+"""Of a vehicle with GNSS and an IMU."""
+LEAST_WAY_M: Final = 1e-5
+"""Standard deviation of a way from knot to knot beside the noise: rates and forces are not linear between samples."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the vehicle moves.
+
+    Attributes:
+        gravity_mps2: normal gravity.
+        earth_rate_radps: (3,) rotation of the earth in the map's axes.
+        radius_m: of curvature of the ellipsoid.
+        scale: map distance over distance on the ground.
+    """
+
+    gravity_mps2: float
+    earth_rate_radps: FloatArray
+    radius_m: float
+    scale: float
+
+    @property
+    def stretch(self) -> FloatArray:
+        """(3,) metres of the map for a metre on the ground, by axis."""
+        return np.array([self.scale, self.scale, 1.0])
+
+    def frame_rate_radps(self, velocity_mps: FloatArray) -> FloatArray:
+        """(n, 3) rotation of the map's axes against inertial space, as they follow the vehicle over the ellipsoid.
+
+        About the vertical, the axes of a conformal map turn with the meridians' convergence, which the curvature of
+        the parallels cancels.
+        """
+        east, north = velocity_mps[:, 0], velocity_mps[:, 1]
+        return self.earth_rate_radps + np.column_stack([-north, east, 0.0 * east]) / self.radius_m
+
+    def acceleration_mps2(self, velocity_mps: FloatArray) -> FloatArray:
+        """(n, 3) gravity and Coriolis acceleration in the map's axes."""
+        turning = self.earth_rate_radps + self.frame_rate_radps(velocity_mps)
+        return np.array([0.0, 0.0, -self.gravity_mps2]) - np.cross(turning, velocity_mps)
+
+
+@dataclass(frozen=True)
+class InertialLinks(Observation):
+    """Rotation, velocity and way from knot to knot by the IMU, and the random walks of its biases.
+
+    The residuals are those of preintegrated measurements (Forster et al. 2017, section VI), integrated anew at the
+    biases of each state. Half of the velocity's residual is taken off that of the way: what is left has a third of the
+    variance and is independent of it for white noise of the force.
+
+    Attributes:
+        track: in the axes of the vehicle.
+        lever_m: (3,) the IMU in the vehicle frame.
+        noise: of the IMU.
+        site: where the vehicle moves.
+    """
+
+    track: InertialTrack
+    lever_m: FloatArray
+    noise: InertialNoise
+    site: Site
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """Nine equations for the increments and six for the biases of each two knots, and the biases of each chain."""
+        linked, size = knots.linked, state.layout.size
+        computed = predicted(self, knots, state)
+        velocity, rate, force = (state.layout.column(block) for block in (VELOCITY, RATE_BIAS, FORCE_BIAS))
+        dt, rotation = STEP_S, state.rotation[linked]
+        stretch = self.site.stretch
+
+        turned = Rotation.from_matrix(state.rotation[linked + 1] @ computed.rotation.transpose(0, 2, 1)).as_rotvec()
+        pushed = np.einsum("kij,kj->ki", rotation, computed.steps.velocity_mps)
+        moved = stretch * np.einsum("kij,kj->ki", rotation, computed.steps.way_m)
+        arm, arm_next = (stretch * (state.rotation[k] @ self.lever_m) for k in (linked, linked + 1))
+        faster = state[VELOCITY][linked + 1] - computed.velocity_mps
+        farther = state.xyz_m[linked + 1] + arm_next - computed.xyz_m - 0.5 * dt * stretch * faster
+
+        design = np.zeros((3, len(linked), 3, 2 * size))
+        turn_rows, velocity_rows, way_rows = design
+        turn_rows[:, :, ROTATION:POSE], turn_rows[:, :, size + ROTATION : size + POSE] = -np.eye(3), np.eye(3)
+        turn_rows[:, :, rate : rate + 3] = dt * rotation
+        velocity_rows[:, :, velocity : velocity + 3] = -np.eye(3)
+        velocity_rows[:, :, size + velocity : size + velocity + 3] = np.eye(3)
+        velocity_rows[:, :, ROTATION:POSE] = cross_matrix(pushed)
+        velocity_rows[:, :, force : force + 3] = dt * rotation
+        way_rows[:, :, POSITION:ROTATION], way_rows[:, :, size : size + 3] = -np.eye(3), np.eye(3)
+        way_rows[:, :, velocity : velocity + 3] = -dt * np.diag(stretch)
+        way_rows[:, :, ROTATION:POSE] = cross_matrix(moved + arm)
+        way_rows[:, :, size + ROTATION : size + POSE] = -cross_matrix(arm_next)
+        way_rows[:, :, force : force + 3] = 0.5 * dt**2 * stretch[:, None] * rotation
+        way_rows -= 0.5 * dt * stretch[:, None] * velocity_rows
+
+        n = self.noise
+        sigma = n.rate * np.sqrt(dt), n.force * np.sqrt(dt), np.hypot(n.force * np.sqrt(dt**3 / 12.0), LEAST_WAY_M)
+        for rows, residual, one in zip(design, (-turned, -faster, -farther), sigma, strict=True):
+            for axis in range(3):
+                equations.add(linked * size, rows[:, axis], residual[:, axis], np.full(len(linked), one))
+        for block, walk, spread in (
+            (RATE_BIAS, n.rate_walk, n.rate_bias), (FORCE_BIAS, n.force_walk, n.force_bias)
+        ):  # fmt: skip
+            _add_walk(equations, knots, state, block, walk, spread)
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """States at the later of each two linked knots, by the earlier one and the IMU.
+
+    Attributes:
+        steps: increments of the IMU.
+        rotation: (k, 3, 3) vehicle to map.
+        velocity_mps: (k, 3) of the IMU.
+        xyz_m: (k, 3) of the IMU, against the local origin.
+    """
+
+    steps: Increments
+    rotation: FloatArray
+    velocity_mps: FloatArray
+    xyz_m: FloatArray
+
+
+def predicted(links: InertialLinks, knots: Knots, state: State) -> Predicted:
+    """The states that the IMU predicts from each linked knot for the next."""
+    linked, dt = knots.linked, STEP_S
+    steps = unbiased_increments(links, knots, state, knots.t_s[linked], knots.t_s[linked] + dt)
+    return carried_on(links, state, linked, steps, np.full(len(linked), dt))
+
+
+def carried_on(
+    links: InertialLinks, state: State, knot: NDArray[np.int64], steps: Increments, dt: FloatArray
+) -> Predicted:
+    """The states some time `dt` (k,) after the knots (k,), by the increments of that time."""
+    velocity, rotation, site = state[VELOCITY][knot], state.rotation[knot], links.site
+    fall = site.acceleration_mps2(velocity)
+    frame = Rotation.from_rotvec(-site.frame_rate_radps(velocity) * dt[:, None]).as_matrix()
+    pushed = np.einsum("kij,kj->ki", rotation, steps.velocity_mps)
+    moved = np.einsum("kij,kj->ki", rotation, steps.way_m)
+    t = dt[:, None]
+    way = velocity * t + 0.5 * fall * t**2 + moved
+    xyz = state.xyz_m[knot] + site.stretch * (rotation @ links.lever_m + way)
+    return Predicted(steps, frame @ rotation @ steps.turn, velocity + fall * t + pushed, xyz)
+
+
+def unbiased_increments(
+    links: InertialLinks, knots: Knots, state: State, begin_s: FloatArray, end_s: FloatArray
+) -> Increments:
+    """Increments over intervals (k,), without the biases of the knots before the samples."""
+    track = links.track
+    bias = np.clip(np.searchsorted(knots.t_s, track.t_s, side="right") - 1, 0, len(knots) - 1)
+    rate, force = track.rate_radps - state[RATE_BIAS][bias], track.force_mps2 - state[FORCE_BIAS][bias]
+    return increments(track.t_s, rate, force, begin_s, end_s)
+
+
+def cross_matrix(vectors: FloatArray) -> FloatArray:
+    """(k, 3, 3) matrices that multiply as the cross product with vectors (k, 3) from the left does."""
+    x, y, z = vectors.T
+    o = np.zeros_like(x)
+    return np.stack([np.stack([o, -z, y], 1), np.stack([z, o, -x], 1), np.stack([-y, x, o], 1)], 1)
+
+
+def _add_walk(equations: NormalEquations, knots: Knots, state: State, block: Block, walk: float, spread: float) -> None:
+    """A random walk from knot to knot, and its spread at the begin of each chain."""
+    linked, size, first = knots.linked, state.layout.size, state.layout.column(block)
+    starts = np.array([chain.first for chain in knots.chains])
+    design = np.zeros((len(linked), size + 1))
+    design[:, 0], design[:, size] = -1.0, 1.0
+    value = state[block]
+    for axis in range(3):
+        step = value[linked, axis] - value[linked + 1, axis]
+        equations.add(linked * size + first + axis, design, step, np.full(len(linked), walk * np.sqrt(STEP_S)))
+        begin = np.ones((len(starts), 1))
+        equations.add(starts * size + first + axis, begin, -value[starts, axis], np.full(len(starts), spread))

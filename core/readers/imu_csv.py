@@ -1,0 +1,160 @@
+"""Inertial measurements in CSV, with units in the column names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.values.clock import runs_forward
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
+from furrowmap.core.values.scan import Clock
+
+FloatArray = NDArray[np.float64]
+
+TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
+RATES: Final = {"dps": np.pi / 180.0, "deg_s": np.pi / 180.0, "radps": 1.0, "rad_s": 1.0}
+FORCES: Final = {"mps2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2}
+"""Units at the end of a column's name, and their factors to rad/s and m/s²."""
+NAMES: Final = {"rate": ("gyro", "rate", "gyr"), "force": ("force", "accel", "acc")}
+"""Begins of the columns' names."""
+MOST_DISORDER: Final = 0.01
+LARGEST_RATE_RADPS: Final = 100.0
+LARGEST_FORCE_MPS2: Final = 1000.0
+"""No IMU measures more: the unit is another one."""
+
+
+class ImuCsv(FileReader):
+    """Angular rate and specific force from CSV files.
+
+    The columns are `time_unix_s` (UTC) or `time_gps_s`, three of the angular rate such as `gyro_x_dps` and three of the
+    specific force such as `force_x_mps2`: `gyro`, `gyr` or `rate` with `dps`, `deg_s`, `radps` or `rad_s`, and `force`,
+    `accel` or `acc` with `mps2`, `m_s2`, `g` or `mg`. Rows with an empty field are dropped with a notice.
+    """
+
+    format: ClassVar[str] = "imu-csv"
+    title: ClassVar[str] = "inertial measurements in CSV"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain with columns of time, angular rate and specific force."""
+        names = head_columns(head) or []
+        if not set(names) & set(TIMES):
+            return 0.0
+        found = sum(_column(names, kind, axis) is not None for kind in NAMES for axis in "xyz")
+        return {6: 1.0, 5: 0.7, 4: 0.7, 3: 0.7}.get(found, 0.0)
+
+    def inertial(self) -> InertialTrack:
+        """All measurements of all files.
+
+        Raises:
+            InputError: if a file has no such columns, a field is no number, or the times do not increase.
+        """
+        parts = [self._read(path) for path in self.paths]
+        t_s, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        forward = runs_forward(t_s)
+        name = ", ".join(str(path) for path in self.paths)
+        if (~forward).sum() > MOST_DISORDER * len(t_s) or forward.sum() < 2:
+            raise InputError(
+                f"{name}: {int((~forward).sum())} of {len(t_s)} measurements are not later than all before.",
+                "An IMU cannot be integrated out of time order.",
+                "Sort the rows by time; name the files in time order.",
+                code="time-disorder",
+            )
+        if not forward.all():
+            text = f"{name}: {int((~forward).sum())} of {len(t_s)} rows are not later than all before and are dropped."
+            self.notices.append(Notice("time-runs-back", text))
+        return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report rates, span, and the mean of the specific force.
+
+        Raises:
+            InputError: as :meth:`inertial`.
+        """
+        reader = ImuCsv(self.paths[:1], self.options)
+        track = reader.inertial()
+        facts: dict[str, Any] = {"measurements": len(track), **utc_facts(track.t_s), **timing_facts(track.t_s)}
+        facts["mean_force_mps2"] = np.round(track.force_mps2.mean(axis=0), 3).tolist()
+        facts["largest_rate_dps"] = round(float(np.degrees(np.abs(track.rate_radps).max())), 1)
+        clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")
+        return Inspection(self.paths[0], self.format, self.title, facts, (clock,), tuple(reader.notices))
+
+    def _read(self, path: Path) -> tuple[FloatArray, FloatArray]:
+        """UTC (n,), and angular rate and specific force (n, 6)."""
+        with Source(path) as source:
+            lines = pieces(source, self.notices)
+            names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
+            columns = _Columns.of(names, path)
+            blocks, line = [np.empty((0, 7))], 2
+            for piece in lines:
+                blocks.append(numbers(piece, names, separator, columns.names, path, line))
+                line += piece.count(b"\n")
+            if source.fault:
+                self.notices.append(cut_notice(path, source.fault))
+        rows = np.concatenate(blocks)
+        whole = np.isfinite(rows).all(axis=1)
+        if not whole.all():
+            text = f"{path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
+            self.notices.append(Notice("rows-incomplete", text))
+        rows = rows[whole]
+        values = rows[:, 1:] * columns.factors
+        for first, largest in ((0, LARGEST_RATE_RADPS), (3, LARGEST_FORCE_MPS2)):
+            wrong = np.flatnonzero((np.abs(values[:, first : first + 3]) > largest).any(axis=1))
+            if len(wrong):
+                raise InputError(
+                    f"{path}: {len(wrong)} rows, the first with {rows[wrong[0], first + 1 : first + 4].tolist()}, are "
+                    f"beyond what an IMU measures in the unit of `{columns.names[first + 1]}`.",
+                    "The unit or the column is wrong, or the file is damaged.",
+                    "Rename the columns to their unit, such as gyro_x_radps or accel_x_mg.",
+                    code="value-out-of-range",
+                )
+        return utc_of(rows[:, 0], columns.scale, str(path), self.options), values
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """The columns to read.
+
+    Attributes:
+        names: of time, angular rate, specific force.
+        scale: of the time.
+        factors: (6,) to rad/s and m/s².
+    """
+
+    names: tuple[str, ...]
+    scale: str
+    factors: FloatArray
+
+    @classmethod
+    def of(cls, names: Sequence[str], path: Path) -> _Columns:
+        time = next((name for name in TIMES if name in names), None)
+        found = [(kind, axis, _column(names, kind, axis)) for kind in NAMES for axis in "xyz"]
+        missing = [f"{NAMES[kind][0]}_{axis}" for kind, axis, column in found if column is None]
+        if time is None or missing:
+            raise InputError(
+                f"{path}, line 1: missing columns {', '.join([*missing, *(['time_unix_s'] if time is None else [])])}.",
+                "An IMU has a time, three angular rates and three specific forces, with units in the column names.",
+                "Name the columns time_unix_s (or time_gps_s), gyro_x_dps to gyro_z_dps, force_x_mps2 to force_z_mps2.",
+                code="missing-column",
+            )
+        units = [(RATES if kind == "rate" else FORCES)[column[1]] for kind, _, column in found if column is not None]
+        return cls((time, *(c[0] for _, _, c in found if c is not None)), TIMES[time], np.array(units))
+
+
+def _column(names: Sequence[str], kind: str, axis: str) -> tuple[str, str] | None:
+    """The column of an axis, and its unit."""
+    units = RATES if kind == "rate" else FORCES
+    wanted = {f"{start}_{axis}_{unit}": unit for start in NAMES[kind] for unit in units}
+    return next(((name, wanted[name]) for name in names if name in wanted), None)

@@ -1,0 +1,381 @@
+"""The trajectory of a vehicle with GNSS and an IMU.
+
+A first guess of the attitudes comes from alignment, all else from the adjustment: preintegrated inertial measurements
+from knot to knot, and positions with a correlated error, at all knots at once. That is what a filter with a backward
+smoother would give, linearised anew until nothing moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.estimation.gnss_drift import GnssDrift
+from furrowmap.core.estimation.inertial import (
+    FORCE_BIAS,
+    INERTIAL,
+    RATE_BIAS,
+    VELOCITY,
+    InertialLinks,
+    Site,
+    carried_on,
+    predicted,
+    unbiased_increments,
+)
+from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over
+from furrowmap.core.estimation.observation import Observation, normal_equations
+from furrowmap.core.estimation.positions import AntennaPositions
+from furrowmap.core.estimation.preintegration import Increments, increments
+from furrowmap.core.estimation.states import POSE, ROTATION, State
+from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
+from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.trajectory.alignment import attitudes
+from furrowmap.core.trajectory.motion import STANDING_MPS
+from furrowmap.core.trajectory.positions import positions_of, quality_words, sigmas_m, usable, white_noise_m
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.inertial import InertialNoise, InertialTrack
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
+
+FloatArray = NDArray[np.float64]
+
+BEYOND_S: Final = 5.0
+"""Poses go on by the IMU alone for this long before the first position and after the last."""
+PAUSE_S: Final = 0.2
+"""Where the IMU pauses for longer, poses are not carried across."""
+SHORTEST_S: Final = 10.0
+"""A shorter stretch between two pauses is left out."""
+GAP_S: Final = 1.0
+"""Positions further apart than this are not interpolated for the first guess."""
+ROUNDS: Final = 10
+SETTLED_M: Final = 1e-4
+SETTLED_RAD: Final = 1e-6
+"""The adjustment ends when no pose moves by more."""
+
+
+@dataclass(frozen=True)
+class Imu:
+    """An IMU on a vehicle.
+
+    Attributes:
+        track: its measurements in its own axes.
+        mounting: in the vehicle frame.
+        noise: of it.
+    """
+
+    track: InertialTrack
+    mounting: Mounting
+    noise: InertialNoise
+
+    @property
+    def in_vehicle_axes(self) -> InertialTrack:
+        """The measurements in the axes of the vehicle."""
+        turn = self.mounting.rotation.T
+        return replace(self.track, rate_radps=self.track.rate_radps @ turn, force_mps2=self.track.force_mps2 @ turn)
+
+
+@dataclass(frozen=True)
+class InertialFigures:
+    """What the adjustment found beside the poses.
+
+    Attributes:
+        knots: number of knots.
+        rounds: of the adjustment.
+        rate_bias_dps: (3,) mean bias of the angular rate in the axes of the IMU, degrees per second.
+        rate_bias_sigma_dps: (3,) its standard deviation, of the knot at which it is known best.
+        force_bias_mps2: (3,) mean bias of the specific force.
+        force_bias_sigma_mps2: (3,) its standard deviation.
+        position_rms_m: (3,) residuals of the positions: easting, northing, height.
+        doubted: positions of less than their whole weight.
+    """
+
+    knots: int
+    rounds: int
+    rate_bias_dps: tuple[float, ...]
+    rate_bias_sigma_dps: tuple[float, ...]
+    force_bias_mps2: tuple[float, ...]
+    force_bias_sigma_mps2: tuple[float, ...]
+    position_rms_m: tuple[float, ...]
+    doubted: int
+
+
+@dataclass(frozen=True)
+class InertialTrajectory:
+    """A trajectory, and what it was made of.
+
+    Attributes:
+        trajectory: of the vehicle frame, at the times of the IMU.
+        positions: of the antenna, those that were used.
+        figures: for the report.
+        used: positions used, by quality label.
+        unused: positions left out, by reason.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    positions: Positions
+    figures: InertialFigures
+    used: dict[str, int]
+    unused: dict[str, int]
+    notices: tuple[Notice, ...]
+
+
+def trajectory_from_inertial(
+    track: GnssTrack, imu: Imu, frame: MapFrame, lever_m: tuple[float, float, float], fixes: tuple[Fix, ...] | None
+) -> InertialTrajectory:
+    """The trajectory of the vehicle frame.
+
+    Args:
+        track: positions of the antenna, in the datum of the map.
+        imu: of the vehicle.
+        frame: the map frame.
+        lever_m: the antenna in the vehicle frame.
+        fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
+
+    Raises:
+        InputError: if no position is left to use, or IMU and positions have no time in common.
+        RefusedError: if the motion does not show the heading.
+    """
+    notices: list[Notice] = []
+    gated, unused = usable(track, fixes, notices)
+    en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
+    white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
+    positions = positions_of(gated, en, white, np.full(len(gated), np.nan))
+    problem = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
+    start = _first_guess(problem)
+    adjusted = _adjusted(problem, start)
+    return InertialTrajectory(
+        _trajectory(adjusted), positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
+    )
+
+
+def site_of(track: GnssTrack, frame: MapFrame) -> Site:
+    """Gravity, rotation and scale in the middle of a track."""
+    lon, lat = middle_deg(track.lon_deg, track.lat_deg)
+    height, radius = float(np.nanmedian(track.height_m)), radius_m(lat)
+    convergence = float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
+    scale = frame.scale(lon, lat) * radius / (radius + height)
+    return Site(normal_gravity_mps2(lat, height), earth_rate_radps(lat, convergence), radius, scale)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Input of the adjustment.
+
+    Attributes:
+        positions: of the antenna.
+        links: the IMU.
+        lever_m: (3,) the antenna in the vehicle frame.
+        origin_m: (3,) local origin.
+        knots: at which poses are estimated.
+    """
+
+    positions: Positions
+    links: InertialLinks
+    lever_m: FloatArray
+    origin_m: FloatArray
+    knots: Knots
+
+    @classmethod
+    def of(cls, positions: Positions, imu: Imu, site: Site, lever_m: FloatArray) -> _Problem:
+        links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
+        knots = knots_over(_common_s(positions.t_s, imu.track), PAUSE_S)
+        return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots)
+
+
+def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
+    """Times of the IMU for which there are positions; of stretches that are long enough.
+
+    Raises:
+        InputError: if there are none.
+    """
+    t_s = imu.t_s[(imu.t_s >= positions_s[0] - BEYOND_S) & (imu.t_s <= positions_s[-1] + BEYOND_S)]
+    stretches = np.split(t_s, np.flatnonzero(np.diff(t_s) > PAUSE_S) + 1)
+    # A knot lies before the first measurement and one after the last.
+    long = [part[8:-16] for part in stretches if len(part) > 24 and part[-1] - part[0] > SHORTEST_S]
+    if not long:
+        spans = " and ".join(f"{iso_utc(t[0])} to {iso_utc(t[-1])}" for t in (imu.t_s, positions_s) if len(t))
+        raise InputError(
+            f"{imu.source or 'The IMU'}: its measurements and the positions have less than {SHORTEST_S:g} s in common "
+            f"without a pause ({spans}).",
+            "No trajectory can be computed from them.",
+            "Check that both were recorded together, and that the times of the IMU are UTC (`time_unix_s`) or GPS time "
+            "(`time_gps_s`).",
+            code="imu-no-overlap",
+        )
+    return np.concatenate(long)
+
+
+def _first_guess(problem: _Problem) -> State:
+    """Attitudes by alignment, places and speeds by the positions.
+
+    Raises:
+        RefusedError: if nothing shows the heading in any stretch.
+    """
+    p, knots, links = problem.positions, problem.knots, problem.links
+    stretch, arm = links.site.stretch, problem.lever_m - links.lever_m
+    antenna = _interpolated(knots.t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
+    seen = np.where(_in_gaps(knots.t_s, p.t_s)[:, None], np.nan, antenna)
+    steps, at = increments_of(links.track, knots), 0
+    rotation, added = np.empty((len(knots), 3, 3)), np.zeros((len(knots), INERTIAL.size - POSE))
+    rate = INERTIAL.column(RATE_BIAS) - POSE
+    sigma = float(np.median(np.hypot(p.white_m, p.drift_m)[:, 0]))
+    for chain in knots.chains:
+        part = slice(chain.first, chain.first + chain.count)
+        inner = slice(at, at + chain.count - 1)
+        own = Increments(steps.turn[inner], steps.velocity_mps[inner], steps.way_m[inner])
+        found = attitudes(own, seen[part], arm, sigma, links.noise, links.site.gravity_mps2)
+        if found is None:
+            raise _no_heading(links.track, chain.begin_s, chain.end_s)
+        rotation[part], added[part, rate : rate + 6] = found
+        velocity = np.gradient(antenna[part] - rotation[part] @ arm, STEP_S, axis=0)
+        column = INERTIAL.column(VELOCITY) - POSE
+        added[part, column : column + 3] = velocity
+        at += chain.count - 1
+    return State(stretch * (antenna - rotation @ problem.lever_m), rotation, added, INERTIAL)
+
+
+def increments_of(track: InertialTrack, knots: Knots) -> Increments:
+    """Increments from each linked knot to the next, biases included."""
+    begin_s = knots.t_s[knots.linked]
+    return increments(track.t_s, track.rate_radps, track.force_mps2, begin_s, begin_s + STEP_S)
+
+
+def _no_heading(track: InertialTrack, begin_s: float, end_s: float) -> RefusedError:
+    return RefusedError(
+        f"{track.source or 'The IMU'}: its motion from {iso_utc(begin_s)} to {iso_utc(end_s)} shows no heading.",
+        "Only changes of speed or direction show it, and the attitude of all points depends on it.",
+        "Record some seconds of acceleration, turns or figures of eight, best soon after the start.",
+        code="heading-unknown",
+    )
+
+
+@dataclass(frozen=True)
+class _Adjusted:
+    """Result of the adjustment.
+
+    Attributes:
+        problem: its input.
+        state: at the knots.
+        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
+        observed: the positions with their weights.
+        rounds: how many were needed.
+    """
+
+    problem: _Problem
+    state: State
+    sigma: FloatArray
+    observed: AntennaPositions
+    rounds: int
+
+
+def _adjusted(problem: _Problem, state: State) -> _Adjusted:
+    """Gauss-Newton rounds until no pose moves.
+
+    Raises:
+        LinAlgError: if the observations do not determine the trajectory.
+    """
+    knots = problem.knots
+    antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
+    beside: tuple[Observation, ...] = (GnssDrift(problem.positions), problem.links)
+    for number in range(1, ROUNDS + 1):
+        solution = normal_equations((antenna, *beside), knots, state).solve()
+        step = solution.values.reshape(len(knots), -1)
+        state = state.moved(step)
+        before, antenna = antenna.weight, antenna.reweighted(knots, state)
+        moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
+        settled = moved < SETTLED_M and turned < SETTLED_RAD and np.abs(before - antenna.weight).max() < 0.05
+        if settled or number == ROUNDS:
+            break
+    return _Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number)
+
+
+def _trajectory(adjusted: _Adjusted) -> Trajectory:
+    """Poses at the times of the IMU: carried on from the knot before, closing on the knot after."""
+    p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
+    t_s = p.links.track.t_s
+    knot, share, inside = knots.at(t_s)
+    t_s, knot, share = t_s[inside], knot[inside], share[inside]
+    steps = unbiased_increments(p.links, knots, state, knots.t_s[knot], t_s)
+    here = carried_on(p.links, state, knot, steps, t_s - knots.t_s[knot])
+    ahead, link = predicted(p.links, knots, state), np.searchsorted(knots.linked, knot)
+    after = state.rotation[knots.linked + 1]
+    off_rad = Rotation.from_matrix(after @ ahead.rotation.transpose(0, 2, 1)).as_rotvec()
+    off_m = state.xyz_m[knots.linked + 1] + site.stretch * (after @ p.links.lever_m) - ahead.xyz_m
+    rotation = Rotation.from_rotvec(share[:, None] * off_rad[link]).as_matrix() @ here.rotation
+    xyz = here.xyz_m + share[:, None] * off_m[link] - site.stretch * (rotation @ p.links.lever_m) + p.origin_m
+    velocity = state[VELOCITY][knot] + share[:, None] * (state[VELOCITY][knot + 1] - state[VELOCITY][knot])
+    speed = np.einsum("ki,ki->k", velocity, rotation[:, :, 0])
+    standing = np.linalg.norm(velocity, axis=1) < STANDING_MPS
+    nearest = np.clip(np.searchsorted(p.positions.t_s, t_s), 0, len(p.positions.t_s) - 1)
+    alone = _in_gaps(t_s, p.positions.t_s)
+    source = np.where(alone, "imu", "gnss")
+    return Trajectory(
+        t_s=t_s,
+        xyz_m=xyz,
+        quaternion=same_hemisphere(Rotation.from_matrix(rotation).as_quat(scalar_first=True)),
+        speed_mps=np.where(standing, 0.0, speed),
+        motion=np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8),
+        fix=np.where(alone, Fix.NONE, p.positions.fix[nearest]).astype(np.int8),
+        sigma=_pose_sigmas(adjusted)[knot],
+        heading_from=np.full(len(t_s), "imu"),
+        position_from=source,
+        height_from=source,
+        level_from=np.full(len(t_s), "imu"),
+        max_gap_s=PAUSE_S,
+    )
+
+
+def _pose_sigmas(adjusted: _Adjusted) -> FloatArray:
+    """(n, 6) standard deviations of the poses at the knots: metres, and degrees of roll, pitch, heading."""
+    variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
+    out = np.empty((len(variance), 6))
+    out[:, :3] = adjusted.sigma[:, :3]
+    for axis in range(2):
+        out[:, 3 + axis] = np.degrees(np.sqrt((turned[:, :, axis] ** 2 * variance).sum(axis=1)))
+    out[:, 5] = np.degrees(adjusted.sigma[:, ROTATION + 2])
+    return out
+
+
+def _figures(adjusted: _Adjusted, imu: Imu) -> InertialFigures:
+    """The biases in the axes of the IMU, and the residuals of the positions."""
+    state, layout, turn = adjusted.state, adjusted.state.layout, imu.mounting.rotation
+    residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)
+
+    def of(block_values: FloatArray, digits: int) -> tuple[float, ...]:
+        return tuple(np.round(block_values, digits).tolist())
+
+    def sigma(first: int) -> FloatArray:
+        least = adjusted.sigma[:, first : first + 3].min(axis=0)
+        out: FloatArray = np.sqrt((turn.T**2) @ least**2)
+        return out
+
+    return InertialFigures(
+        knots=len(adjusted.problem.knots),
+        rounds=adjusted.rounds,
+        rate_bias_dps=of(np.degrees(state[RATE_BIAS].mean(axis=0) @ turn), 5),
+        rate_bias_sigma_dps=of(np.degrees(sigma(layout.column(RATE_BIAS))), 5),
+        force_bias_mps2=of(state[FORCE_BIAS].mean(axis=0) @ turn, 5),
+        force_bias_sigma_mps2=of(sigma(layout.column(FORCE_BIAS)), 5),
+        position_rms_m=of(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
+        doubted=int((adjusted.observed.weight < 1.0).sum()),
+    )
+
+
+def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
+    return np.column_stack([np.interp(t_s, known_s, values[:, axis]) for axis in range(values.shape[1])])
+
+
+def _in_gaps(t_s: FloatArray, known_s: FloatArray) -> NDArray[np.bool_]:
+    """Whether times (n,) lie before, after or between known ones (m,) that are more than GAP_S apart."""
+    after = np.searchsorted(known_s, t_s)
+    wide = np.concatenate([[True], np.diff(known_s) > max(GAP_S, 2.5 * float(np.median(np.diff(known_s)))), [True]])
+    inside = (t_s > known_s[0]) & (t_s < known_s[-1])
+    return np.asarray(np.where(inside, wide[after], (t_s < known_s[0]) | (t_s > known_s[-1])))

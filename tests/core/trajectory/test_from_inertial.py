@@ -1,0 +1,140 @@
+"""Trajectories from GNSS and an IMU: against flights worked out in earth-centred coordinates, and a sample's truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from furrowmap.core.session.opened import open_session
+from furrowmap.core.trajectory.from_inertial import Imu, InertialTrajectory, trajectory_from_inertial
+from furrowmap.core.trajectory.located import locate
+from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.inertial import IMU_CLASSES, InertialTrack
+from furrowmap.core.values.rotation import wrap_deg
+from furrowmap.core.values.trajectory import Trajectory
+from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
+
+FloatArray = NDArray[np.float64]
+
+INDUSTRIAL = IMU_CLASSES["industrial"]
+
+
+def found(track: GnssTrack, imu: InertialTrack) -> InertialTrajectory:
+    return trajectory_from_inertial(track, Imu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+
+
+def errors(trajectory: Trajectory, flight: Flight) -> FloatArray:
+    """(n, 6) metres and degrees, as :attr:`Trajectory.sigma`."""
+    t_s = trajectory.t_s - BEGIN_S
+    attitude = np.column_stack(trajectory.attitude_deg()) - np.column_stack(flight.attitude_deg(t_s))
+    return np.column_stack([trajectory.xyz_m - flight.xyz_m(t_s), wrap_deg(attitude)])
+
+
+def test_exact_measurements__give_the_flight() -> None:
+    flight = Flight(60.0, seed=1)
+    trajectory = found(flight.track(), flight.imu()).trajectory
+    off = np.abs(errors(trajectory, flight)[200:-200])
+    assert off[:, :3].max() < 0.003
+    assert off[:, 3:].max() < 0.004
+
+
+def test_fast_and_far__earth_rate_curvature_and_scale_are_in() -> None:
+    flight = Flight(60.0, seed=2, speed_mps=60.0)
+    off = np.abs(errors(found(flight.track(), flight.imu()).trajectory, flight)[200:-200])
+    assert off[:, :3].max() < 0.004
+    assert off[:, 3:].max() < 0.008
+
+
+def test_sigmas__hold_over_ten_flights() -> None:
+    ratio = []
+    for seed in range(10):
+        flight = Flight(40.0, seed)
+        trajectory = found(flight.noisy_track(), flight.noisy_imu()).trajectory
+        ratio.append((errors(trajectory, flight) / trajectory.sigma)[::40])
+    rms = np.sqrt((np.concatenate(ratio) ** 2).mean(axis=0))
+    assert 0.7 < np.sqrt((rms[:3] ** 2).mean()) < 1.5
+    assert 0.7 < np.sqrt((rms[3:] ** 2).mean()) < 1.5
+    assert (rms < 2.0).all()
+
+
+def test_outage__is_bridged_within_its_sigma() -> None:
+    flight = Flight(60.0, seed=3)
+    whole = flight.noisy_track()
+    track = whole[(whole.t_s < BEGIN_S + 25.0) | (whole.t_s > BEGIN_S + 33.0)]
+    trajectory = found(track, flight.noisy_imu()).trajectory
+    inside = (trajectory.t_s > BEGIN_S + 25.5) & (trajectory.t_s < BEGIN_S + 32.5)
+    off = errors(trajectory, flight)[inside]
+    assert (np.abs(off[:, :3]) < 4.0 * trajectory.sigma[inside, :3]).all()
+    assert np.abs(off[:, :3]).max() < 0.05
+    assert set(trajectory.position_from[inside]) == {"imu"}
+    before = (trajectory.t_s > BEGIN_S + 1.0) & (trajectory.t_s < BEGIN_S + 24.0)
+    assert set(trajectory.position_from[before]) == {"gnss"}
+
+
+def test_outliers__lose_their_weight() -> None:
+    flight = Flight(60.0, seed=4)
+    track = flight.noisy_track()
+    lat = track.lat_deg.copy()
+    lat[300:310] += 2e-5  # two metres
+    jumped = GnssTrack.build(
+        track.t_s, lon_deg=track.lon_deg, lat_deg=lat, height_m=track.height_m, fix=track.fix,
+        sigma_e_m=track.sigma_e_m, sigma_n_m=track.sigma_n_m, sigma_h_m=track.sigma_h_m,
+    )  # fmt: skip
+    result = found(jumped, flight.noisy_imu())
+    assert result.figures.doubted >= 10
+    assert np.abs(errors(result.trajectory, flight)[:, :3]).max() < 0.06
+
+
+def test_biases__are_found_in_the_axes_of_the_imu() -> None:
+    flight = Flight(60.0, seed=5)
+    exact = flight.imu()
+    bias = np.array([0.002, -0.001, 0.0015]), np.array([0.05, -0.03, 0.02])
+    figures = found(
+        flight.track(), InertialTrack(exact.t_s, exact.rate_radps + bias[0], exact.force_mps2 + bias[1])
+    ).figures
+    assert figures.rate_bias_dps == pytest.approx(np.degrees(bias[0]), abs=0.003)
+    assert figures.force_bias_mps2 == pytest.approx(bias[1], abs=0.005)
+
+
+def test_hover__shows_no_heading_and_is_refused() -> None:
+    flight = Flight(40.0, seed=6, speed_mps=0.0)
+    exact, still = flight.imu(), flight.track()
+    middle = [np.full(len(still), np.median(values)) for values in (still.lon_deg, still.lat_deg, still.height_m)]
+    track = GnssTrack.build(still.t_s, lon_deg=middle[0], lat_deg=middle[1], height_m=middle[2], fix=still.fix)
+    rest = InertialTrack(exact.t_s, 0.0 * exact.rate_radps, np.tile([0.0, 0.0, -9.8], (len(exact), 1)))
+    with pytest.raises(RefusedError) as caught:
+        found(track, rest)
+    assert caught.value.code == "heading-unknown"
+
+
+def test_other_times__are_an_error_with_both_spans() -> None:
+    flight = Flight(30.0, seed=7)
+    exact = flight.imu()
+    with pytest.raises(InputError) as caught:
+        found(flight.track(), InertialTrack(exact.t_s + 3600.0, exact.rate_radps, exact.force_mps2))
+    assert caught.value.code == "imu-no-overlap"
+
+
+@pytest.mark.parametrize(("name", "most_m"), [("session.toml", 0.008), ("session_outage.toml", 0.008)])
+def test_sample__is_as_good_as_is_promised(shared_data: Path, name: str, most_m: float) -> None:
+    folder = shared_data / "uav_wheat"
+    opened = open_session(folder / name)
+    located = locate(opened.positions(), opened.session, opened.frame, opened.inertial)
+    truth = np.genfromtxt(folder / "truth" / "trajectory.csv", delimiter=",", names=True)
+    t_s, trajectory = truth["time_unix_s"], located.trajectory
+    at = np.flatnonzero((trajectory.t_s > t_s[0] + 6.0) & (trajectory.t_s < t_s[-1] - 5.0))[::20]
+    poses = trajectory.at(trajectory.t_s[at])
+    true = [np.interp(trajectory.t_s[at], t_s, truth[key]) for key in ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg")]
+    heading = np.interp(trajectory.t_s[at], t_s, np.degrees(np.unwrap(np.radians(truth["heading_deg"]))))
+    off = np.column_stack([poses.xyz_m, *poses.attitude_deg()]) - np.column_stack([*true, heading])
+    off[:, 5] = wrap_deg(off[:, 5])
+    rms = np.sqrt((off**2).mean(axis=0))
+    assert (rms[:3] < most_m).all()
+    assert (rms[3:5] < 0.010).all()
+    assert rms[5] < 0.05
+    ratio = off / trajectory.sigma[at]
+    assert (np.sqrt((ratio**2).mean(axis=0)) < 2.0).all()
