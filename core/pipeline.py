@@ -133,7 +133,7 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
-    notices += boresight_notices(found) if located.source == "imu" else []
+    notices += boresight_notices(found) if located.source == "imu" and matched is None else []
     return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), boresight=found)
 
 

@@ -10,6 +10,7 @@ from typing import Final
 
 from furrowmap.core.readers.reader import (
     ClockReading,
+    GivesInertial,
     GivesPoses,
     GivesScans,
     GivesStates,
@@ -76,6 +77,11 @@ class Examined:
         return isinstance(self.reader, GivesPoses)
 
     @property
+    def gives_inertial(self) -> bool:
+        """Whether it holds measurements of an IMU."""
+        return isinstance(self.reader, GivesInertial)
+
+    @property
     def gives_states(self) -> bool:
         """Whether it holds tool states."""
         return isinstance(self.reader, GivesStates)
@@ -94,7 +100,7 @@ class Examined:
     @property
     def position_clock(self) -> ClockReading | None:
         """The reading of the clock that stamps its positions or poses."""
-        if not (self.gives_track or self.gives_poses):
+        if not (self.gives_track or self.gives_poses or self.gives_inertial):
             return None
         return next((c for c in self.inspection.clocks if c.clock in (Clock.GNSS, Clock.STATED)), None)
 

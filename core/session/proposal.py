@@ -33,6 +33,17 @@ _MOUNTING: Final = """\
 # xyz_m = [-0.55, 0.0, 2.35]
 # rpy_deg = [0.0, 40.0, 180.0]
 """
+_IMU: Final = """\
+# Place of the IMU in the vehicle frame, roll, pitch, yaw of its axes there, and its model or class ("consumer",
+# "industrial", "tactical"). Measure them, and remove the hash signs.
+# xyz_m = [-0.04, -0.01, -0.29]
+# rpy_deg = [180.0, 0.0, 0.0]
+# class = "industrial"
+"""
+_NO_IMU_MOUNTING: Final = (
+    "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of the vehicle frame, with "
+    "its axes, industrial."
+)
 _ANTENNA: Final = """\
 # Lever arm: phase centre of the GNSS antenna in the vehicle frame. Measure it, and remove the hash signs.
 # [antenna]
@@ -105,7 +116,8 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     gnss = [r for r in ordered if r.gives_track]
     poses = [r for r in ordered if r.gives_poses]
     states = [r for r in ordered if r.gives_states]
-    used = [*lidar, *gnss, *poses, *states]
+    inertial = [r for r in ordered if r.gives_inertial]
+    used = [*lidar, *gnss, *poses, *states, *inertial]
     if not used:
         raise _nothing_recorded(ordered[0])
     matches = list(time_matches(ordered))
@@ -117,11 +129,12 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     text = "\n".join(
         [
             _head(folder),
-            _recording(lidar, gnss, poses, states, folder),
+            _recording(lidar, gnss, poses, [*states, *inertial], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
             _trajectory(poses, folder) if poses else _ANTENNA,
-            *([_lidar(lidar)] if lidar or not states else []),
+            *([_lidar(lidar)] if lidar or not (states or inertial) else []),
+            *([_imu(inertial, folder)] if inertial else []),
             _implement(states, folder) if states else _IMPLEMENT,
             _FIELD,
         ]
@@ -139,7 +152,8 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
             for r in ordered
             if r not in used
         ),
-        *_missing(crs, scans=bool(lidar), states=bool(states), gnss=bool(gnss), poses=bool(poses)),
+        *_missing(crs, scans=bool(lidar or inertial), states=bool(states), gnss=bool(gnss), poses=bool(poses)),
+        *([Notice("no-imu-mounting", _NO_IMU_MOUNTING)] if inertial else []),
     ]
     return Proposal(text, tuple(found), tuple(missing))
 
@@ -312,6 +326,11 @@ def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
 files = {_names(poses, folder)}
 # time = "utc"   # or "gps", if the file does not state it
 """
+
+
+def _imu(inertial: Sequence[Examined], folder: Path) -> str:
+    comments = "\n".join(_described([(recording, recording.position_clock) for recording in inertial]))
+    return f"[imu]\n{comments}\nfiles = {_names(inertial, folder)}\n{_IMU}"
 
 
 def _implement(states: Sequence[Examined], folder: Path) -> str:

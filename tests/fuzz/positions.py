@@ -91,6 +91,12 @@ def poses() -> bytes:
     return "\n".join([head, *rows, ""]).encode()
 
 
+def imu() -> bytes:
+    head = "time_gps_s,gyro_x_dps,gyro_y_dps,gyro_z_dps,accel_x_g,accel_y_g,accel_z_g"
+    rows = [f"{194530.8 + k / 200:.4f},{k},-0.5,{3 * k},0.01,-0.02,{1 + k / 100}" for k in range(20)]
+    return "\n".join([head, *rows, ""]).encode()
+
+
 STATES = b"time,state\n2026-06-11T08:00:00Z,up\n2026-06-11T08:00:10.5Z,down\n2026-06-11T17:01:00+09:00,unknown\n"
 
 
@@ -109,6 +115,7 @@ POSITIONS = (
     Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], read_recording, mend_sbf),
     Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], read_recording),
     Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], read_recording),
+    Entry("imu-csv", lambda folder: [{"imu.csv": imu()}], read_recording),
     Entry("states-csv", lambda folder: [{"states.csv": STATES}], read_recording),
     Entry("sbet", lambda folder: [{"mission.sbet": records(40).astype("<f8").tobytes()}], read_recording),
     Entry("task-data", task_seeds, lambda path: read_recording(path.parent)),

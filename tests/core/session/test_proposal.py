@@ -207,3 +207,15 @@ def test_task_data__make_a_session_without_a_scanner(shared_data: Path, tmp_path
     assert session.crs.map == "EPSG:32632"
     assert '# task = "TSK2"   # FieldWithHoles' in proposal.text
     assert {notice.code for notice in proposal.missing} == {"no-antenna", "no-implement"}
+
+
+def test_imu__is_named_with_its_mounting_left_to_fill_in(shared_data: Path) -> None:
+    folder = shared_data / "uav_wheat"
+    recordings = [Examined.of(folder / name) for name in ("imu.csv", "gnss.nmea")]
+    proposal = propose_session(recordings, folder)
+    session = parse_session(proposal.text)
+    assert session.imu is not None
+    assert session.imu.files == ("imu.csv",)
+    assert session.recording.lidar == ()
+    assert "no-imu-mounting" in [notice.code for notice in proposal.missing]
+    assert not [notice for notice in proposal.missing if notice.code in ("no-lidar", "recording-unused")]
