@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 import tomli_w
@@ -47,6 +48,11 @@ from furrowmap.results import Result, open_result
 from furrowmap.workflows.kept_matching import KeptMatching
 from furrowmap.workflows.run_cloud import RunCloud, RunSink
 
+SPACE: Final = 2
+"""Bytes of temporary files and products for each byte of a capture, at least: 10 bytes a point for surfaces and 5 for
+the cloud, where half of the 384 firings in a packet of 1264 bytes return."""
+_BAGS: Final = frozenset({".bag", ".mcap", ".db3"})
+
 
 def run(
     session: str | Path,
@@ -77,6 +83,7 @@ def run(
     opened = open_session(file)
     _refuse_original(folder, file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
+    _expect_space(folder, opened)
     with staged_folder(folder, resume=resume) as staging, using_threads(opened.session.run.threads, by_default=True):
         _write_products(opened, folder, staging, inputs, progress)
     return open_result(folder)
@@ -167,6 +174,27 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
     return value
+
+
+def _expect_space(folder: Path, opened: OpenSession) -> None:
+    """Check, before hours of work, that the disk has room for what a capture becomes.
+
+    Files that may hold other data than packets of a scanner, such as ROS bags, are not counted.
+
+    Raises:
+        RefusedError: if it has less than is needed at least.
+    """
+    captures = [path for path in opened.inputs.lidar if path.is_file() and _BAGS.isdisjoint(path.suffixes)]
+    needed = SPACE * sum(path.stat().st_size for path in captures)
+    there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
+    free = shutil.disk_usage(there).free
+    if needed > free:
+        raise RefusedError(
+            f"{folder} has {free / 1e9:.2f} GB of free space; the run needs at least {needed / 1e9:.2f} GB.",
+            "It would end on a full disk after long work, so it did not start.",
+            "Free some space, or choose a folder on another disk with -o.",
+            code="disk-space",
+        )
 
 
 def _refuse_original(folder: Path, session_file: Path) -> None:

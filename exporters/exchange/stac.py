@@ -151,6 +151,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
         description="Georeferenced clouds and worked ground, a session each, made by furrowmap.",
         extent=pystac.Extent.from_items(items),
         license=LICENCE,
+        extra_fields={"furrowmap:products": [COLLECTION, *(f"{name}.json" for name in names)]},
     )
     for item in items:
         collection.add_link(pystac.Link("item", f"./{item.id}.json", "application/geo+json"))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import struct
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +22,7 @@ from furrowmap.core.values.file_names import inside
 from furrowmap.exporters.exchange.kml import write_kml
 from furrowmap.exporters.files.atomic import atomic_output, naming
 from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD
 from furrowmap.exporters.files.staging import staged_folder
@@ -168,6 +172,13 @@ def _write_shapefile(path: Path, layer: gpd.GeoDataFrame) -> None:
     """Shapefile with shortened names of fields, and times as text: the format has dates only."""
     table = _with_texts(layer).rename(columns=_short_names(layer))
     table.to_file(path, driver="ESRI Shapefile", engine="pyogrio", ENCODING="UTF-8")
+    # GDAL reports no error of the last bytes on a full disk, nor of the header that it completes at the end.
+    info = pyogrio.read_info(path, force_feature_count=True)
+    with path.with_suffix(".dbf").open("rb") as file:
+        rows, header, row = struct.unpack("<4xIHH", file.read(12))
+        whole = header + rows * row < file.seek(0, os.SEEK_END)
+    if not whole or rows != len(layer) or (info["features"], len(info["fields"])) != (rows, len(layer.columns) - 1):
+        raise OSError(errno.EIO, "differs from what was written", str(path))
 
 
 def _shortened(layers: Layers) -> list[Notice]:

@@ -168,7 +168,8 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
     """The products that an earlier report with the name of a new one lists under "products"."""
-    listed = [_read(folder / name).get("products") for name in names if name.endswith(".json")]
+    reports = [_read(folder / name) for name in names if name.endswith(".json")]
+    listed = [report.get(key) for report in reports for key in ("products", "furrowmap:products")]
     found = [name for products in listed if isinstance(products, list) for name in products]
     return {name for name in found if isinstance(name, str) and is_file_name(name) and (folder / name).is_file()}
 

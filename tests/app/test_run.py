@@ -20,6 +20,7 @@ import furrowmap
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.cloud.file import las_wkt
+from furrowmap.workflows.run import SPACE
 
 SCANS_S = 1_453_364_282.341
 """The capture's first return by its GPS time."""
@@ -185,3 +186,17 @@ def test_las_wkt__is_wkt_1_or_where_that_lacks_the_projection_wkt_2() -> None:
     assert las_wkt(CRS("EPSG:6677")).startswith("PROJCS[")
     # Krovak's modified projection has no name in WKT 1.
     assert CRS.from_wkt(las_wkt(CRS("EPSG:5516"))) == CRS("EPSG:5516")
+
+
+def test_promise_19__run_does_not_start_without_the_space_that_it_needs(
+    session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    size = (session.parent / "recording.pcap").stat().st_size
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=SPACE * size - 1))
+    with pytest.raises(RefusedError, match="needs at least") as raised:
+        furrowmap.run(session, tmp_path / "new" / "result")
+    assert raised.value.code == "disk-space"
+    assert not (tmp_path / "new").exists()
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=SPACE * size))
+    assert furrowmap.run(session, tmp_path / "new" / "result").report["figures"]["points"]
