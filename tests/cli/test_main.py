@@ -74,7 +74,7 @@ def test_wrong_call__is_reported_as_json_too(capsys: pytest.CaptureFixture[str])
     assert len(output.err.splitlines()) == 3
 
 
-def test_names__cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_promise_25__names_cannot_command_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command_line(["run", str(tmp_path / "\x1b[31m\nred\udcff.toml")]) == 3
     output = capsys.readouterr().err
     assert len(output.splitlines()) == 3

@@ -74,7 +74,7 @@ def test_what_rosbag2_compresses_itself(tmp_path: Path, plugin: str, mode: str) 
     assert sum(map(len, open_recording([folder], ReadOptions()).scans())) == 3 * 64
 
 
-def test_a_folder_is_read_with_and_without_its_metadata(tmp_path: Path) -> None:
+def test_promise_06__a_folder_is_read_with_and_without_its_metadata(tmp_path: Path) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     with_metadata = Recognised.of(folder).inspect()
     (folder / "metadata.yaml").unlink()
@@ -144,7 +144,7 @@ def test_names_of_any_kind(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("mode", ["wal", "delete"])
-def test_a_killed_recorder_s_journal_is_taken_in_and_left_as_it_was(tmp_path: Path, mode: str) -> None:
+def test_promise_06__a_killed_recorder_s_journal_is_taken_in_and_left_as_it_was(tmp_path: Path, mode: str) -> None:
     """A .db3 whose recorder was killed: newest messages in the write-ahead log, or half a transaction to undo."""
     database = KINDS["plain.db3"](tmp_path)
     writer = sqlite3.connect(database, isolation_level=None)
@@ -185,7 +185,7 @@ def test_one_damaged_chunk_costs_only_its_own_messages(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("compression", "left"), [(None, WHOLE), ("LZ4", {})])
-def test_the_chunk_that_a_killed_recorder_left_open(
+def test_promise_06__the_chunk_that_a_killed_recorder_left_open(
     tmp_path: Path, compression: str | None, left: dict[str, int]
 ) -> None:
     """Its sizes are still 0, as the recorder fills them in when it closes the chunk; its content ends the file."""
@@ -216,7 +216,7 @@ def test_a_chunk_with_a_wrong_checksum_is_not_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_every_cut_gives_the_beginning_or_a_refusal(tmp_path: Path, kind: str) -> None:
+def test_promise_06__every_cut_gives_the_beginning_or_a_refusal(tmp_path: Path, kind: str) -> None:
     path = KINDS[kind](tmp_path)
     data = path.read_bytes()
     whole = list(BagFiles([path]).messages())
@@ -232,7 +232,7 @@ def test_every_cut_gives_the_beginning_or_a_refusal(tmp_path: Path, kind: str) -
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_a_declared_size_is_not_trusted_before_the_bytes_are_read(tmp_path: Path, kind: str) -> None:
+def test_promise_07__a_declared_size_is_not_trusted_before_the_bytes_are_read(tmp_path: Path, kind: str) -> None:
     """Every length field that could be blown up, blown up in turn: no allocation follows it."""
     path = KINDS[kind](tmp_path)
     data = path.read_bytes()
@@ -346,7 +346,7 @@ def test_a_position_nowhere_on_earth_is_left_out(tmp_path: Path) -> None:
     assert "bag-messages-damaged" in codes(reader)
 
 
-def test_an_old_bag_and_an_encrypted_one_are_refused(tmp_path: Path) -> None:
+def test_promise_07__an_old_bag_and_an_encrypted_one_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.bag"
     path.write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
     with pytest.raises(InputError, match=r"version 1\.2"):

@@ -135,7 +135,7 @@ def test_recordings_apart__are_told_with_the_offset_that_would_fit(capture: Path
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.text(st.characters(exclude_characters="/\0", exclude_categories=["Cs"]), min_size=1, max_size=40))
-def test_any_file_name__comes_back_from_the_session(tmp_path: Path, name: str) -> None:
+def test_promise_22__any_file_name_comes_back_from_the_session(tmp_path: Path, name: str) -> None:
     assume(name not in (".", ".."))
     log = nmea(tmp_path / name)
     text = propose_session([Examined.of(log)], tmp_path).text

@@ -89,7 +89,7 @@ def outcomes(shared_data: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
-def test_hostile__all_files_end_by_themselves_in_time_and_memory(outcomes: dict[str, dict[str, Any]]) -> None:
+def test_promise_08__all_files_end_by_themselves_in_time_and_memory(outcomes: dict[str, dict[str, Any]]) -> None:
     assert outcomes.keys() == ERRORS.keys() | NOTICES.keys()
     assert len(outcomes) == 46
     beyond = {
@@ -101,7 +101,7 @@ def test_hostile__all_files_end_by_themselves_in_time_and_memory(outcomes: dict[
 
 
 @pytest.mark.parametrize("name", ERRORS)
-def test_hostile__error_names_file_and_fault(outcomes: dict[str, dict[str, Any]], name: str) -> None:
+def test_promise_08__error_names_file_and_fault(outcomes: dict[str, dict[str, Any]], name: str) -> None:
     found = outcomes[name]
     assert found.get("error") == ERRORS[name]
     assert name in found["lines"][0]
@@ -129,7 +129,7 @@ def test_hostile__what_can_be_read_is_read_and_the_error_reported(
         ("d_gps_times_nan_and_1e300.las", ["1e+300"]),
     ],
 )
-def test_hostile__both_figures_are_reported(outcomes: dict[str, dict[str, Any]], name: str, said: list[str]) -> None:
+def test_promise_08__both_figures_are_reported(outcomes: dict[str, dict[str, Any]], name: str, said: list[str]) -> None:
     text = " ".join(outcomes[name]["texts"])
     assert [figure for figure in said if figure not in text] == []
 
