@@ -14,3 +14,7 @@ def test_page__lists_the_tests_of_each_promise() -> None:
     text = SCRIPT["PAGE"].read_text(encoding="utf-8")
     assert text == SCRIPT["page"](), "run make pages"
     assert [int(number) for number in re.findall(r"^### (\d+)\. ", text, re.MULTILINE)] == list(SCRIPT["PROMISES"])
+
+
+def test_promises__have_a_test_each() -> None:
+    assert [number for number in SCRIPT["PROMISES"] if number not in SCRIPT["tests"]()] == []

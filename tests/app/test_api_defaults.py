@@ -1,0 +1,51 @@
+"""Defaults of the Python API, which follows semantic versioning: to change one breaks the scripts of others."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import pytest
+
+import furrowmap
+
+FLAGS = {
+    "calibrate": {"write"},
+    "add_to_farm_map": {"same_crs"},
+    "run": {"overwrite", "resume"},
+    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
+    **{name: {"overwrite"} for name in ("propose_session", "simulate", "surface")},
+}
+"""What a function does only if asked to."""
+TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": ()}
+SETTINGS: dict[str, dict[str, Any]] = {
+    "check": {"targets": "none", "diameter_m": 0.3},
+    "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,
+                           "ground": "none", "voxel_m": None}},
+    "evaluate_log": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
+    "mosaic": {"mean": False},
+    "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
+}  # fmt: skip
+"""What is not None in the settings of a function."""
+
+
+def defaults(name: str) -> dict[str, Any]:
+    parameters = inspect.signature(getattr(furrowmap, name)).parameters.values()
+    return {one.name: one.default for one in parameters if one.default is not one.empty and not callable(one.default)}
+
+
+FUNCTIONS = [
+    name for name in furrowmap.__all__ if inspect.isfunction(getattr(furrowmap, name)) and name != "using_threads"
+]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_defaults__change_nothing_that_was_not_asked_for(name: str) -> None:
+    found = defaults(name)
+    assert {key for key, value in found.items() if value is False} == FLAGS.get(name, set())
+    assert [key for key, value in found.items() if value is True] == []
+    assert {key: value for key, value in found.items() if isinstance(value, str | tuple)}.items() <= TEXTS.items()
+    settings = [value for value in found.values() if is_dataclass(value) and not isinstance(value, type)]
+    stated = {key: value for one in settings for key, value in asdict(one).items() if value is not None}
+    assert stated == SETTINGS.get({"evaluate_gnss": "evaluate_log"}.get(name, name), {})
