@@ -185,6 +185,8 @@ def read_raster(path: Path) -> Any:
     from furrowmap.core.values.allowances import expect_memory
 
     with open_geotiff(path, _no_raster) as source:
+        if source.crs is None:
+            raise _no_raster(path, "has no CRS")
         expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)
         array = source.read(1)
         if source.nodata is not None:

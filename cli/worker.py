@@ -17,6 +17,7 @@ It reads from standard input: first ``{"type": "start", "arguments": ["run", "se
 from __future__ import annotations
 
 import _thread
+import faulthandler
 import json
 import os
 import signal
@@ -64,6 +65,7 @@ def worker() -> None:
     cancels the command.
     """
     prepare_process()
+    faulthandler.enable()  # where a native library crashed, for the log
     # Unbuffered: a thread that waits for input would hold the lock of a buffer when the process exits.
     with open(0, "rb", buffering=0, closefd=False) as orders:
         sys.exit(work(orders, _own_output()))

@@ -22,6 +22,8 @@ CANCEL_S = 20.0
 """Time for a cancelled worker to clean up; then it is terminated, and killed after :data:`END_S`. It reacts at once,
 except while a kernel is being compiled. QGIS treats the work as cancelled before that."""
 END_S = 2.0
+SILENT_S = 1800.0
+"""A worker that sends nothing for so long hangs; the longest step without progress takes minutes."""
 MAX_LINE_BYTES = 1 << 20
 _POLL_MS = 50
 _KEPT_LINES = 40
@@ -47,12 +49,14 @@ class WorkerCancelled(WorkerError):
 
 @dataclass
 class Received:
-    """The worker's messages so far."""
+    """The worker's messages so far: what it works on, and when the last one came."""
 
     value: object = None
     error: dict = None
     status: int = None
     hello: dict = None
+    stage: str = ""
+    at: float = 0.0
 
 
 def run_command(program, arguments, on_message, is_cancelled):
@@ -122,7 +126,11 @@ class _Conversation:
         self.greet()
         self._send({"type": "start", "arguments": [str(word) for word in arguments]})
         cancelled_at = None
+        self.received.at = time.monotonic()
         while self.received.status is None and self._wait():
+            if time.monotonic() - self.received.at > SILENT_S:
+                self.process.kill()
+                raise self._hangs()
             if cancelled_at is None and self.is_cancelled():
                 cancelled_at = time.monotonic()
                 self._send({"type": "cancel"})
@@ -171,6 +179,9 @@ class _Conversation:
             self._take(kind, message)
 
     def _take(self, kind, message):
+        self.received.at = time.monotonic()
+        if kind == "progress":
+            self.received.stage = str(message.get("stage", ""))
         if kind == "hello":
             self.received.hello = message
         elif kind == "result":
@@ -204,11 +215,30 @@ class _Conversation:
 
     def _crashed(self):
         return WorkerError(
-            tr("The worker ended without an answer (status {status}).").format(status=self.process.exitCode()),
-            self.log[-1] if self.log else tr("It wrote no output; the computer may be out of memory."),
+            tr("The worker ended without an answer (status {status}, at: {stage}).").format(
+                status=self.process.exitCode(), stage=self._stage()
+            ),
+            self._last_words() if self.log else tr("It wrote no output; the computer may be out of memory."),
             tr("See its last lines in the log. Products of an earlier run are unchanged."),
             self.log,
         )
+
+    def _hangs(self):
+        return WorkerError(
+            tr("The worker sent nothing for {minutes:.0f} minutes (at: {stage}).").format(
+                minutes=SILENT_S / 60.0, stage=self._stage()
+            ),
+            tr("It was ended. Products of an earlier run are unchanged."),
+            tr("Try again without the file that it was reading, or inspect that file first."),
+            self.log,
+        )
+
+    def _stage(self):
+        return self.received.stage or tr("the start")
+
+    def _last_words(self):
+        """The last line of its log; of a crash, the line that names it."""
+        return next((line for line in self.log if line.startswith("Fatal Python error")), self.log[-1])
 
 
 def _start(program):

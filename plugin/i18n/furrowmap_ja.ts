@@ -501,6 +501,7 @@ session.toml、
   <message><source>A line of output was too long and was dropped.</source><translation>出力の行が長すぎるため破棄しました。</translation></message>
   <message><source>Cancelled.</source><translation>キャンセルしました。</translation></message>
   <message><source>Choose or create an environment in Settings › Options › furrowmap.</source><translation>「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
+  <message><source>It was ended. Products of an earlier run are unchanged.</source><translation>終了させました。以前の実行の成果物は変わりません。</translation></message>
   <message><source>It wrote no output.</source><translation>出力はありません。</translation></message>
   <message><source>It wrote no output; the computer may be out of memory.</source><translation>出力はありません。メモリ不足の可能性があります。</translation></message>
   <message><source>No partial files are left.</source><translation>書きかけのファイルは残っていません。</translation></message>
@@ -508,9 +509,12 @@ session.toml、
   <message><source>See its last lines in the log. Products of an earlier run are unchanged.</source><translation>最後の出力をログで確認してください。以前の成果物は変更されていません。</translation></message>
   <message><source>Sessions cannot be run; existing results can still be opened.</source><translation>セッションは実行できませんが、既存の結果は開けます。</translation></message>
   <message><source>Test it in Settings › Options › furrowmap.</source><translation>「設定 › オプション › furrowmap」でテストしてください。</translation></message>
-  <message><source>The worker ended without an answer (status {status}).</source><translation>ワーカーが応答せずに終了しました（終了コード {status}）。</translation></message>
+  <message><source>The worker ended without an answer (status {status}, at: {stage}).</source><translation>ワーカーが応答せずに終了しました（終了コード {status}、処理中：{stage}）。</translation></message>
+  <message><source>The worker sent nothing for {minutes:.0f} minutes (at: {stage}).</source><translation>ワーカーが {minutes:.0f} 分間応答しません（処理中：{stage}）。</translation></message>
+  <message><source>Try again without the file that it was reading, or inspect that file first.</source><translation>読み込み中だったファイルを除いて再実行するか、先にそのファイルを調べてください。</translation></message>
   <message><source>Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment.</source><translation>古いほうを更新してください。プラグインは QGIS の「プラグインの管理とインストール」で、furrowmap はその環境で更新します。</translation></message>
   <message><source>furrowmap {version} has protocol version {found}; this plugin needs version {own}.</source><translation>furrowmap {version} のプロトコルはバージョン {found} ですが、このプラグインにはバージョン {own} が必要です。</translation></message>
+  <message><source>the start</source><translation>開始</translation></message>
   <message><source>{program} could not be started: {reason}.</source><translation>{program} を起動できませんでした：{reason}。</translation></message>
   <message><source>{program} did not answer within {seconds:.0f} s.</source><translation>{program} が {seconds:.0f} 秒以内に応答しませんでした。</translation></message>
 </context>

@@ -10,11 +10,14 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+import rasterio
 from pyproj import CRS
 
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
+from furrowmap.exporters.farm.surface_file import surface_file
+from furrowmap.results import read_raster
 from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
 from tests.core.readers.test_pcap_framing import PcapNg
 from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
@@ -121,7 +124,26 @@ def read_bag2(path: Path) -> None:
     read_recording(path.parent)
 
 
+def raster_seeds(folder: Path) -> list[Files]:
+    seeds = []
+    tiled = {"compress": "deflate", "tiled": True, "blockxsize": 16, "blockysize": 16}
+    for name, options in {"plain": {}, "tiled": tiled}.items():
+        path = folder / f"{name}.tif"
+        profile = {"driver": "GTiff", "width": 40, "height": 30, "count": 2, "dtype": "float32", "crs": "EPSG:6677"}
+        transform = rasterio.Affine(0.5, 0, 1000, 0, -0.5, 2000)
+        with rasterio.open(path, "w", **profile, transform=transform, nodata=-9999.0, **options) as raster:
+            raster.write(np.random.default_rng(1).random((2, 30, 40), np.float32))
+        seeds.append({"surface.tif": path.read_bytes()})
+    return seeds
+
+
+def read_surface(path: Path) -> None:
+    surface_file(path)
+    read_raster(path)
+
+
 RECORDINGS = (
+    Entry("geotiff", raster_seeds, read_surface),
     Entry("las", las_seeds, read_cloud, trials=600),
     Entry("laz", laz_seeds, read_cloud, trials=500),
     Entry("copc", copc_seeds, read_cloud),
