@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 settings.register_profile("furrowmap", deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.load_profile("furrowmap")
 keep_kernels()  # where the command keeps them: compiled once for both
+pytest_plugins = ["tests.codes_met"]
 CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 

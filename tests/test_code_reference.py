@@ -6,6 +6,8 @@ import re
 import runpy
 from pathlib import Path
 
+from furrowmap.core.values.errors import Notice
+from tests.codes_met import MET, NOT_YET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -26,6 +28,13 @@ def test_code_reference__has_every_code_of_the_source() -> None:
     used = set(re.findall(r'code="([a-z0-9-]+)"', source))
     assert len(used) > 50
     assert not used - listed
+
+
+def test_codes__are_recorded_as_errors_and_warnings_are_made() -> None:
+    assert Notice("made-in-a-test", "text").code in MET
+    assert listed() >= NOT_YET
+    assert "made-in-a-test" in named()
+    assert "not expected here" not in named()
 
 
 def test_code_reference__has_every_code_that_hostile_clouds_end_in() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sqlite3
+import struct
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -12,24 +14,29 @@ import laspy
 import msgspec
 import numpy as np
 import pytest
-from click.testing import CliRunner
+import pyubx2
 from pyproj import CRS
 
-from furrowmap.cli.main import furrowmap
+import furrowmap
+from furrowmap import CleanSettings, SurfaceSettings, clean, surface
+from furrowmap.cli.main import command_line
+from furrowmap.core.checking.surveyed_points import read_points
 from furrowmap.core.evaluation.evaluation import evaluate
 from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.pointclouds.clouds import open_clouds
+from furrowmap.core.pointclouds.clouds import no_points_error, open_clouds
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.pointclouds.run_notices import placement_notices, refuse_empty, session_notices
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.poses.sbet import Sbet
-from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.sbf.log import SbfLog
 from furrowmap.core.readers.source import look
+from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
@@ -41,9 +48,13 @@ from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
-from furrowmap.core.work.external_states import compare_states
+from furrowmap.core.work.external_states import compare_states, external_states
+from furrowmap.exporters.files.atomic import naming
+from furrowmap.results import read_raster
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_sbet import records
+from tests.core.readers.test_sbf import pvt
+from tests.fuzz.positions import ubx
 
 HEADER = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
 OPTIONS = ReadOptions(week=2422)
@@ -107,11 +118,10 @@ def test_a_scenario__that_cannot_be_read_or_simulated(tmp_path: Path) -> None:
     assert code_of(lambda: simulate(scenario, tmp_path / "file" / "c")) == "simulate-not-written"
 
 
-def test_a_command__that_does_not_exist() -> None:
-    done = CliRunner().invoke(furrowmap, ["inspekt"], standalone_mode=False)
-    assert isinstance(done.exception, FurrowmapError)
-    assert done.exception.code == "no-such-verb"
-    assert "furrowmap inspect" in done.exception.remedy
+def test_a_command__that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["inspekt", "--json"]) == 2
+    said = capsys.readouterr()
+    assert "furrowmap inspect" in said.out + said.err
 
 
 def test_a_cloud__given_twice_or_cut_while_it_is_read(tmp_path: Path) -> None:
@@ -248,3 +258,78 @@ def test_a_run__of_which_little_is_left() -> None:
     assert code_of(lambda: refuse_empty(standing, course, session)) == "only-standing"
     assert "points-without-pose" in codes(placement_notices(replace(standing, points_without_pose=30)))
     assert "gnss-unused" in codes(session_notices(session, Located(course, "file", {}, ()), matched=True))
+
+
+def test_points__of_a_cloud_that_nothing_is_left_of(tmp_path: Path) -> None:
+    points = laspy.LasData(laspy.LasHeader(point_format=6, version="1.4"))
+    points.x, points.y, points.z = np.random.default_rng(1).uniform(0.0, 10.0, (3, 500))
+    points.write(tmp_path / "a.las")
+    clouds = open_clouds([tmp_path / "a.las"], CRS("EPSG:6677"))
+    assert no_points_error(clouds, (50.0, 50.0, 60.0, 60.0)).code == "no-points-left"
+    settings = SurfaceSettings(cell_m=2.0, ground="csf", crs="EPSG:6677")
+    assert code_of(lambda: surface([tmp_path / "a.las"], tmp_path / "out", settings)) == "cells-too-coarse"
+
+
+def test_a_bag__of_a_folder_without_its_files(tmp_path: Path) -> None:
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths: []\n")
+    assert code_of(lambda: Recognised.of(tmp_path).inspect()) == "bag-folder-empty"
+
+
+def test_sbf__with_fixes_in_two_dimensions(tmp_path: Path) -> None:
+    path = tmp_path / "log.sbf"
+    path.write_bytes(b"".join(pvt(1000 * k, mode=128 + 1) for k in range(8)))
+    reader = SbfLog([path], ReadOptions())
+    assert len(reader.track()) == 8
+    assert "positions-2d" in codes(reader.notices)
+
+
+def test_ubx__with_precise_positions_of_other_times(tmp_path: Path) -> None:
+    place = (360_000_500, 1_413_400_000, 430_500_000, 84_600, 55_500, 0, 0, 0, 0, 9, 9)
+    alone = struct.pack("<BHBIiiiibbbbII", 0, 0, 0, *place)
+    frame = pyubx2.UBXMessage(b"\x01", b"\x14", pyubx2.GET, payload=alone).serialize()
+    path = tmp_path / "log.ubx"
+    path.write_bytes(ubx() + frame)
+    reader = UbxLog([path], ReadOptions())
+    assert len(reader.track()) == 10
+    assert "positions-without-fix" in codes(reader.notices)
+
+
+def test_states__that_are_all_unknown(tmp_path: Path) -> None:
+    path = csv(tmp_path, "2026-06-11T08:00:00Z,unknown", "2026-06-11T08:10:00Z,unknown", head="time,state")
+    session = parse_session(SESSION + "[implement]\nwidth_m = 1.7\nxy_m = [-1.4, 0.0]\n")
+    course = trajectory_from_gnss(track(), map_frame(session.crs), (0.0, 0.0, 1.0), None).trajectory
+    assert code_of(lambda: external_states([path], session, course)) == "no-states"
+
+
+def test_surveyed_points__without_all_coordinates(tmp_path: Path) -> None:
+    path = csv(tmp_path, "A,16600.0,96500.0,80.0", "B,16601.0,,80.0", head="name,e_m,n_m,h_m", name="points.csv")
+    found = read_points(path, CRS("EPSG:6677"))
+    assert "points-incomplete" in codes(found.notices)
+
+
+def test_clouds__whose_points_lack_times_returns_or_classes(tmp_path: Path) -> None:
+    header = laspy.LasHeader(point_format=0, version="1.2")
+    header.add_extra_dims([laspy.ExtraBytesParams(name="scan", type=np.uint8)])
+    points = laspy.LasData(header)
+    points.x, points.y, points.z = np.random.default_rng(1).uniform(0.0, 10.0, (3, 500))
+    points.write(tmp_path / "a.las")
+    report = clean([tmp_path / "a.las"], tmp_path / "b.copc.laz", CleanSettings(crs="EPSG:6677"))
+    assert {"times-none", "returns-zero", "dimensions-left-out"} <= {warning["code"] for warning in report["warnings"]}
+    settings = SurfaceSettings(ground="class", crs="EPSG:6677")
+    assert code_of(lambda: surface([tmp_path / "a.las"], tmp_path / "out", settings)) == "no-ground-class"
+
+
+def test_results__that_are_not_there_or_may_not_be_replaced(tmp_path: Path) -> None:
+    (tmp_path / "session.toml").write_text("")
+    assert code_of(lambda: furrowmap.simulate("demo", tmp_path)) == "exists"
+    picture = tmp_path / "dsm.tif"
+    picture.write_text("no raster")
+    assert code_of(lambda: read_raster(picture)) == "raster-unreadable"
+
+
+def test_a_product__that_a_library_cannot_write(tmp_path: Path) -> None:
+    def write() -> None:
+        with naming(tmp_path / "field.gpkg"):
+            sqlite3.connect(":memory:").execute("no SQL")
+
+    assert code_of(write) == "not-written"

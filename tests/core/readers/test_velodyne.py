@@ -363,6 +363,14 @@ def test_repeated_packets__count_once() -> None:
     assert codes(decoder) == ["repeated-packets"]
 
 
+def test_packets_out_of_order__are_reported() -> None:
+    packets = turning(50)
+    packets[20], packets[21] = packets[21], packets[20]
+    decoder = decode(packets)
+    assert decoder.counts.points == 50 * 384
+    assert "late-packets" in codes(decoder)
+
+
 def test_damaged_blocks__are_left_out_and_counted() -> None:
     packets = turning(30)
     packets[3] = packets[3][:500] + b"\0\0" + packets[3][502:]

@@ -252,6 +252,15 @@ def test_clock__gets_its_lock_late_and_the_scans_before_are_right_too(tmp_path: 
     assert found == ["clock-before-lock", "clock-jumps", "pps-unlocked", "gprmc-void"]
 
 
+def test_clock__with_a_sentence_of_another_second_is_reported(tmp_path: Path) -> None:
+    content = recording(100)
+    other = frame(position_packet((T0 % 3600) * 1e6, rmc("012351"), 2), port=8308)
+    content[60:60] = [(content[60][0], other)]
+    reader = VelodynePcap([write_pcap(tmp_path / "a.pcap", content)], NO_OPTIONS)
+    points(reader.scans())
+    assert "gprmc-disagrees" in {notice.code for notice in reader.notices}
+
+
 def test_clock__loses_its_pulse_on_the_way(tmp_path: Path) -> None:
     content = recording(100)
     content.append((T0 + 1.0, frame(position_packet((T0 % 3600) * 1e6 + 170_000, rmc(), 1), port=8308)))
