@@ -43,11 +43,13 @@ class Aligned:
         rotation: (3, 3) vehicle to map.
         bias: (6,) of rate (rad/s) and force (m/s²).
         covariance: (9, 9) of the rotation vector in the map's axes and of the biases.
+        misfit: RMS of the residuals over what is expected of them.
     """
 
     rotation: FloatArray
     bias: FloatArray
     covariance: FloatArray
+    misfit: float
 
     @property
     def certain(self) -> bool:
@@ -55,10 +57,25 @@ class Aligned:
         return bool(self.covariance[2, 2] < CERTAIN_RAD**2)
 
 
+@dataclass(frozen=True)
+class Attitudes:
+    """First guess of the attitudes at consecutive knots.
+
+    Attributes:
+        rotation: (n + 1, 3, 3) vehicle to map.
+        bias: (n + 1, 6) of rate and force.
+        misfit: largest of all chunks, see :class:`Aligned`.
+    """
+
+    rotation: FloatArray
+    bias: FloatArray
+    misfit: float
+
+
 def attitudes(
     steps: Increments, antenna_m: FloatArray, arm_m: FloatArray, sigma_m: float, noise: InertialNoise, gravity: float
-) -> tuple[FloatArray, FloatArray] | None:
-    """First guess of the attitudes at consecutive knots.
+) -> Attitudes | None:
+    """First guess of the attitudes at consecutive knots; None where the motion does not show the heading.
 
     Args:
         steps: increments from each of n knots to the next, STEP_S later.
@@ -67,15 +84,11 @@ def attitudes(
         sigma_m: standard deviation of an antenna's position.
         noise: of the IMU.
         gravity: m/s².
-
-    Returns:
-        Rotations (n + 1, 3, 3) vehicle to map, and biases (n + 1, 6) of rate and force; None where the motion does not
-        show the heading.
     """
     whole = chained(steps.turn)
     n = len(whole)
     rotation, bias = np.empty((n, 3, 3)), np.empty((n, 6))
-    begin, end, last = 0, min(CHUNK, n), None
+    begin, end, last, misfit = 0, min(CHUNK, n), None, 0.0
     while begin < n:
         motion = _Chunk.of(steps, whole, begin, end, arm_m)
         aligned = motion.aligned(antenna_m, sigma_m, noise, gravity, last)
@@ -85,9 +98,9 @@ def attitudes(
             end = min(2 * end, n)
             continue
         rotation[begin:end], bias[begin:end] = motion.rotations(aligned), aligned.bias
-        last = motion.carried(aligned, noise)
+        last, misfit = motion.carried(aligned, noise), max(misfit, aligned.misfit)
         begin, end = end, min(end + CHUNK, n)
-    return rotation, bias
+    return Attitudes(rotation, bias, misfit)
 
 
 @dataclass(frozen=True)
@@ -145,7 +158,7 @@ class _Chunk:
             rotation, bias, covariance = prior
             information = np.linalg.inv(covariance)
         first, start = rotation, bias
-        normal = information
+        normal, squares = information, 0.0
         for _ in range(ITERATIONS):
             body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
             computed = body @ rotation.T
@@ -160,9 +173,11 @@ class _Chunk:
             else:
                 right = right - information @ np.concatenate([np.zeros(3), bias])
             normal[np.diag_indices(9)] += 1e-12
+            squares = float(((seen - computed) ** 2).mean()) if len(seen) else 0.0
             step = np.linalg.solve(normal, right)
             rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
-        return Aligned(rotation, bias, np.linalg.inv(normal))
+        misfit = float(np.sqrt(squares / (6.0 * sigma_m**2 + MODEL_M**2)))
+        return Aligned(rotation, bias, np.linalg.inv(normal), misfit)
 
     def rotations(self, aligned: Aligned) -> FloatArray:
         """(m, 3, 3) vehicle to map at the knots."""

@@ -26,10 +26,10 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over
+from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
 from furrowmap.core.estimation.observation import Observation, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.preintegration import Increments, increments
+from furrowmap.core.estimation.preintegration import increments
 from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
@@ -54,6 +54,22 @@ SHORTEST_S: Final = 10.0
 """A shorter stretch between two pauses is left out."""
 GAP_S: Final = 1.0
 """Positions further apart than this are not interpolated for the first guess."""
+CONTRADICTION: Final = 8.0
+"""Misfit of the first guess beyond which measurements and positions are not of the same motion."""
+TRIED: Final = 1200
+"""Knots on which other units and signs are tried."""
+_ALTERNATIVES: Final = (
+    ("its angular rates were in degrees per second instead of radians", np.pi / 180.0, 1.0),
+    ("its angular rates were in radians per second instead of degrees", 180.0 / np.pi, 1.0),
+    ("its specific force were in g instead of m/s²", 1.0, 9.80665),
+    ("its specific force were in m/s² instead of g", 1.0, 1.0 / 9.80665),
+    ("its specific force had the other sign (an acceleration that points down at rest)", 1.0, -1.0),
+    ("its angular rates had the other sign", -1.0, 1.0),
+    ("its angular rate about the vehicle's x axis had the other sign", np.array([-1.0, 1.0, 1.0]), 1.0),
+    ("its angular rate about the vehicle's y axis had the other sign", np.array([1.0, -1.0, 1.0]), 1.0),
+    ("its angular rate about the vehicle's z axis had the other sign", np.array([1.0, 1.0, -1.0]), 1.0),
+)
+"""What may be wrong, and by which factors of rate and force it is mended."""
 ROUNDS: Final = 10
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
@@ -148,8 +164,8 @@ def trajectory_from_inertial(
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan))
-    problem = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
-    start = _first_guess(problem)
+    whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
+    problem, start = _first_guess(whole, notices)
     adjusted = _adjusted(problem, start)
     return InertialTrajectory(
         _trajectory(adjusted), positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
@@ -213,42 +229,90 @@ def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
     return np.concatenate(long)
 
 
-def _first_guess(problem: _Problem) -> State:
-    """Attitudes by alignment, places and speeds by the positions.
+def _first_guess(problem: _Problem, notices: list[Notice]) -> tuple[_Problem, State]:
+    """Attitudes by alignment, places and speeds by the positions; stretches that cannot be aligned are left out.
 
     Raises:
+        InputError: if the measurements contradict the positions.
         RefusedError: if nothing shows the heading in any stretch.
     """
-    p, knots, links = problem.positions, problem.knots, problem.links
+    found = [_guessed(problem, chain, problem.links.track) for chain in problem.knots.chains]
+    left = [
+        f"{iso_utc(c.begin_s)} to {iso_utc(c.end_s)}" for c, g in zip(problem.knots.chains, found, strict=True) if not g
+    ]
+    guesses = [guess for guess in found if guess is not None]
+    if not guesses:
+        raise _no_heading(problem.links.track, problem.knots)
+    if left:
+        notices.append(
+            Notice("imu-not-aligned", f"The motion shows no heading from {', '.join(left)}: there are no poses there.")
+        )
+    worst = max(guess.misfit for guess in guesses)
+    if worst > CONTRADICTION:
+        raise _contradiction(problem, worst)
+    chains, first = [], 0
+    for guess in guesses:
+        chains.append(replace(guess.chain, first=first))
+        first += guess.chain.count
+    knots = Knots(tuple(chains), np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains]))
+    xyz, rotation, added = (
+        np.concatenate([getattr(guess, name) for guess in guesses]) for name in ("xyz_m", "rotation", "added")
+    )
+    state = State(xyz, rotation, added, INERTIAL)
+    return replace(problem, knots=knots), state
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """First guess of the states of a chain, and how badly the IMU fits the positions there."""
+
+    chain: Chain
+    xyz_m: FloatArray
+    rotation: FloatArray
+    added: FloatArray
+    misfit: float
+
+
+def _guessed(problem: _Problem, chain: Chain, track: InertialTrack) -> _Guess | None:
+    """The first guess of a chain; None where nothing shows the heading."""
+    p, links = problem.positions, problem.links
     stretch, arm = links.site.stretch, problem.lever_m - links.lever_m
-    antenna = _interpolated(knots.t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
-    seen = np.where(_in_gaps(knots.t_s, p.t_s)[:, None], np.nan, antenna)
-    steps, at = increments_of(links.track, knots), 0
-    rotation, added = np.empty((len(knots), 3, 3)), np.zeros((len(knots), INERTIAL.size - POSE))
-    rate = INERTIAL.column(RATE_BIAS) - POSE
+    t_s = chain.begin_s + STEP_S * np.arange(chain.count, dtype=np.float64)
+    antenna = _interpolated(t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
+    seen = np.where(_in_gaps(t_s, p.t_s)[:, None], np.nan, antenna)
+    steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + STEP_S)
     sigma = float(np.median(np.hypot(p.white_m, p.drift_m)[:, 0]))
-    for chain in knots.chains:
-        part = slice(chain.first, chain.first + chain.count)
-        inner = slice(at, at + chain.count - 1)
-        own = Increments(steps.turn[inner], steps.velocity_mps[inner], steps.way_m[inner])
-        found = attitudes(own, seen[part], arm, sigma, links.noise, links.site.gravity_mps2)
-        if found is None:
-            raise _no_heading(links.track, chain.begin_s, chain.end_s)
-        rotation[part], added[part, rate : rate + 6] = found
-        velocity = np.gradient(antenna[part] - rotation[part] @ arm, STEP_S, axis=0)
-        column = INERTIAL.column(VELOCITY) - POSE
-        added[part, column : column + 3] = velocity
-        at += chain.count - 1
-    return State(stretch * (antenna - rotation @ problem.lever_m), rotation, added, INERTIAL)
+    found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2)
+    if found is None:
+        return None
+    velocity = np.gradient(antenna - found.rotation @ arm, STEP_S, axis=0)
+    added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])
+    xyz = stretch * (antenna - found.rotation @ problem.lever_m)
+    return _Guess(chain, xyz, found.rotation, added, found.misfit)
 
 
-def increments_of(track: InertialTrack, knots: Knots) -> Increments:
-    """Increments from each linked knot to the next, biases included."""
-    begin_s = knots.t_s[knots.linked]
-    return increments(track.t_s, track.rate_radps, track.force_mps2, begin_s, begin_s + STEP_S)
+def _contradiction(problem: _Problem, misfit: float) -> InputError:
+    """The error of measurements that are not of this drive, and what they would have to be instead."""
+    track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
+    part = replace(chain, count=min(chain.count, TRIED))
+    better = []
+    for words, rate, force in _ALTERNATIVES:
+        tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
+        guess = _guessed(problem, part, tried)
+        if guess is not None and guess.misfit < misfit / 3.0:
+            better.append((guess.misfit, words))
+    cause = f"They would fit if {min(better)[1]}." if better else "No single axis or unit explains it."
+    return InputError(
+        f"{track.source or 'The IMU'}: the measurements contradict the positions ({misfit:.0f} times the expected "
+        f"error). {cause}",
+        "No attitude can be computed from them.",
+        "Correct units, signs and axes of the columns, `[imu] rpy_deg`, or the clock of the IMU.",
+        code="imu-contradicts",
+    )
 
 
-def _no_heading(track: InertialTrack, begin_s: float, end_s: float) -> RefusedError:
+def _no_heading(track: InertialTrack, knots: Knots) -> RefusedError:
+    begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
     return RefusedError(
         f"{track.source or 'The IMU'}: its motion from {iso_utc(begin_s)} to {iso_utc(end_s)} shows no heading.",
         "Only changes of speed or direction show it, and the attitude of all points depends on it.",

@@ -111,6 +111,34 @@ def test_hover__shows_no_heading_and_is_refused() -> None:
     assert caught.value.code == "heading-unknown"
 
 
+@pytest.mark.parametrize(
+    ("rate", "force", "words"),
+    [
+        (180.0 / np.pi, 1.0, "angular rates were in degrees per second instead of radians"),
+        (1.0, 1.0 / 9.80665, "specific force were in g instead"),
+        (1.0, -1.0, "specific force had the other sign"),
+        (np.array([1.0, 1.0, -1.0]), 1.0, "about the vehicle's z axis had the other sign"),
+    ],
+)
+def test_units_and_signs__that_are_wrong_are_named(rate: float, force: float, words: str) -> None:
+    exact = Flight(40.0, seed=8).imu()
+    wrong = InertialTrack(exact.t_s, exact.rate_radps * rate, exact.force_mps2 * force)
+    with pytest.raises(InputError) as caught:
+        found(Flight(40.0, seed=8).track(), wrong)
+    assert caught.value.code == "imu-contradicts"
+    assert words in caught.value.what
+
+
+def test_stretches_without_heading__are_left_out() -> None:
+    flight = Flight(60.0, seed=9)
+    exact, track = flight.imu(), flight.track()
+    pause = (exact.t_s > BEGIN_S + 40.0) & (exact.t_s < BEGIN_S + 41.0)
+    imu = InertialTrack(exact.t_s[~pause], exact.rate_radps[~pause], exact.force_mps2[~pause])
+    result = found(track[track.t_s < BEGIN_S + 38.0], imu)
+    assert result.notices == ()
+    assert result.trajectory.span_s[1] < BEGIN_S + 43.1
+
+
 def test_other_times__are_an_error_with_both_spans() -> None:
     flight = Flight(30.0, seed=7)
     exact = flight.imu()
