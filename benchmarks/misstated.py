@@ -135,7 +135,7 @@ def judged(
     scenario = tomllib.loads((recording / "scenario.toml").read_text(encoding="utf-8"))["lidar"]
     matching = report["accuracy"]["matching"]
     used = matching["mounting_rpy_deg"] if matching else session["lidar"]["rpy_deg"]
-    shift_s = session["recording"]["lidar_minus_gnss_s"]
+    shift_s = report["clocks"]["lidar_minus_gnss_used_s"]
     truly = scenario["true_xyz_m"], scenario["true_rpy_deg"]
     ours = seen_ground(session["lidar"]["xyz_m"], used, *truly)
     off = placed(ours, poses) - placed(seen_ground(*truly, *truly), simulation.truth.at(poses.t_s + shift_s))

@@ -8,10 +8,10 @@ from typing import Any
 import click
 
 import furrowmap
-from furrowmap.cli.console import Console
+from furrowmap.cli.console import Console, put_error
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import figures, file_size, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.values.errors import RefusedError, printable
 
 
 @click.command(
@@ -39,8 +39,22 @@ from furrowmap.core.values.errors import printable
     help="Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or "
     "implement detection. Replaces an earlier preview, never the products of a run.",
 )
+@click.option(
+    "--strict",
+    is_flag=True,
+    help="Exit status 4 if the results contradict each other; they are written all the same.",
+)
 @common_options
-def run(console: Console, session: Path, output: Path | None, *, overwrite: bool, resume: bool, preview: bool) -> None:
+def run(
+    console: Console,
+    session: Path,
+    output: Path | None,
+    *,
+    overwrite: bool,
+    resume: bool,
+    preview: bool,
+    strict: bool,
+) -> None:
     """Compute the georeferenced point cloud, the surfaces and the worked ground of the recording described by SESSION.
 
     Writes cloud.copc.laz, field.gpkg with the trajectory and the worked ground, rasters, report.html, report.json and
@@ -55,6 +69,17 @@ def run(console: Console, session: Path, output: Path | None, *, overwrite: bool
             folder, report = result.path, result.report
     console.warn_of(report)
     console.answer({"folder": folder, **report}, _words(report, folder))
+    verdict = report.get("verdict", {})
+    if strict and verdict.get("text"):
+        put_error(
+            RefusedError(
+                f"{printable(str(folder))}: the results contradict each other.",
+                "They were written, with enlarged standard deviations, but must not be relied on.",
+                "Correct the session as the warning `contradiction` describes, and run it again.",
+                code="contradiction",
+            )
+        )
+        click.get_current_context().exit(RefusedError.exit_status)
 
 
 def _words(report: dict[str, Any], folder: Path) -> str:

@@ -10,6 +10,7 @@ from typing import Final, Protocol
 import msgspec
 import numpy as np
 
+from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
 from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
@@ -116,6 +117,7 @@ def run(
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
     located, matched, found, implement = _match(opened, guess, lidar, progress, checkpoint)
+    lidar = _by_used_clock(lidar, matched)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -173,13 +175,19 @@ def _match(
         if checkpoint is not None:
             checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
     turned = matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting)
-    if matched is not None and turned:
-        # With the stated mounting the implement was looked for on another side of the vehicle.
-        implement = ImplementTracker(_with_mounting(session, matched.mounting), earlier)
-    if turned or kept is not None or guess.antenna is None:
-        for scan in watched(lidar.scans(), lidar, progress, "reading scans"):
+    late = matched is not None and matched.clock_used_s != 0.0
+    if matched is not None and (turned or late):
+        # The implement was looked for on another side of the vehicle, or at other times.
+        implement = ImplementTracker(_with_mounting(session, matched.mounting) if turned else session, earlier)
+    if turned or late or kept is not None or guess.antenna is None:
+        for scan in watched(_by_used_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
     return located, matched, None, implement
+
+
+def _by_used_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:
+    """The recording with the offset of the clocks that matching found."""
+    return lidar.ahead_by(matched.clock_used_s) if matched is not None else lidar
 
 
 def _corrected(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
@@ -292,7 +300,7 @@ def _result(
         placement=placement,
         work=work,
         clocks=clocks,
-        notices=tuple(dict.fromkeys(notices)),
+        notices=tuple(sorted(dict.fromkeys(notices), key=lambda notice: notice.code != CONTRADICTION)),
         timings_s=watch.laps_s,
         matched=matched,
     )

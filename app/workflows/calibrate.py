@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.match_report import CLOCK_CERTAIN
-from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.session.toml_edit import with_value
@@ -19,11 +17,6 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.threads import using_threads
 from furrowmap.exporters.files.atomic import atomic_output
-
-ROUNDS: Final = 6
-LARGEST_SHARE: Final = 0.85
-ENOUGH_S: Final = 0.003
-"""A clock offset found in parts is whole when the next part is smaller."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +32,7 @@ class Calibration:
         height_m: of the vehicle's origin above the ground it stands on, and its standard deviation.
         stated_offset_s: `lidar_minus_gnss_s` in the session.
         offset_s: the same as the recording shows it, and its standard deviation; nan where it does not.
+        clock_differs: whether the recording certainly and uniquely shows another offset than the session states.
     """
 
     stated: Mounting
@@ -48,6 +42,7 @@ class Calibration:
     height_m: tuple[float, float]
     stated_offset_s: float
     offset_s: tuple[float, float]
+    clock_differs: bool
 
     @property
     def mounting_differs(self) -> bool:
@@ -58,11 +53,6 @@ class Calibration:
     def differs(self) -> bool:
         """Whether the recording shows anything else than the session states."""
         return self.mounting_differs or self.clock_differs
-
-    @property
-    def clock_differs(self) -> bool:
-        """Whether the recording shows another clock offset than the session states."""
-        return bool(abs(self.offset_s[0] - self.stated_offset_s) > CLOCK_CERTAIN * self.offset_s[1])
 
 
 def calibrate(session: str | Path, *, write: bool = False, progress: Progress = silent) -> Calibration:
@@ -90,46 +80,30 @@ def calibrate(session: str | Path, *, write: bool = False, progress: Progress = 
 
 
 def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
-    """Estimate in several rounds, because the errors of the positions absorb a part of a clock offset."""
     session_file, session = opened.file, opened.session
     located = locate(opened.positions(), session, opened.frame)
-    stated = session.recording.lidar_minus_gnss_s
-    offset, sigma, matched = stated, float("nan"), None
-    before = 0.0
-    for _ in range(ROUNDS):
-        attempt = opened.with_clock_offset(offset)
-        if located.antenna is None:
-            raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
-        try:
-            lidar = attempt.lidar(float(np.mean(located.trajectory.span_s)))
-            matched = match_session(located, lidar, session, progress=progress)
-        except np.linalg.LinAlgError as error:
-            why = "positions and ground leave a part of the drive without any hold"
-            raise _not_shown(session_file, why) from error
-        if matched is None:
-            raise _not_shown(session_file, "the scans see too little ground")
-        part, sigma = matched.clock_offset_s
-        if abs(part) < max(ENOUGH_S, sigma):
-            break
-        # Each round shows a like share of what is left: the sum of that series is taken once two of them are known.
-        share = part / before if before else 0.0
-        offset += part / (1.0 - share) if 0.0 < share < LARGEST_SHARE else part
-        before = part
-    assert matched is not None
-    return _answer(matched, session.lidar.mounting, stated, offset, sigma)
-
-
-def _answer(matched: Matched, mounting: Mounting, stated_s: float, offset_s: float, sigma_s: float) -> Calibration:
-    found = matched.calibration
-    shown = (offset_s, sigma_s) if np.isfinite(sigma_s) else (float("nan"), float("nan"))
+    if located.antenna is None:
+        raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
+    try:
+        lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
+        matched, _ = match_session(located, lidar, session, progress=progress)
+    except np.linalg.LinAlgError as error:
+        why = "positions and ground leave a part of the drive without any hold"
+        raise _not_shown(session_file, why) from error
+    if matched is None:
+        raise _not_shown(session_file, "the scans see too little ground")
+    found, constants, stated_s = matched.calibration, matched.seen.constants, session.recording.lidar_minus_gnss_s
+    offset_s = stated_s + matched.clock_used_s + constants.clock_s
+    shown = math.isfinite(constants.clock_sigma_s)
     return Calibration(
-        mounting,
-        matched.mounting,
-        found.sigma_deg,
-        matched.facing_shown,
-        (found.height_m, found.sigma_height_m),
-        stated_s,
-        shown,
+        stated=session.lidar.mounting,
+        found=matched.mounting,
+        sigma_deg=found.sigma_deg,
+        facing_shown=matched.facing_shown,
+        height_m=(found.height_m, found.sigma_height_m),
+        stated_offset_s=stated_s,
+        offset_s=(offset_s, constants.clock_sigma_s) if shown else (math.nan, math.nan),
+        clock_differs=bool(matched.clock_used_s),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.adjustment.problem import Adjusted
+from furrowmap.core.calibration.clock_offset import AntennaConstants
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
 from furrowmap.core.matching.returns import PIXEL_M
 from furrowmap.core.values.clock import iso_utc
@@ -15,8 +16,6 @@ from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting
 
 HEIGHT_REPORTED_M: Final = 0.05
-CLOCK_CERTAIN: Final = 4.0
-CLOCK_REPORTED_S: Final = 0.01
 _FACING_ASSUMED: Final = Notice(
     "facing-assumed",
     "The scans do not show which way the scanner faces: the ground has too little relief, and nothing upright stands "
@@ -25,9 +24,9 @@ _FACING_ASSUMED: Final = Notice(
 )
 
 
-def match_notices(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[float, float]) -> tuple[Notice, ...]:
-    """Unbridged gaps, a mounting and clocks that are off; `used` is the mounting in use."""
-    return (*_gap_notices(adjusted), *_mounting_notices(adjusted, used), *_clock_notices(*clock_offset_s))
+def match_notices(adjusted: Adjusted, used: Mounting) -> tuple[Notice, ...]:
+    """Unbridged gaps, and a mounting that is off; `used` is the mounting in use."""
+    return (*_gap_notices(adjusted), *_mounting_notices(adjusted, used))
 
 
 def _gap_notices(adjusted: Adjusted) -> list[Notice]:
@@ -40,20 +39,6 @@ def _gap_notices(adjusted: Adjusted) -> list[Notice]:
             "their standard deviations are large.",
         )
         for gap in adjusted.unbridged
-    ]
-
-
-def _clock_notices(offset_s: float, sigma_s: float) -> list[Notice]:
-    """A clock offset that is significant."""
-    if abs(offset_s) <= max(CLOCK_CERTAIN * sigma_s, CLOCK_REPORTED_S):
-        return []
-    return [
-        Notice(
-            "clock-offset",
-            f"The scanner's clock seems {'ahead of' if offset_s > 0 else 'behind'} the receiver's by at least "
-            f"{abs(offset_s):.2f} s more than the session states (± {sigma_s:.2f} s): `furrowmap calibrate` finds the "
-            "whole of it.",
-        )
     ]
 
 
@@ -92,7 +77,7 @@ def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
     return notices
 
 
-def match_figures(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[float, float]) -> dict[str, Any]:
+def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstants) -> dict[str, Any]:
     """The figures of matching in the report, with the mounting in use."""
     returns, walls = adjusted.problem.returns, adjusted.walls.scatter
     matched, squares = adjusted.ground.tally[4:]
@@ -112,9 +97,17 @@ def match_figures(adjusted: Adjusted, used: Mounting, clock_offset_s: tuple[floa
         "mounting_rpy_deg": [round(angle, 3) for angle in used.rpy_deg],
         "laser_ranges_m": _range_figures(adjusted.sensor.ranges),
         "stance": _stance_figures(adjusted.calibration),
-        "positions_doubted": adjusted.doubted,
-        "clock_offset_s": [round(v, 4) if np.isfinite(v) else None for v in clock_offset_s],
+        "positions_doubted": int((adjusted.antenna.weight < 1.0).sum()),
+        "lever_arm_m": _lever_figures(constants),
     }
+
+
+def _lever_figures(constants: AntennaConstants) -> dict[str, list[float]] | None:
+    """What is to be added to the lever arm, forward and to the left; null where the drive does not show it."""
+    values = zip(("x", "y"), constants.lever_m, constants.lever_sigma_m, strict=True)
+    if not np.isfinite(constants.lever_sigma_m).all():
+        return None
+    return {axis: [round(value, 4), round(sigma, 4)] for axis, value, sigma in values}
 
 
 def _range_figures(ranges: LaserRanges | None) -> dict[str, list[float]] | None:

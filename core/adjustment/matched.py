@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.consistency import Seen, seen_in
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
 from furrowmap.core.adjustment.precision import sigmas, sources_of
-from furrowmap.core.adjustment.problem import Adjusted, Problem
-from furrowmap.core.adjustment.solve import solve
-from furrowmap.core.calibration.clock_offset import clock_offset
+from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
+from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
+from furrowmap.core.calibration.clock_offset import AntennaConstants, antenna_constants
+from furrowmap.core.calibration.clock_search import Candidate, searched_clock_offset
+from furrowmap.core.calibration.ground_plane import LEVEL, GroundTilt
 from furrowmap.core.calibration.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
 from furrowmap.core.calibration.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.estimation.knots import STEP_S, Knots
@@ -51,10 +54,10 @@ class Matched:
         ranges: the lasers' constants; None where the ground does not show them.
         calibration: how the vehicle stands on the ground with that mounting.
         facing_shown: whether the scans show which way the sensor faces; else the stated yaw is assumed.
-        clock_offset_s: time by which the scanner's clock is ahead of the receiver's, and its standard deviation, which
-            is inf where the antenna's place is not known.
+        seen: whether positions, scans and wheels agree.
         figures: for the report.
         notices: for the report.
+        clock_used_s: time by which the scanner's clock is ahead beyond what the session states, and which is used.
     """
 
     trajectory: Trajectory
@@ -62,21 +65,41 @@ class Matched:
     ranges: LaserRanges | None
     calibration: MountingCalibration
     facing_shown: bool
-    clock_offset_s: tuple[float, float]
+    seen: Seen
     figures: dict[str, Any]
     notices: tuple[Notice, ...]
+    clock_used_s: float = 0.0
 
 
-def match(
+@dataclass(frozen=True)
+class Prepared:
+    """What is known before the adjustment.
+
+    Attributes:
+        problem: the input.
+        first: iterate, with the yaw ambiguity of the mounting resolved.
+        start: first guess of the trajectory.
+        clock: offset of the clocks with which the scans agree better; None where the stated one is as good as any.
+        ground: how it lies in the vehicle frame.
+    """
+
+    problem: Problem
+    first: Iterate
+    start: Trajectory
+    clock: Candidate | None
+    ground: GroundTilt
+
+
+def prepare(
     returns: GroundReturns,
     start: Trajectory,
     positions: Positions,
     lever_m: tuple[float, float, float],
     mounting: Mounting,
     tool: Tool | None,
-    progress: Callable[[float], None],
-) -> Matched | None:
-    """The trajectory at which the scans see the same ground throughout, georeferenced by the positions.
+    ground: GroundTilt = LEVEL,
+) -> Prepared | None:
+    """The input of the adjustment; None where there is too little ground in the scans, or no position in their time.
 
     Args:
         returns: of the ground.
@@ -85,36 +108,49 @@ def match(
         lever_m: the antenna in the vehicle frame; zero where that is not known.
         mounting: of the sensor, as the session states it.
         tool: where an implement changes the soil; None if none is known.
-        progress: gets the share done, 0 to 1.
-
-    Returns:
-        None where there is too little ground in the scans, or no position in their time.
-
-    Raises:
-        LinAlgError: if the observations do not determine a part of the trajectory.
+        ground: how it lies in the vehicle frame.
     """
     if len(returns) < LEAST_RETURNS:
         return None
     problem = Problem.of(returns, start, positions, lever_m, mounting, tool)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
-    adjusted = solve(problem, progress)
+    first = resolve_yaw_ambiguity(problem, Iterate.of(problem))
+    return Prepared(problem, first, start, searched_clock_offset(returns, first.sensor, start), ground)
+
+
+def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
+    """The trajectory at which the scans see the same ground throughout, georeferenced by the positions.
+
+    Args:
+        prepared: the input.
+        progress: gets the share done, 0 to 1.
+
+    Raises:
+        LinAlgError: if the observations do not determine a part of the trajectory.
+    """
+    problem = prepared.problem
+    mounting = problem.mounting
+    adjusted = solve(problem, prepared.first, progress)
     turn = adjusted.sensor.turn
     turned = not np.array_equal(turn, np.eye(3))
     used = Mounting.from_rotation(mounting.xyz_m, turn @ mounting.rotation) if turned else mounting
     # A wrong lever arm looks like a clock offset, and no antenna stands at the vehicle's origin.
-    clock = (0.0, float("inf"))
-    if any(lever_m):
-        clock = clock_offset(problem.knots, adjusted.state, problem.positions, problem.origin_m, problem.lever_m)
+    constants, last = AntennaConstants(), adjusted.last
+    if problem.lever_m.any():
+        constants = antenna_constants(
+            problem.knots, adjusted.state, adjusted.antenna, last.coarse, last.centre_m, last.free
+        )
+    seen = seen_in(problem.knots, adjusted.state, problem.positions, constants, prepared.ground)
     return Matched(
-        _trajectory(adjusted, start),
+        _trajectory(adjusted, prepared.start),
         used,
         adjusted.sensor.ranges,
         adjusted.calibration,
         adjusted.facing.shown,
-        clock,
-        match_figures(adjusted, used, clock),
-        match_notices(adjusted, used, clock),
+        seen,
+        match_figures(adjusted, used, constants),
+        match_notices(adjusted, used),
     )
 
 

@@ -181,7 +181,7 @@ class Adjusted:
         ground: sums over the ground's returns.
         walls: registration to walls.
         last: equations.
-        doubted: positions of less than their whole weight.
+        antenna: positions with their robust weights.
     """
 
     problem: Problem
@@ -194,7 +194,7 @@ class Adjusted:
     ground: GroundSums
     walls: WallRegistration
     last: Linearised
-    doubted: int
+    antenna: AntennaPositions
 
     @classmethod
     def of(cls, problem: Problem, it: Iterate) -> Adjusted:
@@ -203,8 +203,8 @@ class Adjusted:
         assert it.ground is not None
         assert it.walls is not None
         assert it.last is not None
-        doubted = sum(int((o.weight < 1.0).sum()) for o in it.observations if isinstance(o, AntennaPositions))
+        antenna = next(o for o in it.observations if isinstance(o, AntennaPositions))
         return cls(
             problem, it.state, it.sensor, it.unused, it.facing, it.calibration, it.relief, it.ground, it.walls,
-            it.last, doubted,
+            it.last, antenna,
         )  # fmt: skip

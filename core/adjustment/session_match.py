@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import chain, islice
 from typing import Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.matched import Matched, match
+from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
+from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
+from furrowmap.core.calibration.clock_search import CERTAIN, motion_certainty
+from furrowmap.core.calibration.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.session.opened import LidarRecording, watched
@@ -21,6 +25,10 @@ from furrowmap.core.values.session import Session
 
 SCANS_AHEAD: Final = 32
 """Scans that are read while others are at work."""
+FIRST_SCANS: Final = 20
+"""Scans that show how the ground lies."""
+CLOCK_ROUNDS: Final = 6
+"""Clocks that are off are corrected at most so often, less one."""
 _UNSOLVED: Final = Notice(
     "matching-unsolved",
     "The scans were not matched: positions and ground do not determine a part of the drive, so that the normal "
@@ -40,11 +48,16 @@ def matched_to_ground(
     `on_scan` gets each scan as it is read.
     """
     try:
-        matched = match_session(located, lidar, session, on_scan, progress)
+        matched, ground = match_session(located, lidar, session, on_scan, progress)
     except np.linalg.LinAlgError:
         return replace(located, notices=(*located.notices, _UNSOLVED)), None
     if matched is None:
-        return located, None
+        seen = Seen(ground=ground)
+        if (notice := contradiction_notice(seen)) is None:
+            return located, None
+        lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.xyz_m)
+        trajectory = enlarged(located.trajectory, seen, lever_m, sensor_m)
+        return replace(located, trajectory=trajectory, notices=(*located.notices, notice)), None
     return replace(located, trajectory=matched.trajectory, notices=(*located.notices, *matched.notices)), matched
 
 
@@ -54,23 +67,78 @@ def match_session(
     session: Session,
     on_scan: Callable[[Scan], None] | None = None,
     progress: Progress = silent,
-) -> Matched | None:
-    """Match a session's scans to the ground; None where they see too little of it.
+) -> tuple[Matched | None, GroundTilt]:
+    """Match a session's scans to the ground; None where they see too little of it. Also how the ground lies.
+
+    Where scans show that the clocks are off, they are read and matched again with the offset found, until that is
+    whole. An offset that is only suspected is tried where results contradict each other. Where they still do so with
+    another offset, the stated one is used.
 
     Raises:
         LinAlgError: if positions and ground do not determine a part of the trajectory.
     """
+    offset_s, tried = 0.0, False
+    for number in range(CLOCK_ROUNDS):
+        took = on_scan if not number else None
+        prepared, ground = _prepared(located, lidar.ahead_by(offset_s), session, took, progress)
+        if prepared is None:
+            break
+        if prepared.clock is not None and prepared.clock.certain and not tried:
+            offset_s, tried = offset_s + prepared.clock.clock_s, True
+            continue
+        matched = match(prepared, lambda share: progress("matching scans", share))
+        constants = matched.seen.constants
+        if constants.clock_off or (offset_s and abs(constants.clock_s) > constants.clock_sigma_s):
+            offset_s += constants.clock_s
+        elif matched.seen.cause is not None and prepared.clock is not None and not tried:
+            offset_s, tried = offset_s + prepared.clock.clock_s, True
+        elif matched.seen.cause is not None and offset_s:
+            break
+        else:
+            return _judged(replace(matched, clock_used_s=offset_s), prepared, located, session), ground
+    if offset_s:
+        prepared, ground = _prepared(located, lidar, session, None, progress)
+    if prepared is None:
+        return None, ground
+    matched = match(prepared, lambda share: progress("matching scans", share))
+    return _judged(matched, prepared, located, session), ground
+
+
+def _judged(matched: Matched, prepared: Prepared, located: Located, session: Session) -> Matched:
+    """The result with notices of an offset in use and of a contradiction, whose standard deviations are enlarged."""
+    seen, sensor = matched.seen, prepared.first.sensor
+    if seen.cause is Cause.UNKNOWN and located.with_lever is not None:
+        x, y, z = lever_arm_m(session)
+        others = [(-x, y, z), (x, -y, z), (-x, -y, z), (y, x, z), (y, -x, z), (-y, x, z)]
+        returns, start = prepared.problem.returns, prepared.start
+        better = [motion_certainty(returns, sensor, start, located.with_lever(lever)) for lever in others]
+        if max(better) > CERTAIN:
+            seen = replace(seen, lever_m=others[int(np.argmax(better))])
+    if matched.clock_used_s:
+        stated_s, used_s = session.recording.lidar_minus_gnss_s, matched.clock_used_s
+        notice = clock_notice(stated_s, used_s, seen.constants.clock_sigma_s)
+        matched = replace(matched, notices=(notice, *matched.notices))
+    contradiction = contradiction_notice(seen)
+    if contradiction is None:
+        return matched
+    trajectory = enlarged(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m)
+    return replace(matched, trajectory=trajectory, seen=seen, notices=(contradiction, *matched.notices))
+
+
+def _prepared(
+    located: Located,
+    lidar: LidarRecording,
+    session: Session,
+    on_scan: Callable[[Scan], None] | None,
+    progress: Progress,
+) -> tuple[Prepared | None, GroundTilt]:
+    """Read the scans; also how the ground lies in the vehicle frame."""
     assert located.antenna is not None
     implement = session.implement
     tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
-    scans = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
-    returns = ground_returns(scans, session.lidar.mounting, located.trajectory, on_scan)
-    return match(
-        returns,
-        located.trajectory,
-        located.antenna,
-        lever_arm_m(session),
-        session.lidar.mounting,
-        tool,
-        lambda share: progress("matching scans", share),
-    )
+    scans = iter(watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans"))
+    mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
+    ground = ground_tilt(first, mounting)
+    returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
+    lever_m = lever_arm_m(session)
+    return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground), ground

@@ -42,14 +42,19 @@ STANCE_CELL_M: Final = 0.1
 Rounds = Sequence[tuple[float, int]]
 
 
-def solve(problem: Problem, progress: Callable[[float], None]) -> Adjusted:
+def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -> Adjusted:
     """The poses at which ground, GNSS and wheels agree best.
+
+    Args:
+        problem: the input.
+        first: iterate, see :func:`resolve_yaw_ambiguity`.
+        progress: gets the share done, 0 to 1.
 
     Raises:
         LinAlgError: if the observations do not determine a part of the trajectory.
     """
     steps = _Steps(progress, 1 + 2 * WINDOW_ROUNDS[0] + 2 * len(SESSION_ROUNDS))
-    it = resolve_yaw_ambiguity(problem, Iterate.of(problem))
+    it = first
     gaps = gaps_between(problem.positions.t_s, problem.knots)
     if gaps:
         steps.expect(1 + 2 * WINDOW_ROUNDS[0])

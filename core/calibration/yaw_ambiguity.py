@@ -196,7 +196,7 @@ def _ground(
             continue
         vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
         half = np.array(returns.half[part], np.int64)[near]
-        relief = _relief(vehicle, half)
+        relief = relief_of_scans(vehicle, half)
         column, row = ((vehicle[:, :2].T + NEAR_M) / STATIC_CELL_M).astype(np.int64)
         cell = column + side * row
         static += np.column_stack([np.bincount(cell, values, len(static)) for values in (relief, None)])
@@ -256,7 +256,7 @@ def _by_half(cell: NDArray[np.int64], half: NDArray[np.int64], value: FloatArray
     return out
 
 
-def _relief(vehicle_m: FloatArray, half: NDArray[np.int64]) -> FloatArray:
+def relief_of_scans(vehicle_m: FloatArray, half: NDArray[np.int64]) -> FloatArray:
     """Heights (n,) above each scan's own slope and bow, the largest ones cut; 0 in scans of few returns."""
     out = np.zeros(len(half))
     # Halves alternate from scan to scan.

@@ -42,10 +42,21 @@ class AntennaPositions(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Three equations for each position."""
+        k, design, residual, sigma = self.linearised(knots, state)
+        size = state.layout.size
+        for chosen in without_repeats(k):
+            for axis in range(3):
+                equations.add(k[chosen] * size, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
+
+    def linearised(self, knots: Knots, state: State) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """The equations of the positions inside chains.
+
+        Returns:
+            (k,) the knot before each; (k, 3, 2 · size) derivatives by its states and those of the next; (k, 3)
+            residuals; (k, 3) standard deviations by the robust weights.
+        """
         k, share, inside = knots.at(self.positions.t_s)
         k, share = k[inside], share[inside, None]
-        if not len(k):
-            return
         size, drift = state.layout.size, state.layout.column(GNSS_DRIFT)
         arm, residual = self._residuals(k, share, inside, state)
         sigma = self.positions.white_m[inside] / np.sqrt(self.weight[inside, None])
@@ -57,9 +68,7 @@ class AntennaPositions(Observation):
                 design[:, axis, first + ROTATION + one] = weight * arm[:, two]
                 design[:, axis, first + ROTATION + two] = -weight * arm[:, one]
                 design[:, axis, first + drift + axis] = weight
-        for chosen in without_repeats(k):
-            for axis in range(3):
-                equations.add(k[chosen] * size, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
+        return k, design, residual, sigma
 
     def reweighted(self, knots: Knots, state: State) -> Self:
         """Huber's weights of the horizontal residuals."""

@@ -23,13 +23,15 @@ from furrowmap.core.values.clock import DAY_S, HOUR_S, WEEK_S, iso_utc
 from furrowmap.core.values.scan import Clock
 
 _OFFSETS: Final = (
-    (18.0, 1, "GPS time taken for UTC"),
+    (18.0, 1, "leap seconds: GPS time taken for UTC"),
     (HOUR_S, 14, "a local time taken for UTC"),
     (HOUR_S / 4, 56, "a local time taken for UTC"),
     (DAY_S, 7, "a wrong date"),
     (1024 * WEEK_S, 2, "a GPS week rollover"),
 )
 """Step, largest multiple and cause of common clock offsets, most likely first."""
+NAMED_S: Final = 0.6
+"""An offset so near to a common one is that: clocks without a receiver are up to half a second off."""
 _ENOUGH: Final = 0.5
 """Share of the shorter recording that must overlap after an offset for it to be proposed."""
 
@@ -155,6 +157,15 @@ def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str
         if best_s is not None and _shared_s(first, second, best_s) >= _ENOUGH * shorter_s:
             return best_s, cause
     return None
+
+
+def named_offset(offset_s: float) -> str:
+    """The common cause of a clock offset, such as leap seconds; empty where there is none."""
+    for step_s, largest, cause in _OFFSETS:
+        number = round(offset_s / step_s)
+        if 0 < abs(number) <= largest and abs(offset_s - number * step_s) < NAMED_S:
+            return cause
+    return ""
 
 
 def _shared_s(first: ClockReading, second: ClockReading, offset_s: float = 0.0) -> float:

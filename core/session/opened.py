@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol, cast
 
-import msgspec
-
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.reader import (
     ClockReading,
@@ -121,6 +119,10 @@ class LidarRecording:
             return scans
         return (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
 
+    def ahead_by(self, offset_s: float) -> LidarRecording:
+        """The recording of a clock that is ahead by so much more."""
+        return LidarRecording(self._reader, self._minus_gnss_s + offset_s) if offset_s else self
+
     @property
     def notices(self) -> list[Notice]:
         """Warnings about the files."""
@@ -201,11 +203,6 @@ class OpenSession:
         reader = open_recording(self.inputs.lidar, options)
         _expect(reader, GivesScans, self.inputs.lidar[0], "recording.lidar")
         return LidarRecording(cast("LidarReader", reader), minus_gnss_s)
-
-    def with_clock_offset(self, lidar_minus_gnss_s: float) -> OpenSession:
-        """The same session with another offset between the clocks."""
-        recording = msgspec.structs.replace(self.session.recording, lidar_minus_gnss_s=lidar_minus_gnss_s)
-        return replace(self, session=msgspec.structs.replace(self.session, recording=recording))
 
 
 def open_session(session_file: Path) -> OpenSession:

@@ -13,7 +13,7 @@ from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, tran
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.trajectory.from_course import trajectory_from_course
-from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
@@ -48,6 +48,7 @@ class Located:
         antenna: the positions themselves; None for a trajectory from a file, from the course alone, or of an aircraft.
         transformed: how the recorded coordinates were transformed to the map.
         inertial: figures of the IMU; None without one.
+        with_lever: gives the trajectory with another lever arm; None where it does not come from GNSS.
     """
 
     trajectory: Trajectory
@@ -57,6 +58,7 @@ class Located:
     antenna: Positions | None = None
     transformed: TransformSummary = UNCHANGED
     inertial: InertialFigures | None = None
+    with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
 
 
 def locate(positions: Reader, session: Session, frame: MapFrame, inertial: OpenInertial | None = None) -> Located:
@@ -80,10 +82,22 @@ def locate(positions: Reader, session: Session, frame: MapFrame, inertial: OpenI
     track, transformed = transform_track(positions.track(), frame)
     if inertial is not None and session.imu is not None:
         return _with_imu(track, transformed, session, frame, fixes, inertial(middle_s(track)))
-    found = trajectory_from_gnss(track, frame, lever_arm_m(session), fixes)
+
+    def with_lever(lever_m: tuple[float, float, float]) -> GnssTrajectory:
+        return trajectory_from_gnss(track, frame, lever_m, fixes)
+
+    found = with_lever(lever_arm_m(session))
     used = {"used": found.used, "unused": found.unused}
     notices = (*transformed.notices, *found.notices)
-    return Located(found.trajectory, "gnss", used, notices, found.positions, transformed)
+    return Located(
+        found.trajectory,
+        "gnss",
+        used,
+        notices,
+        found.positions,
+        transformed,
+        with_lever=lambda lever_m: with_lever(lever_m).trajectory,
+    )
 
 
 def middle_s(track: GnssTrack) -> float:

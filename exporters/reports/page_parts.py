@@ -13,7 +13,14 @@ from furrowmap.core.values.errors import printable
 
 
 def filled(
-    *, title: str, when: str, summary: str, figures: Iterable[str], sections: Iterable[str], provenance: str
+    *,
+    title: str,
+    when: str,
+    summary: str,
+    figures: Iterable[str],
+    sections: Iterable[str],
+    provenance: str,
+    alarm: str = "",
 ) -> str:
     """The HTML of a report.
 
@@ -24,6 +31,7 @@ def filled(
         figures: of :func:`key_figure`.
         sections: of :func:`section`.
         provenance: software and inputs.
+        alarm: of :func:`alarm`, above all else.
     """
     page = files("furrowmap.exporters.reports").joinpath("report.html").read_text("utf-8")
     return Template(page).substitute(
@@ -34,6 +42,7 @@ def filled(
         figures="\n".join(figures),
         sections="\n".join(sections),
         provenance=provenance,
+        alarm=alarm,
     )
 
 
@@ -47,6 +56,11 @@ def _policy(page: str) -> str:
 def escape(text: str) -> str:
     """Text as HTML, with escapes for control characters."""
     return html.escape(printable(text))
+
+
+def alarm(text: str) -> str:
+    """What casts doubt on all of a page; nothing for no text."""
+    return f'<p class="alarm" role="alert">{escape(text)}</p>' if text else ""
 
 
 def key_figure(value: str, name: str, *, loud: bool = False) -> str:

@@ -35,8 +35,18 @@ from furrowmap.exporters.reports.drawings import (
     tool_graph,
     work_map,
 )
-from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, remark, section, table
-from furrowmap.exporters.reports.run_report import points_by_class
+from furrowmap.exporters.reports.page_parts import (
+    alarm,
+    escape,
+    figure,
+    filled,
+    key,
+    key_figure,
+    remark,
+    section,
+    table,
+)
+from furrowmap.exporters.reports.run_report import points_by_class, verdict
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
 HECTARE_M2: Final = 10_000.0
@@ -92,6 +102,7 @@ def write_page(
         figures=_figures(found),
         sections=sections,
         provenance=_provenance(found),
+        alarm=alarm(verdict(found)["text"] or ""),
     )
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -13,7 +14,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import Boresight
+from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.json_text import json_text, plain
@@ -55,6 +58,7 @@ def run_report(
     """
     return {
         "session_file": session_file,
+        "verdict": verdict(found),
         "session": msgspec.to_builtins(found.session),
         "inputs": inputs,
         "figures": _figures(found, cloud) | (rasters.plain() if rasters is not None else {}),
@@ -84,6 +88,13 @@ def _calibration(found: Boresight | None) -> dict[str, Any] | None:
         "used": found.certain,
     }
     return {"lidar": lidar}
+
+
+def verdict(found: RunResult) -> dict[str, Any]:
+    """Whether the results agree with each other; `consistent` is null where nothing was matched."""
+    text = next((notice.text for notice in found.notices if notice.code == CONTRADICTION), None)
+    seen = found.matched.seen.plain() if found.matched is not None else {}
+    return {"consistent": False if text else None, **seen, "text": text}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
@@ -242,7 +253,12 @@ def _observability(found: RunResult) -> dict[str, Any]:
 
 
 def _clocks(found: RunResult) -> dict[str, Any]:
-    """First and last time by each clock."""
+    """First and last time by each clock, and their offset: stated, estimated, used."""
+    stated_s, estimate, used_s = found.session.recording.lidar_minus_gnss_s, None, 0.0
+    if found.matched is not None:
+        constants, used_s = found.matched.seen.constants, found.matched.clock_used_s
+        if math.isfinite(constants.clock_sigma_s):
+            estimate = [round(stated_s + used_s + constants.clock_s, 4), round(constants.clock_sigma_s, 4)]
     track = found.located.trajectory.t_s
     return {
         "lidar": [
@@ -250,5 +266,8 @@ def _clocks(found: RunResult) -> dict[str, Any]:
             for c in found.clocks
         ],
         "positions": {"first": iso_utc(float(track[0])), "last": iso_utc(float(track[-1]))},
-        "lidar_minus_gnss_s": found.session.recording.lidar_minus_gnss_s,
+        "lidar_minus_gnss_s": stated_s,
+        "lidar_minus_gnss_estimated_s": estimate,
+        "lidar_minus_gnss_used_s": round(stated_s + used_s, 4),
+        "offset_cause": named_offset(used_s) or None,
     }

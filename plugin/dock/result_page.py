@@ -47,7 +47,7 @@ class ResultPage(QWidget):
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
         warnings = [str(w.get("text", "")) for w in report.get("warnings") or [] if isinstance(w, dict)]
-        page = f"<h3>{name}</h3><table>{figures_html(report)}</table>"
+        page = f"<h3>{name}</h3>{self._alarm(report)}<table>{figures_html(report)}</table>"
         if warnings:
             items = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
             page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"
@@ -55,3 +55,12 @@ class ResultPage(QWidget):
             page += f"<p>{self.tr('This folder has no report, so the accuracy is unknown.')}</p>"
         self.text.setHtml(page)
         self.text.setAlignment(Qt.AlignmentFlag.AlignLeft)
+
+    def _alarm(self, report):
+        """What casts doubt on all figures, above them."""
+        verdict = report.get("verdict")
+        text = verdict.get("text") if isinstance(verdict, dict) else None
+        if not text:
+            return ""
+        title = self.tr("These results contradict each other.")
+        return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>"

@@ -65,6 +65,7 @@
   <message><source>Evaluate a GNSS log</source><translation>GNSS ログの評価</translation></message>
   <message><source>Evaluation (HTML)</source><translation>評価（HTML）</translation></message>
   <message><source>Every n-th point</source><translation>n 点ごとに 1 点</translation></message>
+  <message><source>Exit status 4 if the results contradict each other; they are written all the same.</source><translation>結果が互いに矛盾する場合は終了ステータス 4 とします。結果はその場合も書き出されます。</translation></message>
   <message><source>Export results</source><translation>実行結果のエクスポート</translation></message>
   <message><source>Extent</source><translation>領域</translation></message>
   <message><source>Farm map</source><translation>農場マップ</translation></message>
@@ -165,6 +166,7 @@
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
+  <message><source>Strict</source><translation>厳密</translation></message>
   <message><source>Surface</source><translation>サーフェス</translation></message>
   <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
   <message><source>Surfaces from point clouds</source><translation>点群からサーフェスを作成</translation></message>
@@ -388,6 +390,7 @@
   <message><source>Play the drive in the temporal controller</source><translation>走行を時系列コントローラで再生する</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
+  <message><source>These results contradict each other.</source><translation>これらの結果は互いに矛盾しています。</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
 </context>

@@ -34,6 +34,7 @@ def found(*, turned: bool, late: bool) -> Calibration:
         height_m=(0.0, 0.01),
         stated_offset_s=0.1,
         offset_s=(0.25 if late else 0.101, 0.003),
+        clock_differs=late,
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.problem import Problem
+from furrowmap.core.adjustment.problem import Iterate, Problem
 from furrowmap.core.adjustment.solve import solve
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.knots import Knots, knots_over, start_from
@@ -136,7 +136,7 @@ def test_the_whole_schedule_takes_a_sensor_that_it_does_not_know(straight: Recor
     gyro = gyro_on(straight.truth, usual.knots, BIAS, seed=9)
     start = start_from(located.trajectory, usual.knots, usual.origin_m, WITH_GYRO)
     more = replace(usual, start=start, observations=(*usual.observations, gyro))
-    without, found = (solve(one, lambda share: None) for one in (usual, more))
+    without, found = (solve(one, Iterate.of(one), lambda share: None) for one in (usual, more))
 
     inside = (usual.knots.t_s > straight.truth.span_s[0]) & (usual.knots.t_s < straight.truth.span_s[1])
     moves = located.trajectory.motion[located.trajectory.interval(usual.knots.t_s)[0]] != Motion.STANDING

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.matched import Matched, match
+from furrowmap.core.adjustment.matched import Matched, match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
 from furrowmap.core.values.rotation import wrap_deg
@@ -50,8 +50,9 @@ def judged(straight: Recording) -> Judged:
     told: list[float] = []
     tool = Tool(session.implement.xy_m, 0.5 * session.implement.width_m)
     mounting = session.lidar.mounting
-    matched = match(returns, located.trajectory, located.antenna, session.antenna.xyz_m, mounting, tool, told.append)
-    assert matched is not None
+    prepared = prepare(returns, located.trajectory, located.antenna, session.antenna.xyz_m, mounting, tool)
+    assert prepared is not None
+    matched = match(prepared, told.append)
     trajectory = matched.trajectory
     t = np.arange(returns.t_s[0] + 0.1, returns.t_s[-1] - 0.1, 0.05)
     k, share, known = trajectory.interval(t)
@@ -99,6 +100,7 @@ def test_errors_are_what_their_sigmas_say(judged: Judged) -> None:
 def test_a_right_mounting_stays_as_it_is(straight: Recording, judged: Judged) -> None:
     assert judged.matched.mounting == straight.session.lidar.mounting
     assert judged.matched.notices == ()
+    assert judged.matched.seen.cause is None
 
 
 def test_the_report_tells_what_was_matched(judged: Judged) -> None:
@@ -118,7 +120,7 @@ def test_too_few_returns_are_not_matched(straight: Recording) -> None:
     assert located.antenna is not None
     few = GroundReturns(np.zeros(10), np.zeros((10, 3), np.float32), np.zeros(10, np.uint8), np.zeros((80, 80), bool))
     lever, mounting = (0.0, 0.0, 0.0), straight.session.lidar.mounting
-    assert match(few, located.trajectory, located.antenna, lever, mounting, None, lambda share: None) is None
+    assert prepare(few, located.trajectory, located.antenna, lever, mounting, None) is None
 
 
 def test_a_stray_return_long_after_all_others_does_no_harm(straight: Recording) -> None:
@@ -136,9 +138,8 @@ def test_a_stray_return_long_after_all_others_does_no_harm(straight: Recording) 
         whole.body,
     )
     arguments = located.trajectory, located.antenna, session.antenna.xyz_m, session.lidar.mounting, None
-    without, found = (match(returns, *arguments, lambda share: None) for returns in (few, more))
-    assert without is not None
-    assert found is not None
+    prepared = [prepare(returns, *arguments) for returns in (few, more)]
+    without, found = (match(one, lambda share: None) for one in prepared if one is not None)
     near = len(without.trajectory)
     assert (found.trajectory.t_s[near:] > stray_s - 1.0).all()
     assert found.trajectory.sigma[near:, :2].min() > 1.0

@@ -1,0 +1,203 @@
+"""Whether positions, scans and wheels agree within their standard deviations, and the likely cause where not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.calibration.clock_offset import LEAST_GAIN, AntennaConstants
+from furrowmap.core.calibration.ground_plane import GroundTilt
+from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.states import GNSS_DRIFT, State
+from furrowmap.core.estimation.wheels import SLIP_EVERY_S, AxleSteps
+from furrowmap.core.session.examination import named_offset
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+CONTRADICTION: Final = "contradiction"
+"""Code of the notice that stands before all others."""
+SLIP_OVER_S: Final = 0.5
+SLIP_FLOOR_M: Final = 0.003
+"""Poses half a second apart are not known better."""
+SLIP_MOST: Final = 1.4
+DRIFT_MOST: Final = 3.0
+"""Ratios of what is seen to what is stated from which results contradict each other."""
+TILT_DEG: Final = 20.0
+
+
+class Cause(StrEnum):
+    """Likely cause of a contradiction."""
+
+    CLOCK = "clock"
+    LEVER_ARM = "lever-arm"
+    CLOCK_OR_LEVER_ARM = "clock-or-lever-arm"
+    UPSIDE_DOWN = "upside-down"
+    MOUNTING = "mounting"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the adjustment shows, over what is stated.
+
+    Attributes:
+        slip: sideways movement of the rear axle over half a second, over that of the wheels' slip (RMS).
+        drift: drift of the positions, over what the receiver states (RMS).
+        constants: between antenna and scanner.
+        ground: how it lies in the vehicle frame.
+        lever_m: lever arm with which the scans agree better; None where no other was found.
+    """
+
+    slip: float = 0.0
+    drift: float = 0.0
+    constants: AntennaConstants = field(default_factory=AntennaConstants)
+    ground: GroundTilt = field(default_factory=GroundTilt)
+    lever_m: tuple[float, float, float] | None = None
+
+    @property
+    def factor(self) -> float:
+        """The largest ratio of what is seen to what is stated."""
+        c = self.constants
+        gain = max(c.clock_gain, c.lever_gain)
+        by_constants = np.sqrt(gain / LEAST_GAIN) if c.off else 0.0
+        return float(max(self.slip / SLIP_MOST, self.drift / DRIFT_MOST, by_constants, self.ground.tilt_deg / TILT_DEG))
+
+    def plain(self) -> dict[str, Any]:
+        """For `report.json`."""
+        return {
+            "consistent": self.cause is None,
+            "cause": self.cause,
+            "factor": round(self.factor, 2),
+            "slip": round(self.slip, 2),
+            "drift": round(self.drift, 2),
+            "ground_tilt_deg": round(self.ground.tilt_deg, 1),
+            "clock_gain": round(self.constants.clock_gain, 1),
+            "lever_arm_gain": round(self.constants.lever_gain, 1),
+        }
+
+    @property
+    def cause(self) -> Cause | None:
+        """The likely cause of a contradiction; None where there is none."""
+        c = self.constants
+        if self.ground.tilt_deg:
+            return Cause.UPSIDE_DOWN if self.ground.upside_down else Cause.MOUNTING
+        if self.factor <= 1.0:
+            return None
+        if self.lever_m is not None:
+            return Cause.LEVER_ARM
+        if c.off:
+            return Cause.CLOCK if c.clock_off else Cause.LEVER_ARM if c.lever_off else Cause.CLOCK_OR_LEVER_ARM
+        return Cause.UNKNOWN
+
+
+_LIKELY: Final = {
+    Cause.CLOCK: "The likely cause is the offset of the clocks, [recording] lidar_minus_gnss_s.",
+    Cause.LEVER_ARM: "The likely cause is the lever arm of the antenna, [antenna] xyz_m.",
+    Cause.CLOCK_OR_LEVER_ARM: "The likely cause is the lever arm of the antenna, [antenna] xyz_m, or the offset of the "
+    "clocks, [recording] lidar_minus_gnss_s: the drive does not separate the two.",
+    Cause.UPSIDE_DOWN: "The likely cause is a scanner mounted upside down, or the roll in [lidar] rpy_deg.",
+    Cause.MOUNTING: "The likely cause is the mounting of the scanner, [lidar] rpy_deg.",
+    Cause.UNKNOWN: "Lever arm ([antenna] xyz_m), mounting ([lidar] xyz_m, rpy_deg), clocks (lidar_minus_gnss_s) or the "
+    "positions themselves may be wrong.",
+}
+
+
+def contradiction_notice(seen: Seen) -> Notice | None:
+    """The notice of a contradiction, with its figures and likely cause; None where there is none."""
+    cause, c = seen.cause, seen.constants
+    if cause is None:
+        return None
+    shown = []
+    if seen.ground.tilt_deg:
+        shown.append(f"the ground is tilted by {seen.ground.tilt_deg:.0f}° in the vehicle frame")
+    if seen.slip > SLIP_MOST:
+        shown.append(f"the rear axle slips sideways {seen.slip:.1f} times as much as wheels do")
+    if seen.drift > DRIFT_MOST:
+        shown.append(f"positions drift {seen.drift:.1f} times as much as the receiver states")
+    if c.off:
+        x, y = c.lever_m
+        shown.append(
+            f"positions and scans agree better with clocks {c.clock_s:+.3f} s apart, or with an antenna {x:+.2f} m "
+            f"further forward and {y:+.2f} m further left"
+        )
+    if seen.lever_m is not None:
+        x, y, z = seen.lever_m
+        shown.append(f"scans agree better with the antenna at [{x:g}, {y:g}, {z:g}]")
+    text = f"These results contradict each other: {'; '.join(shown)}. {_LIKELY[cause]}"
+    return Notice("contradiction", f"{text} The standard deviations are enlarged.")
+
+
+def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
+    """The notice of an offset of the clocks that the scans show, and which is used.
+
+    Args:
+        stated_s: offset in the session.
+        used_s: beyond it.
+        sigma_s: standard deviation.
+    """
+    cause = named_offset(used_s)
+    return Notice(
+        "clock-offset",
+        f"The scanner's clock is {abs(used_s):.3f} s {'ahead of' if used_s > 0 else 'behind'} that of the positions"
+        f"{f' ({cause})' if cause else ''}, beyond what the session states: scans and positions agree with "
+        f"lidar_minus_gnss_s = {stated_s + used_s:.3f} (± {sigma_s:.3f} s), which is used. `furrowmap calibrate "
+        "--write` writes it into the session.",
+    )
+
+
+def enlarged(trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: FloatArray) -> Trajectory:
+    """The trajectory with standard deviations enlarged to what is seen, where results contradict each other.
+
+    Args:
+        trajectory: adjusted.
+        seen: in it.
+        lever_m: (3,) of the antenna, as stated.
+        sensor_m: (3,) of the scanner, as stated.
+    """
+    if seen.cause is None:
+        return trajectory
+    sigma, c = trajectory.sigma * max(seen.factor, 1.0), seen.constants
+    place_m, turn_deg = 0.0, seen.ground.tilt_deg
+    if seen.ground.tilt_deg:
+        place_m = 2.0 * float(np.linalg.norm(sensor_m))
+    if seen.lever_m is not None:
+        place_m = max(place_m, float(np.linalg.norm(np.subtract(seen.lever_m, lever_m))))
+    if c.off:
+        speed = float(np.sqrt(np.nanmean(trajectory.speed_mps**2)))
+        place_m = max(place_m, abs(c.clock_s) * speed, float(np.hypot(*c.lever_m)))
+    sigma[:, :3] = np.hypot(sigma[:, :3], place_m)
+    sigma[:, 3:5] = np.hypot(sigma[:, 3:5], turn_deg)
+    return replace(trajectory, sigma=sigma)
+
+
+def seen_in(knots: Knots, state: State, positions: Positions, constants: AntennaConstants, ground: GroundTilt) -> Seen:
+    """What an adjusted trajectory shows.
+
+    Args:
+        knots: times.
+        state: the solution.
+        positions: of the antenna.
+        constants: between antenna and scanner.
+        ground: how it lies in the vehicle frame.
+    """
+    steps = AxleSteps.of(knots, state)
+    many = round(SLIP_OVER_S / STEP_S)
+    whole = len(steps.sideways_m) // many * many
+    # Slip is the same within SLIP_EVERY_S, and its sigma that of one step's share of it.
+    sideways = steps.sideways_m[:whole].reshape(-1, many).sum(axis=1)
+    stated = np.sqrt((steps.sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * STEP_S / SLIP_EVERY_S)
+    stated = np.hypot(stated, SLIP_FLOOR_M)
+    knot, _, inside = knots.at(positions.t_s)
+    drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]
+    return Seen(_rms(sideways / stated), _rms(drift), constants, ground)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

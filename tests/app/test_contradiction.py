@@ -1,0 +1,34 @@
+"""A run whose results contradict each other, from the command line to the products."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import furrowmap
+from furrowmap.cli.main import command_line
+
+
+def test_promise_12__results_that_contradict_each_other_are_marked_everywhere(
+    simulated: furrowmap.Simulated, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scanner that is stated upside down."""
+    text = simulated.session.read_text(encoding="utf-8")
+    roll = tomllib.loads(text)["lidar"]["rpy_deg"][0]
+    wrong = simulated.session.with_name("wrong.toml")
+    wrong.write_text(text.replace(f"rpy_deg = [{roll}", f"rpy_deg = [{roll + 180.0}"), encoding="utf-8")
+    assert command_line(["run", str(wrong), "-o", str(tmp_path / "out"), "--strict", "-q"]) == 4
+    assert "contradict each other" in capsys.readouterr().err
+    report = furrowmap.open_result(tmp_path / "out").report
+    assert report["warnings"][0]["code"] == "contradiction"
+    assert report["verdict"]["consistent"] is False
+    assert "upside down" in report["verdict"]["text"]
+    assert report["accuracy"]["sigma_e_m"]["median"] > 1.0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.index('class="alarm"') < page.index("<section")
+    item = json.loads((tmp_path / "out" / "item.json").read_text(encoding="utf-8"))
+    assert item["properties"]["furrowmap:contradiction"] == report["verdict"]["text"]
+    assert command_line(["run", str(wrong), "-o", str(tmp_path / "out"), "-q"]) == 0
