@@ -103,7 +103,7 @@ _Corner = tuple[float, float, float]
 _Crs = msgspec.defstruct("_Crs", [("map", str), ("coordinates", str), ("heights", str)])
 _Session = msgspec.defstruct("_Session", [("name", str), ("crs", _Crs), ("lidar", dict[str, Any])])
 _Figures = msgspec.defstruct(
-    "_Figures", [("start", str), ("end", str), ("points", int), ("bounds_m", tuple[_Corner, _Corner])]
+    "_Figures", [("start", dt.datetime), ("end", dt.datetime), ("points", int), ("bounds_m", tuple[_Corner, _Corner])]
 )
 _Coordinates = msgspec.defstruct("_Coordinates", [("frame", str | None), ("epoch", float | None)])
 _Report = msgspec.defstruct(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -23,6 +24,7 @@ from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedErro
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.export import NAMES, export
+from furrowmap.workflows.mosaic import mosaic
 from tests.exporters.vectors.worked_field import worked_field
 
 JAPAN = CRS.from_epsg(6677)
@@ -316,6 +318,16 @@ def test_export__of_a_damaged_report_says_so(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as told:
         export([tmp_path], "csv", tmp_path / "out")
     assert told.value.code == "result-unreadable"
+
+
+def test_report_with_a_damaged_time__is_an_error_of_the_result(result: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(result, tmp_path / "damaged"))
+    text = (folder / "report.json").read_text(encoding="utf-8")
+    (folder / "report.json").write_text(text.replace("2026-06-11T01:24:40.692Z", "2026-06-11T01null"), encoding="utf-8")
+    for read in (lambda: export([folder], "csv", tmp_path / "out"), lambda: mosaic([folder], tmp_path / "out.vrt")):
+        with pytest.raises(InputError) as raised:
+            read()
+        assert raised.value.code == "result-unreadable"
 
 
 def test_reading__leaves_nothing_beside_the_products(tmp_path: Path) -> None:

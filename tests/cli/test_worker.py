@@ -89,6 +89,7 @@ def test_worker__tells_errors_in_three_lines(program: Program, tmp_path: Path) -
         {"type": "start"},
         {"type": "start", "arguments": []},
         {"type": "start", "arguments": ["worker"]},
+        {"type": "start", "arguments": ["run", "a\0b"]},
         {"type": "begin", "arguments": ["run"]},
         "run",
     ],
