@@ -184,7 +184,7 @@ def read_raster(path: Path) -> Any:
     from furrowmap.core.readers.geotiff import open_geotiff
     from furrowmap.core.values.allowances import expect_memory
 
-    with open_geotiff(path, _no_raster) as source:
+    with open_geotiff(path, _no_raster, with_heights=False) as source:
         if source.crs is None:
             raise _no_raster(path, "has no CRS")
         expect_memory(path, source.width * source.height * np.dtype(source.dtypes[0]).itemsize)

@@ -15,7 +15,9 @@ from furrowmap.core.values.errors import InputError
 
 
 @contextmanager
-def open_geotiff(path: Path, unusable: Callable[[Path, str], InputError]) -> Iterator[Any]:
+def open_geotiff(
+    path: Path, unusable: Callable[[Path, str], InputError], *, with_heights: bool = True
+) -> Iterator[Any]:
     """A dataset of rasterio, within which whatever GDAL, PROJ and rasterio raise becomes an error of ours.
 
     No other format is opened, whatever its name: a VRT may refer to any file.
@@ -23,6 +25,7 @@ def open_geotiff(path: Path, unusable: Callable[[Path, str], InputError]) -> Ite
     Args:
         path: of the file.
         unusable: makes the error from the file and from what is wrong with it.
+        with_heights: whether its CRS includes that of its heights, where the file states one.
 
     Raises:
         InputError: if it is no GeoTIFF, is damaged, or its cells have no extent.
@@ -32,7 +35,8 @@ def open_geotiff(path: Path, unusable: Callable[[Path, str], InputError]) -> Ite
     from rasterio.errors import RasterioError
 
     try:
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(path, driver="GTiff") as raster:
+        options = {"GTIFF_REPORT_COMPD_CS": True} if with_heights else {}
+        with rasterio.Env(**options), rasterio.open(path, driver="GTiff") as raster:
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
                 raise unusable(path, "states cells without an extent")
             block = max(rows * columns for rows, columns in raster.block_shapes)
