@@ -101,7 +101,7 @@ class CloudScans:
         self._ringed = self._ringed and ring is not None
         laser = np.clip(points["ring"], 0, 255).astype(np.uint8) if ring is not None else np.zeros(n, np.uint8)
         t_s = self._point_times(points["time"] if "time" in names else None, n, at_s)
-        apart = np.abs(t_s - np.median(t_s)) > _REVOLUTION_S[1]
+        apart = np.abs(t_s - np.quantile(t_s, 0.5, method="lower")) > _REVOLUTION_S[1]
         if apart.any():
             self._invalid["times apart from the others"] += int(np.count_nonzero(apart))
             returned[returned] = ~apart

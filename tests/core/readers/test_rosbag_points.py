@@ -236,3 +236,11 @@ def test_promise_14__tiny_clouds_are_read(count: int) -> None:
     scans, decoder = scans_of(cloud(revolution(count)), cloud(revolution(50), T0_NS + 100_000_000))
     decoder.finish()
     assert [len(scan) for scan in scans] == [n for n in (count, 50) if n]
+
+
+def test_promise_14__two_points_apart_in_time_leave_one() -> None:
+    two = revolution(2)
+    two["time"] = 0.0, 4.0
+    scans, decoder = scans_of(cloud(revolution(50)), cloud(two, T0_NS + 100_000_000))
+    assert [len(scan) for scan in scans] == [50, 1]
+    assert codes(decoder) == {"points-invalid"}
