@@ -257,7 +257,9 @@ def test_a_run__of_which_little_is_left() -> None:
     standing = replace(nothing, scans_standing=3, points_read=300, points=0, points_standing=300)
     assert code_of(lambda: refuse_empty(standing, course, session)) == "only-standing"
     assert "points-without-pose" in codes(placement_notices(replace(standing, points_without_pose=30)))
-    assert "gnss-unused" in codes(session_notices(session, Located(course, "file", {}, ()), matched=True))
+    with_imu = parse_session(SESSION + '[imu]\nfiles = ["imu.csv"]\n')
+    found = session_notices(with_imu, Located(course, "file", {}, ()), matched=True)
+    assert {"gnss-unused", "imu-unused"} <= codes(found)
 
 
 def test_points__of_a_cloud_that_nothing_is_left_of(tmp_path: Path) -> None:
