@@ -42,8 +42,12 @@ ROUND_M = (3.0, 6.0, 9.0)
 """Distances of the points on the ground that stand for a cloud."""
 QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h")
 HEAD = ("height", "heading", "cloud", "its height")
-HARMLESS = frozenset({"points-without-pose", "gaps", "implement-no-ground", "machine-not-known", "implement-not-seen"})
-"""Notices of what a short recording lacks, which name no doubt of the result."""
+HARMLESS = frozenset(
+    {"points-without-pose", "gaps", "implement-no-ground", "machine-not-known", "implement-not-seen", "facing-assumed"}
+)
+"""Notices of what a short recording or its scene does not show, which a right session may have."""
+GENERAL = ("contradiction",)
+"""Begins of codes that name any cause."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,14 @@ class Judged:
     """One case.
 
     Attributes:
-        right: whether scene and session belong together.
+        names: begins of the codes that name what is wrong; none where scene and session belong together.
         refused: code of the error with which the run ended; empty where there is a result.
         errors: RMS of the true errors, in m and degrees, by QUANTITIES.
         sigmas: RMS of the stated sigmas.
         codes: of the report's warnings.
     """
 
-    right: bool
+    names: Sequence[str]
     refused: str
     errors: Mapping[str, float] = dataclasses.field(default_factory=dict)
     sigmas: Mapping[str, float] = dataclasses.field(default_factory=dict)
@@ -71,8 +75,19 @@ class Judged:
 
     @property
     def warned(self) -> bool:
-        """Whether a warning casts doubt on the result."""
-        return bool(set(self.codes) - HARMLESS)
+        """Whether a warning names what is wrong; of a right session, whether any casts doubt on the result."""
+        if not self.names:
+            return bool(set(self.codes) - HARMLESS)
+        return any(code.startswith((*self.names, *GENERAL)) for code in self.codes)
+
+    @property
+    def well(self) -> bool:
+        """Whether a right session is as good as it says and not doubted, and a wrong one is warned of."""
+        return (
+            (self.warned or self.worst <= LARGEST or bool(self.refused))
+            if self.names
+            else not (self.warned or self.refused or self.worst > LARGEST)
+        )
 
 
 def main() -> int:
@@ -90,34 +105,35 @@ def main() -> int:
         if options.only and not any(word in name for word in options.only):
             continue
         recording = simulated(f"misstated_{scene}", table["scenes"][scene])
-        found[name] = case(recording, table["misstated"].get(what, {}), right=not what and scene not in table["faulty"])
+        found[name] = case(recording, table["misstated"].get(what, {}), table["faulty"].get(scene, ()))
         print(line(name, found[name]), flush=True)
     unwarned = {name: one.worst for name, one in found.items() if not one.warned and not one.refused}
     worst = max(unwarned, key=lambda name: unwarned[name], default="")
-    print(f"\nworst without a warning: {unwarned.get(worst, 0.0):.1f} ({worst})")
-    doubted = [name for name, one in found.items() if one.right and (one.warned or one.refused)]
-    print(f"right sessions with a warning: {', '.join(doubted) or 'none'}")
+    print(f"\nworst without a warning that names the cause: {unwarned.get(worst, 0.0):.1f} ({worst})")
+    failed = [name for name, one in found.items() if not one.well]
+    print(f"{len(found)} cases, not well: {', '.join(failed) or 'none'}")
     if options.json:
         rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
         options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
-    return int(unwarned.get(worst, 0.0) > LARGEST or bool(doubted))
+    return int(bool(failed))
 
 
-def case(recording: Path, misstated: Mapping[str, Any], *, right: bool) -> Judged:
+def case(recording: Path, misstated: Mapping[str, Any], faulty: Sequence[str]) -> Judged:
     """Run a recording with what is misstated in its session or positions."""
+    names = (*misstated.get("names", ()), *faulty)
     with tempfile.TemporaryDirectory(dir=recording) as folder:
         session = _session(recording, Path(folder), misstated)
         try:
             furrowmap.run(session, Path(folder) / "out")
         except FurrowmapError as error:
-            return Judged(right, error.code)
+            return Judged(names, error.code)
         except MemoryError:
-            return Judged(right, "memory")
+            return Judged(names, "memory")
         report = json.loads(Path(folder, "out", "report.json").read_text(encoding="utf-8"))
         errors, sigmas = judged(
             recording, Path(folder, "out", "field.gpkg"), tomllib.loads(session.read_text()), report
         )
-    return Judged(right, "", errors, sigmas, sorted({warning["code"] for warning in report["warnings"]}))
+    return Judged(names, "", errors, sigmas, sorted({warning["code"] for warning in report["warnings"]}))
 
 
 def judged(
@@ -234,7 +250,7 @@ def line(name: str, one: Judged) -> str:
         return f"{name:30}refused: {one.refused}"
     digits = {"heading": "{:.2f}/{:.2f}"}
     pairs = [digits.get(key, "{:.3f}/{:.3f}").format(one.errors[key], one.sigmas[key]) for key in QUANTITIES]
-    mark = "!" if (one.worst > LARGEST and not one.warned) or (one.right and one.warned) else " "
+    mark = " " if one.well else "!"
     words = ", ".join(code for code in one.codes if code not in HARMLESS)
     return f"{name:30}{'':6}" + "".join(f"{pair:>16}" for pair in pairs) + f"{one.worst:8.1f} {mark} {words}"
 

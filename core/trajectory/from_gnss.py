@@ -17,6 +17,7 @@ from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
     judge_rate,
+    offsets,
     positions_of,
     quality_runs,
     quality_words,
@@ -100,7 +101,7 @@ def trajectory_from_gnss(
             notices.append(_direction_notice(gated.t_s, motions))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
-    positions = positions_of(gated, en, white, heading_2)
+    positions = positions_of(gated, en, white, heading_2, offsets(gated, en, notices))
     chain, antenna = _chain(positions, motions, lever_m, grid, max_gap_s)
     start_yaw = _start_yaw(gated.t_s, motions, heading_2, grid)
     start_en = np.column_stack([np.interp(grid.t_s, gated.t_s, en[:, k]) for k in range(2)])

@@ -35,7 +35,15 @@ from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.trajectory.alignment import attitudes
 from furrowmap.core.trajectory.motion import STANDING_MPS
-from furrowmap.core.trajectory.positions import positions_of, quality_words, sigmas_m, usable, white_noise_m
+from furrowmap.core.trajectory.positions import (
+    Offsets,
+    positions_of,
+    quality_runs,
+    quality_words,
+    sigmas_m,
+    usable,
+    white_noise_m,
+)
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -163,7 +171,8 @@ def trajectory_from_inertial(
     gated, unused = usable(track, fixes, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
-    positions = positions_of(gated, en, white, np.full(len(gated), np.nan))
+    runs = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
+    positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
     whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
     problem, start = _first_guess(whole, notices)
     adjusted = _adjusted(problem, start)

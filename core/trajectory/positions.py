@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.elsewhere import spans_in_words, strays
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.positions import Positions
@@ -43,12 +45,73 @@ SLOWEST_STEP_S: Final = 2.0
 JUMP_FLOOR_M: Final = 0.3
 HEIGHT_JUMP_FLOOR_M: Final = 1.0
 JUMP_SIGMAS: Final = 6.0
+LEAST_FOR_STEPS: Final = 10
+STEP_STEPS: Final = 5.5
+"""Steps between positions further apart than so many usual ones show nothing."""
 FASTEST_MPS: Final = 15.0
 HARDEST_MPS2: Final = 3.0
 """A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
 
 
-def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, heading_deg: FloatArray) -> Positions:
+@dataclass(frozen=True)
+class Offsets:
+    """Runs of positions whose slowly varying error is continuous, and those that a step shows to be off.
+
+    Attributes:
+        run: (n,) number of the run that each position belongs to, from 0.
+        off_m: (n,) by how much the positions of its run are off, by the step to those beside it; 0 where none is.
+    """
+
+    run: NDArray[np.intp]
+    off_m: FloatArray
+
+
+def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offsets:
+    """Steps between positions (n, 2) that no drive explains: of the two sides the one of worse quality is off.
+
+    Of equal qualities it is the side of fewer positions. Float solutions may be metres off with a stated standard
+    deviation of decimetres, which the step to the next fixed position shows.
+    """
+    t_s, sigma = track.t_s, sigmas_m(track)[:, 0]
+    new = np.diff(track.fix, prepend=track.fix[:1]) != 0
+    off = np.zeros(len(t_s))
+    if len(t_s) < LEAST_FOR_STEPS:
+        return Offsets(np.cumsum(new), off)
+    dt = np.diff(t_s)
+    speed = np.diff(en_m, axis=0) / dt[:, None]
+    around = np.clip(np.arange(len(dt))[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, len(dt) - 1)
+    step = np.hypot(*((speed - np.median(speed[around], axis=1)) * dt[:, None]).T)
+    follows = dt < STEP_STEPS * np.median(dt)
+    reach = np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma[1:], sigma[:-1])) + 0.5 * HARDEST_MPS2 * dt**2
+    steps = np.flatnonzero(follows & (step > reach))
+    border = new.copy()
+    border[1:] |= ~follows
+    border[steps + 1] = True
+    unit = np.cumsum(border)
+    for i in steps.tolist():
+        sides = [unit == unit[i], unit == unit[i + 1]]
+        worse = max(sides, key=lambda side: (round(float(np.median(sigma[side])), 3), -int(side.sum())))
+        off[worse] = np.maximum(off[worse], step[i])
+        new[[i + 1, int(np.argmax(worse))]] = True
+    if len(steps):
+        notices.append(_step_notice(t_s, off, sigma))
+    return Offsets(np.cumsum(new), off)
+
+
+def _step_notice(t_s: FloatArray, off_m: FloatArray, sigma_m: FloatArray) -> Notice:
+    there = np.flatnonzero(off_m)
+    first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
+    return Notice(
+        "gnss-steps",
+        f"{len(there)} positions from {first} to {last} are off by up to {off_m.max():.2f} m, at a stated standard "
+        f"deviation of {np.median(sigma_m[there]):.2f} m: they step away from those beside them, as no vehicle drives. "
+        "Only the shape of their path is used.",
+    )
+
+
+def positions_of(
+    track: GnssTrack, en_m: FloatArray, white_m: FloatArray, heading_deg: FloatArray, steps: Offsets
+) -> Positions:
     """The positions of a track with their errors split into what changes from epoch to epoch and what stays.
 
     Args:
@@ -56,6 +119,7 @@ def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, headin
         en_m: (m, 2) easting and northing.
         white_m: (m,) see :func:`white_noise_m`.
         heading_deg: (m,) grid heading of two antennas, nan where there is none.
+        steps: see :func:`offsets`.
     """
     sigma = sigmas_m(track)
     # Differences from one epoch to the next do not show what multipath does to heights within seconds: the usual share
@@ -64,12 +128,15 @@ def positions_of(track: GnssTrack, en_m: FloatArray, white_m: FloatArray, headin
     white_h = np.maximum(shown, WHITE_SHARE * sigma[:, 1])
     white = np.column_stack([white_m, white_m, white_h])
     drift = np.sqrt(np.maximum(sigma[:, [0, 0, 1]] ** 2 - white**2, WHITE_FLOOR_M**2))
+    # Only where a run begins: within it the error changes no faster than that of other positions.
+    begins = np.flatnonzero(np.diff(steps.run, prepend=-1))
+    drift[begins] = np.hypot(drift[begins], steps.off_m[begins, None])
     return Positions(
         t_s=track.t_s,
         xyz_m=np.column_stack([en_m, track.height_m]),
         white_m=white,
         drift_m=drift,
-        run=quality_runs(track.fix),
+        run=steps.run,
         fix=track.fix,
         yaw_rad=np.radians(90.0 - heading_deg),
     )
