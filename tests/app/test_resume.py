@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
@@ -74,7 +76,8 @@ def test_kept_matching__is_that_of_the_same_session_and_recordings_only(
     back = kept.load()
     assert back is not None
     assert np.array_equal(back.trajectory.xyz_m, trajectory.xyz_m)
-    assert KeptMatching(tmp_path / "kept", opened.with_clock_offset(0.1), inputs).load() is None
+    other = replace(opened, session=msgspec.structs.replace(opened.session, name="other"))
+    assert KeptMatching(tmp_path / "kept", other, inputs).load() is None
     assert KeptMatching(tmp_path / "kept", opened, [FileRecord("a", 1, "01")]).load() is None
     (tmp_path / "kept").write_bytes((tmp_path / "kept").read_bytes()[:-3])
     assert kept.load() is None
