@@ -87,8 +87,8 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
         },
         stac_extensions=[PROCESSING],
     )
-    if report["verdict"]["text"]:
-        item.properties["furrowmap:contradiction"] = report["verdict"]["text"]
+    if contradiction := (report.get("verdict") or {}).get("text"):
+        item.properties["furrowmap:contradiction"] = contradiction
     projection = ProjectionExtension.ext(item, add_if_missing=True)
     authority = crs.to_authority()
     projection.apply(

@@ -110,7 +110,7 @@ _Report = msgspec.defstruct(
     "_Report",
     [
         ("furrowmap", str), ("session", _Session), ("inputs", list[_Input]), ("figures", _Figures),
-        ("coordinates", _Coordinates), ("products", list[str]),
+        ("coordinates", _Coordinates), ("products", list[str]), ("verdict", dict[str, Any] | None, None),
     ],
 )  # fmt: skip
 """The keys of `report.json` that exports and farm maps need."""

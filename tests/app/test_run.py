@@ -130,6 +130,7 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
     shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", tmp_path)
     (tmp_path / "session.toml").write_text(
         SESSION[: SESSION.index("[trajectory]")].replace("[crs]", 'gnss = ["gnss.nmea"]\n[crs]')
+        + "[lidar]\nxyz_m = [-0.55, 0.0, 2.35]\nrpy_deg = [0.8, 40.6, 179.3]\n"
     )
     accuracy = furrowmap.run(tmp_path / "session.toml", tmp_path / "result").report["accuracy"]
     assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from furrowmap.core.adjustment.matched import match
+from furrowmap.core.adjustment.matched import match, prepare
 from furrowmap.core.calibration.laser_ranges import LEAST_RETURNS, LaserSums
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
@@ -86,8 +86,10 @@ def test_a_drive_of_ten_seconds_shows_more_than_half_of_what_each_laser_has_of_i
     tool = Tool(session.implement.xy_m, 0.5 * session.implement.width_m)
     found = []
     for one in (returns, dataclasses.replace(returns, xyz_m=xyz)):
-        matched = match(one, located.trajectory, located.antenna, session.antenna.xyz_m, mounting, tool, lambda _: None)
-        assert matched is not None
+        lever_m = session.antenna.xyz_m
+        prepared = prepare(one, located.trajectory, located.antenna, lever_m, mounting, tool)
+        assert prepared is not None
+        matched = match(prepared, lambda _: None)
         assert matched.ranges is not None
         found.append(matched.ranges)
     without, with_them = found

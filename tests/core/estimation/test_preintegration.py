@@ -32,18 +32,16 @@ def test_constant_rate_and_force__have_a_closed_form(
     assert np.allclose(found.way_m[0], (pushed * (length_s - fine)[:, None]).sum(axis=0), atol=2e-4)
 
 
-@given(st.integers(0, 1000), st.floats(0.1, 0.9))
-def test_increments__follow_each_other(seed: int, middle_s: float) -> None:
+@given(st.integers(0, 1000), st.integers(1, 58))
+def test_increments__follow_each_other(seed: int, middle: int) -> None:
     random = np.random.default_rng(seed)
-    t_s = np.sort(random.uniform(0.0, 1.0, 60))
-    t_s[0], t_s[-1] = 0.0, 1.0
+    t_s = np.cumsum(random.uniform(0.002, 0.03, 60))
     rate, force = random.normal(0, 1, (60, 3)), random.normal(0, 10, (60, 3))
-    both = increments(t_s, rate, force, np.array([0.0, middle_s]), np.array([middle_s, 1.0]))
-    whole = increments(t_s, rate, force, np.array([0.0]), np.array([1.0]))
-    rest_s = 1.0 - middle_s
+    both = increments(t_s, rate, force, t_s[[0, middle]], t_s[[middle, 59]])
+    whole = increments(t_s, rate, force, t_s[:1], t_s[59:])
+    rest_s = t_s[59] - t_s[middle]
     velocity = both.velocity_mps[0] + both.turn[0] @ both.velocity_mps[1]
     way = both.way_m[0] + both.velocity_mps[0] * rest_s + both.turn[0] @ both.way_m[1]
-    # A step of the integration more or less, where the middle lies between samples.
-    assert np.allclose(both.turn[0] @ both.turn[1], whole.turn[0], atol=2e-3)
-    assert np.allclose(velocity, whole.velocity_mps[0], atol=2e-2)
-    assert np.allclose(way, whole.way_m[0], atol=2e-2)
+    assert np.allclose(both.turn[0] @ both.turn[1], whole.turn[0], atol=1e-12)
+    assert np.allclose(velocity, whole.velocity_mps[0], atol=1e-10)
+    assert np.allclose(way, whole.way_m[0], atol=1e-10)

@@ -37,7 +37,8 @@ def test_offset__known_causes_are_recognised(offset_s: float, cause: str) -> Non
 
 
 def test_offset__leap_seconds_show_in_short_recordings() -> None:
-    assert likely_offset(reading(T0_S + 18, T0_S + 28), reading(T0_S, T0_S + 10)) == (18.0, "GPS time taken for UTC")
+    found = likely_offset(reading(T0_S + 18, T0_S + 28), reading(T0_S, T0_S + 10))
+    assert found == (18.0, "leap seconds: GPS time taken for UTC")
 
 
 def test_offset__none_where_nothing_usual_fits() -> None:

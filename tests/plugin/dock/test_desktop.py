@@ -148,7 +148,7 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
 
 def test_run__shows_its_stages_and_figures(seen: dict[str, Any], drive: Path) -> None:
     stages = [text[2:] for text in seen["stages"]]
-    assert stages[:3] == ["reading scans", "matching scans", "placing points"]
+    assert stages[:4] == ["hashing inputs", "reading scans", "matching scans", "placing points"]
     assert {"writing cloud", "making surfaces", "writing layers"} <= set(stages)
     assert all(text.startswith("✓") for text in seen["stages"][:-1])
     report = json.loads((drive / "session_result" / "report.json").read_text(encoding="utf-8"))
