@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,12 +50,16 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
 
 
 def _words(found: Calibration, *, written: bool) -> str:
+    height_m, sigma_m = found.height_m
     rows: list[tuple[str, Any]] = [
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
         ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
         ("facing of the scanner", "shown by the scans" if found.facing_shown else _ASSUMED),
-        ("vehicle origin above ground", f"{found.height_m[0]:+.3f} m ± {found.height_m[1]:.3f}"),
+        (
+            "vehicle origin above ground",
+            f"{height_m:+.3f} m ± {sigma_m:.3f}" if math.isfinite(height_m) else "not shown",
+        ),
         ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
         (
             "lidar_minus_gnss_s, estimated",

@@ -77,3 +77,11 @@ def test_preview_and_positions_alone__work(result: furrowmap.Result, tmp_path: P
     assert alone.report["figures"]["points"] == 0
     assert len(alone.trajectory) > 20_000
     assert json.dumps(alone.report["inertial"]) == json.dumps(result.report["inertial"])
+
+
+def test_calibrate__writes_the_boresight(result: furrowmap.Result) -> None:
+    session = result.path.parent / "calibrated.toml"
+    shutil.copyfile(result.path.parent / "session.toml", session)
+    found = furrowmap.calibrate(session, write=True)
+    assert found.found.rpy_deg == pytest.approx(TRUE_RPY_DEG, abs=0.02)
+    assert f"rpy_deg = [{', '.join(f'{angle:.3f}' for angle in found.found.rpy_deg)}]" in session.read_text("utf-8")

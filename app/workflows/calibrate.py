@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.calibration.boresight import boresight
+from furrowmap.core.calibration.strips import strip_returns
+from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.threads import using_threads
+from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.exporters.files.atomic import atomic_output
 
 
@@ -29,7 +32,8 @@ class Calibration:
         sigma_deg: standard deviations of roll, pitch, yaw of the vehicle; inf where the recording does not show them.
         facing_shown: whether the recording shows which way the scanner faces; else the stated yaw is assumed, and the
             estimated one is good only if that is about right.
-        height_m: of the vehicle's origin above the ground it stands on, and its standard deviation.
+        height_m: of the vehicle's origin above the ground it stands on, and its standard deviation; nan and inf for an
+            aircraft.
         stated_offset_s: `lidar_minus_gnss_s` in the session.
         offset_s: the same as the recording shows it, and its standard deviation; nan where it does not.
         clock_differs: whether the recording certainly and uniquely shows another offset than the session states.
@@ -81,7 +85,10 @@ def calibrate(session: str | Path, *, write: bool = False, progress: Progress = 
 
 def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     session_file, session = opened.file, opened.session
-    located = locate(opened.positions(), session, opened.frame)
+    inertial = opened.inertial if session.imu is not None else None
+    located = locate(opened.positions(), session, opened.frame, inertial)
+    if located.source == "imu" and located.antenna is None:
+        return _by_strips(opened, located.trajectory, progress)
     if located.antenna is None:
         raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
     try:
@@ -107,6 +114,26 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     )
 
 
+def _by_strips(opened: OpenSession, trajectory: Trajectory, progress: Progress) -> Calibration:
+    """The boresight of a scanner on an aircraft, from ground that is seen at several times."""
+    stated = opened.session.lidar.mounting
+    lidar = opened.lidar(float(np.mean(trajectory.span_s)))
+    returns = strip_returns(watched(lidar.scans(), lidar, progress, "reading scans"), trajectory)
+    found = boresight(returns, trajectory, stated)
+    if found is None or not found.certain:
+        raise _not_shown(opened.file, "too little smooth ground is seen at several times")
+    return Calibration(
+        stated=stated,
+        found=found.mounting if found.differs else stated,
+        sigma_deg=found.sigma_deg,
+        facing_shown=True,
+        height_m=(math.nan, math.inf),
+        stated_offset_s=opened.session.recording.lidar_minus_gnss_s,
+        offset_s=(math.nan, math.nan),
+        clock_differs=False,
+    )
+
+
 def _not_shown(session_file: Path, why: str) -> RefusedError:
     return RefusedError(
         f"{session_file.name}: the recording shows no mounting, because {why}.",
@@ -123,7 +150,7 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
         RefusedError: if the file writes its tables in a way that is not understood.
     """
     if calibration.mounting_differs:
-        rpy = ", ".join(f"{angle:.2f}" for angle in calibration.found.rpy_deg)
+        rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
         text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
     if calibration.clock_differs:
         text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.3f}")

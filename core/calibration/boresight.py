@@ -70,6 +70,11 @@ class Boresight:
     cells: int
     certain: bool
 
+    @property
+    def differs(self) -> bool:
+        """Whether an angle is off the stated one by more than three standard deviations."""
+        return any(abs(off) > 3.0 * sigma for off, sigma in zip(self.correction_deg, self.sigma_deg, strict=True))
+
 
 def boresight(returns: StripReturns, trajectory: Trajectory, stated: Mounting) -> Boresight | None:
     """The boresight; None where too little ground is seen at several times.
@@ -120,7 +125,7 @@ def boresight_notices(found: Boresight | None) -> list[Notice]:
             "session's [lidar] rpy_deg is used as it is; an error of 0.1° in it moves points by 2 cm at 10 m."
         )
         return [Notice("boresight-assumed", text)]
-    if all(abs(off) <= 3.0 * sigma for off, sigma in zip(found.correction_deg, found.sigma_deg, strict=True)):
+    if not found.differs:
         return []
     angles, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
         found.mounting.rpy_deg, found.sigma_deg

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import msgspec
@@ -19,10 +19,9 @@ from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise
+from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
-from furrowmap.core.values.session import Imu as ImuTable
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -115,22 +114,16 @@ def _with_imu(
 ) -> Located:
     """The trajectory from GNSS and an IMU."""
     assert session.imu is not None
-    imu = Imu(inertial.inertial(), Mounting(session.imu.xyz_m, session.imu.rpy_deg), imu_noise(session.imu))
+    table = session.imu
+    stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
+    mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
+    imu = Imu(inertial.inertial(), mounting, noise)
     found = trajectory_from_inertial(track, imu, frame, lever_arm_m(session), fixes)
     notices = (*transformed.notices, *inertial.notices, *found.notices)
     used = {"used": found.used, "unused": found.unused}
     # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
     antenna = found.positions if session.implement is not None else None
     return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures)
-
-
-def imu_noise(imu: ImuTable) -> InertialNoise:
-    """The noise that a session states: of the class or model, but for the figures of its own."""
-    typical = IMU_CLASSES[IMU_MODELS.get(imu.kind, imu.kind)]
-    stated = {name: value for name, value in msgspec.structs.asdict(imu.noise).items() if value is not None}
-    own = asdict(InertialNoise.of_data_sheet(**{name: stated.get(name, 1.0) for name in imu.noise.__struct_fields__}))
-    given = [name in stated for name in imu.noise.__struct_fields__]
-    return replace(typical, **{name: own[name] for name, ours in zip(own, given, strict=True) if ours})
 
 
 def located_without_lidar(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -79,10 +80,13 @@ class InertialNoise:
         )  # fmt: skip
 
 
+_FIGURES: Final = (
+    "gyro_deg_s_rthz", "accel_mg_rthz", "gyro_bias_deg_s", "accel_bias_mg", "gyro_walk_deg_s_rts", "accel_walk_mg_rts",
+)  # fmt: skip
 IMU_CLASSES: Final = {
-    "consumer": InertialNoise.of_data_sheet(0.01, 0.3, 0.5, 30.0, 0.002, 0.05),
-    "industrial": InertialNoise.of_data_sheet(0.0035, 0.14, 0.1, 10.0, 0.0004, 0.01),
-    "tactical": InertialNoise.of_data_sheet(0.0012, 0.05, 0.01, 3.0, 0.0001, 0.005),
+    "consumer": dict(zip(_FIGURES, (0.01, 0.3, 0.5, 30.0, 0.002, 0.05), strict=True)),
+    "industrial": dict(zip(_FIGURES, (0.0035, 0.14, 0.1, 10.0, 0.0004, 0.01), strict=True)),
+    "tactical": dict(zip(_FIGURES, (0.0012, 0.05, 0.01, 3.0, 0.0001, 0.005), strict=True)),
 }
 """Typical figures: of phones and hobby autopilots (MPU-9250, ICM-20948), of industrial MEMS units (VN-100, Xsens MTi),
 and of tactical ones (ADIS16490, HG4930). Data sheets state the noise; spread and walk of the biases are rounded up."""
@@ -99,3 +103,8 @@ IMU_MODELS: Final = {
     "HG4930": "tactical",
 }
 """The class of each model that `[imu] class` may name."""
+
+
+def inertial_noise(kind: str, stated: Mapping[str, float] | None = None) -> InertialNoise:
+    """The noise of a class or model of IMU, with the figures of a data sheet that are stated instead of its own."""
+    return InertialNoise.of_data_sheet(**(IMU_CLASSES[IMU_MODELS.get(kind, kind)] | dict(stated or {})))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.inertial import IMU_CLASSES, InertialNoise, InertialTrack
+from furrowmap.core.values.inertial import InertialNoise, InertialTrack, inertial_noise
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import attitude_to_quaternion
 from furrowmap.core.values.session import Crs
@@ -26,6 +26,7 @@ BEGIN_S = 1_779_529_272.0
 MOUNTING = Mounting((-0.3, 0.1, -0.2), (180.0, 0.0, 90.0))
 LEVER_M = (0.4, -0.2, 0.5)
 DRIFT_S = 60.0
+INDUSTRIAL = inertial_noise("industrial")
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class Flight:
             sigma_h_m=1.5 * sigma,
         )
 
-    def noisy_imu(self, noise: InertialNoise = IMU_CLASSES["industrial"], rate_hz: float = 200.0) -> InertialTrack:
+    def noisy_imu(self, noise: InertialNoise = INDUSTRIAL, rate_hz: float = 200.0) -> InertialTrack:
         """Measurements with white noise and biases that wander."""
         exact, random = self.imu(rate_hz), np.random.default_rng([self.seed, 98])
         n = len(exact)

@@ -13,14 +13,14 @@ from furrowmap.core.trajectory.from_inertial import Imu, InertialTrajectory, tra
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
-from furrowmap.core.values.inertial import IMU_CLASSES, InertialTrack
+from furrowmap.core.values.inertial import InertialTrack, inertial_noise
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.trajectory import Trajectory
 from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
 
 FloatArray = NDArray[np.float64]
 
-INDUSTRIAL = IMU_CLASSES["industrial"]
+INDUSTRIAL = inertial_noise("industrial")
 
 
 def found(track: GnssTrack, imu: InertialTrack) -> InertialTrajectory:
