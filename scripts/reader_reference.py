@@ -9,7 +9,13 @@ from typing import Final
 from furrowmap.core.readers.reader import Reader, readers
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "readers.md"
-GIVES: Final = {"scans": "laser scans", "track": "positions", "poses": "poses", "states": "implement states"}
+GIVES: Final = {
+    "scans": "laser scans",
+    "track": "positions",
+    "inertial": "IMU",
+    "poses": "poses",
+    "states": "implement states",
+}
 """Methods of readers, and the data that they return."""
 _TABLE: Final = re.compile(r"(?<=<!-- Written by scripts/reader_reference\.py -->\n\n)(?:\|.*\n)+")
 

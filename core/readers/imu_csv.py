@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.csv_numbers import numbers, pieces
-from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
-from furrowmap.core.values.clock import runs_forward
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.scan import Clock
@@ -29,10 +28,6 @@ FORCES: Final = {"mps2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-
 """Units at the end of a column's name, and their factors to rad/s and m/s²."""
 NAMES: Final = {"rate": ("gyro", "rate", "gyr"), "force": ("force", "accel", "acc")}
 """Begins of the columns' names."""
-MOST_DISORDER: Final = 0.01
-LARGEST_RATE_RADPS: Final = 100.0
-LARGEST_FORCE_MPS2: Final = 1000.0
-"""No IMU measures more: the unit is another one."""
 
 
 class ImuCsv(FileReader):
@@ -63,19 +58,7 @@ class ImuCsv(FileReader):
         """
         parts = [self._read(path) for path in self.paths]
         t_s, values = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-        forward = runs_forward(t_s)
-        name = ", ".join(str(path) for path in self.paths)
-        if (~forward).sum() > MOST_DISORDER * len(t_s) or forward.sum() < 2:
-            raise InputError(
-                f"{name}: {int((~forward).sum())} of {len(t_s)} measurements are not later than all before.",
-                "An IMU cannot be integrated out of time order.",
-                "Sort the rows by time; name the files in time order.",
-                code="time-disorder",
-            )
-        if not forward.all():
-            text = f"{name}: {int((~forward).sum())} of {len(t_s)} rows are not later than all before and are dropped."
-            self.notices.append(Notice("time-runs-back", text))
-        return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
+        return inertial_track(t_s, values, joined_name(self.paths), self.notices)
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span, and the mean of the specific force.
@@ -85,11 +68,10 @@ class ImuCsv(FileReader):
         """
         reader = ImuCsv(self.paths[:1], self.options)
         track = reader.inertial()
-        facts: dict[str, Any] = {"measurements": len(track), **utc_facts(track.t_s), **timing_facts(track.t_s)}
-        facts["mean_force_mps2"] = np.round(track.force_mps2.mean(axis=0), 3).tolist()
-        facts["largest_rate_dps"] = round(float(np.degrees(np.abs(track.rate_radps).max())), 1)
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")
-        return Inspection(self.paths[0], self.format, self.title, facts, (clock,), tuple(reader.notices))
+        return Inspection(
+            self.paths[0], self.format, self.title, inertial_facts(track), (clock,), tuple(reader.notices)
+        )
 
     def _read(self, path: Path) -> tuple[FloatArray, FloatArray]:
         """UTC (n,), and angular rate and specific force (n, 6)."""
@@ -110,16 +92,16 @@ class ImuCsv(FileReader):
             self.notices.append(Notice("rows-incomplete", text))
         rows = rows[whole]
         values = rows[:, 1:] * columns.factors
-        for first, largest in ((0, LARGEST_RATE_RADPS), (3, LARGEST_FORCE_MPS2)):
-            wrong = np.flatnonzero((np.abs(values[:, first : first + 3]) > largest).any(axis=1))
-            if len(wrong):
-                raise InputError(
-                    f"{path}: {len(wrong)} rows, the first with {rows[wrong[0], first + 1 : first + 4].tolist()}, are "
-                    f"beyond what an IMU measures in the unit of `{columns.names[first + 1]}`.",
-                    "The unit or the column is wrong, or the file is damaged.",
-                    "Rename the columns to their unit, such as gyro_x_radps or accel_x_mg.",
-                    code="value-out-of-range",
-                )
+        beyond = first_beyond(values)
+        if beyond is not None:
+            count, row, first = beyond
+            raise InputError(
+                f"{path}: {count} rows, the first with {rows[row, first + 1 : first + 4].tolist()}, are "
+                f"beyond what an IMU measures in the unit of `{columns.names[first + 1]}`.",
+                "The unit or the column is wrong, or the file is damaged.",
+                "Rename the columns to their unit, such as gyro_x_radps or accel_x_mg.",
+                code="value-out-of-range",
+            )
         return utc_of(rows[:, 0], columns.scale, str(path), self.options), values
 
 

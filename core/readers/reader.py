@@ -39,6 +39,7 @@ class ReadOptions:
         time: time scale of trajectory files that do not state it, "utc" or "gps".
         week: GPS week, for files with seconds of the week.
         task: id or name of the task to read, for task data with several.
+        topic: name of the topic to read, for bags with several of a kind.
         glance_s: one scan in this many seconds is sufficient; a reader may yield more if skipping saves no time.
     """
 
@@ -48,6 +49,7 @@ class ReadOptions:
     time: str | None = None
     week: int | None = None
     task: str | None = None
+    topic: str | None = None
     glance_s: float | None = None
 
 

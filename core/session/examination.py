@@ -81,7 +81,7 @@ class Examined:
     @property
     def gives_inertial(self) -> bool:
         """Whether it holds measurements of an IMU."""
-        return isinstance(self.reader, GivesInertial)
+        return isinstance(self.reader, GivesInertial) and self._holds("imu")
 
     @property
     def gives_states(self) -> bool:

@@ -184,7 +184,8 @@ class OpenSession:
         Raises:
             InputError: as :meth:`positions`.
         """
-        reader = open_recording(self.inputs.inertial, ReadOptions(near_s=near_s))
+        topic = self.session.imu.topic if self.session.imu is not None else None
+        reader = open_recording(self.inputs.inertial, ReadOptions(near_s=near_s, topic=topic))
         _expect(reader, GivesInertial, self.inputs.inertial[0], "imu.files")
         return cast("InertialReader", reader)
 

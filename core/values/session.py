@@ -167,6 +167,7 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
 
     Attributes:
         files: recordings, in time order.
+        topic: of a bag with several; by default the one with the most messages.
         xyz_m: its place in the vehicle frame.
         rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
         kind: class of device ("consumer", "industrial", "tactical") or model; the key is `class`.
@@ -174,6 +175,7 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     """
 
     files: tuple[str, ...]
+    topic: str | None = None
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     kind: str = "industrial"
@@ -239,6 +241,7 @@ EXAMPLES: Final = {
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
     "imu.files": '["imu.csv"]',
+    "imu.topic": '"/imu/data"',
     "imu.xyz_m": "[-0.04, -0.01, -0.29]",
     "imu.rpy_deg": "[180.0, 0.0, 0.0]",
     "imu.class": '"VN-200"',

@@ -1,4 +1,4 @@
-"""NMEA 0183 logs of GNSS receivers: GGA, RMC, GST, VTG, HDT (THS) and ZDA."""
+"""NMEA 0183 logs of GNSS receivers: GGA or GNS, RMC, GST, VTG, HDT (THS) and ZDA."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from furrowmap.core.values.errors import Notice
 MOST_OTHER_BYTES: Final = 0.5
 """Largest share of other bytes in a file that is recognised by its sentences alone."""
 LEAST_NMEA_BYTES: Final = 0.02
-"""Smallest share of sentences in a binary log that is recognised by its GGA sentences."""
+"""Smallest share of sentences in a binary log that is recognised by its GGA or GNS sentences."""
 NOTED_OTHER_BYTES: Final = 0.01
 """Share of other bytes from which a notice reports them."""
 
@@ -39,7 +39,7 @@ class NmeaLog(PositionLog):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain if most of the file is sentences; possible with GGA among other bytes."""
+        """Certain if most of the file is sentences; possible with GGA or GNS among other bytes."""
         if b"$" not in head.data:
             return 0.0
         counts = SentenceCounts()
@@ -47,7 +47,7 @@ class NmeaLog(PositionLog):
         share = counts.message_bytes / len(head.data)
         if len(sentences) and share >= MOST_OTHER_BYTES:
             return 0.9
-        return 0.6 if share >= LEAST_NMEA_BYTES and len(sentences.of(Kind.GGA)) else 0.0
+        return 0.6 if share >= LEAST_NMEA_BYTES and _with_epochs(sentences) else 0.0
 
     def _undated(self, t_s: float) -> str:
         return f"{time_of_day(t_s)} (no date)"
@@ -76,6 +76,10 @@ class NmeaLog(PositionLog):
             **positions.facts,
         }
         return replace(positions, facts=facts, scale="UTC from its sentences")
+
+
+def _with_epochs(sentences: Sentences) -> bool:
+    return bool(len(sentences.of(Kind.GGA)) or len(sentences.of(Kind.GNS)))
 
 
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:

@@ -35,6 +35,7 @@ class Kind(IntEnum):
     VTG = 3
     HDT = 4
     ZDA = 5
+    GNS = 6
 
 
 FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
@@ -44,9 +45,11 @@ FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.VTG: ("", "speed_mps", "course_deg"),
     Kind.HDT: ("", "heading_deg"),
     Kind.ZDA: ("tod_s", "date_ymd"),
+    Kind.GNS: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop", "age_s"),
 }
 """Names of the columns of :attr:`Sentences.values`. ``tod_s``: UTC seconds of the day; ``date_ymd``: UTC date as the
-number yyyymmdd; ``valid``: 1 if the receiver marks its data as valid. THS is read as HDT."""
+number yyyymmdd; ``valid``: 1 if the receiver marks its data as valid; ``quality``: code of GGA, of GNS the best of its
+constellations. THS is read as HDT."""
 
 COLUMNS: Final = max(len(names) for names in FIELDS.values())
 
@@ -154,12 +157,16 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
 
 
 _BAD, _CUT, _BEHIND, _BYTES = range(4)
-_GGA, _RMC, _GST, _VTG, _HDT, _ZDA = (int(kind) for kind in Kind)
+_GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS = (int(kind) for kind in Kind)
 _MOST_FIELDS = 16
 _TENS = 10.0 ** np.arange(19)
 
 _DOLLAR, _STAR, _COMMA, _DOT, _MINUS = (ord(c) for c in "$*,.-")
 _0, _9, _A, _F, _G, _H, _D, _M, _N, _P, _R, _S, _T, _V, _W, _E, _Z, _C = (ord(c) for c in "09AFGHDMNPRSTVWEZC")
+_MODES = np.frombuffer(b"SMEADPFR", np.uint8)
+"""Mode indicators of GNS, the best last; N is no position."""
+_QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
+"""The quality that GGA gives each of them."""
 _SMALL_A, _SMALL_F = ord("a"), ord("f")
 
 
@@ -240,6 +247,17 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
         out[6] = _number(data, begin[6], begin[7] - 1)
         out[7] = _number(data, begin[7], begin[8] - 1)
         out[8] = _number(data, begin[12], begin[13] - 1)
+    elif a == _G and b == _N and c == _S:
+        known = _GNS
+        out[0] = _time_of_day(data, begin, 0)
+        out[1] = _angle(data, begin, 1, _N, _S)
+        out[2] = _angle(data, begin, 3, _E, _W)
+        out[3] = _number(data, begin[8], begin[9] - 1)
+        out[4] = _number(data, begin[9], begin[10] - 1)
+        out[5] = _best_mode(data, begin[5], begin[6] - 1)
+        for k in range(2):
+            out[6 + k] = _number(data, begin[6 + k], begin[7 + k] - 1)
+        out[8] = _number(data, begin[10], begin[11] - 1)
     elif a == _R and b == _M and c == _C:
         known = _RMC
         out[0] = _time_of_day(data, begin, 0)
@@ -338,6 +356,17 @@ def _angle(data: Any, begin: Any, k: int, positive: int, negative: int) -> Any:
     if side == positive:
         return angle
     return -angle if side == negative else np.nan
+
+
+@njit(cache=True, nogil=True)
+def _best_mode(data: Any, begin: int, end: int) -> Any:
+    """Quality of a position whose constellations have the modes in ``data[begin:end]``; 0 if none has a position."""
+    best = -1
+    for i in range(begin, end):
+        for k in range(best + 1, len(_MODES)):
+            if data[i] == _MODES[k]:
+                best = k
+    return _QUALITIES[best] if best >= 0 else 0.0
 
 
 @njit(cache=True, nogil=True)

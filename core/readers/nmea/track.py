@@ -1,14 +1,16 @@
 """NMEA sentences to one receiver's positions: choice of receiver, date, and assignment of sentences to epochs.
 
-GGA makes the epoch. RMC and GST are joined by equal time stamp. VTG and HDT have no time: if the log begins with such a
-sentence, it belongs to the next sentence with a time (the receiver writes it first in each burst), else to the one
-before. Epochs are never sorted: those that are not later than all before are dropped and counted.
+GGA makes the epoch, or GNS in a log without positions in GGA. RMC and GST are joined by equal time stamp. VTG and HDT
+have no time: if the log begins with such a sentence, it belongs to the next sentence with a time (the receiver writes
+it first in each burst), else to the one before. Epochs are never sorted: those that are not later than all before are
+dropped and counted.
 """
 
 from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -52,6 +54,7 @@ def assemble(
         InputError: if `date` is not a date.
     """
     notices: list[Notice] = []
+    sentences = _gns_as_gga(sentences)
     all_gga = sentences.of(Kind.GGA)
     of_talker = {t: int(np.sum(all_gga.talker[_has_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
     mine = _one_receiver(all_gga[_has_position(all_gga)], notices, name)
@@ -88,6 +91,15 @@ def assemble(
         notices=tuple(notices),
         fault=fault,
     )
+
+
+def _gns_as_gga(sentences: Sentences) -> Sentences:
+    """GNS in the place of GGA where only GNS has positions: their columns are the same."""
+    gga, gns = sentences.of(Kind.GGA), sentences.of(Kind.GNS)
+    if _has_position(gga).any() or not _has_position(gns).any():
+        return sentences[sentences.kind != Kind.GNS]
+    kept = sentences[sentences.kind != Kind.GGA]
+    return replace(kept, kind=np.where(kept.kind == Kind.GNS, np.int8(Kind.GGA), kept.kind))
 
 
 def _has_position(gga: Sentences) -> NDArray[np.bool_]:
@@ -268,10 +280,10 @@ def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArr
 
 
 def _no_positions(name: str, all_gga: int) -> InputError:
-    what = f"none of its {all_gga} GGA sentences has a position" if all_gga else "no intact GGA sentence"
+    what = f"none of its {all_gga} GGA sentences has a position" if all_gga else "no intact GGA or GNS sentence"
     return InputError(
         f"{name}: {what}.",
-        "Height and kind of fix are only in GGA.",
+        "Height and kind of fix are only in GGA and GNS.",
         "Configure the receiver to output GGA, and record with a fix; `furrowmap inspect` lists the sentences.",
         code="no-positions",
     )

@@ -1,4 +1,4 @@
-"""ROS bags: laser scans from packets or point clouds, and GNSS positions."""
+"""ROS bags: laser scans from packets or point clouds, GNSS positions, and inertial measurements."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from furrowmap.core.readers.rosbag.messages import (
     IMU,
     NAV_SAT_FIX,
     POINT_CLOUD,
+    SENTENCE,
     VELODYNE_SCAN,
     FixLog,
     deserialised,
@@ -24,11 +25,14 @@ from furrowmap.core.readers.source import Head
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.clouds import CloudScans
+    from furrowmap.core.readers.rosbag.inertial import ImuLog
     from furrowmap.core.readers.rosbag.packets import PacketScans
+    from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
 T = TypeVar("T")
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
@@ -53,7 +57,7 @@ class _RosBag(FileReader):
 
     Args:
         paths: the bags of one recording, in the order of time.
-        options: `model` and `near_s` are used.
+        options: `model`, `near_s`, `date` and `topic` are used.
     """
 
     format: ClassVar[str]
@@ -76,13 +80,20 @@ class _RosBag(FileReader):
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
-        """The positions of the topic with the most NavSatFix messages.
+        """The positions in NMEA sentences, or if there are none, in NavSatFix messages.
 
         Raises:
             InputError: if the bag has none that can be decoded.
         """
-        chosen = self._choose("positions", NAV_SAT_FIX)
-        return self._positions(chosen)[0]
+        return self._positions()[0]
+
+    def inertial(self) -> InertialTrack:
+        """The measurements of the topic that `options` name, else of that with the most Imu messages.
+
+        Raises:
+            InputError: if the bag has none that can be decoded, or their stamps do not increase.
+        """
+        return self._inertial()[0]
 
     def inspect(self) -> Inspection:
         """Read the whole first bag and report what it contains.
@@ -102,7 +113,8 @@ class _RosBag(FileReader):
             "topics": {topic.name: _topic_facts(topic) for topic in topics},
         }
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
-        for name, look_into in (("scans", self._scan_facts), ("positions", self._position_facts)):
+        looks = (("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts))
+        for name, look_into in looks:
             try:
                 found, clock = look_into()
             except InputError as error:
@@ -112,9 +124,6 @@ class _RosBag(FileReader):
             else:
                 facts[name] = found
                 clocks.append(clock)
-        imu = {topic.name: topic.messages for topic in topics if topic.type == IMU}
-        if imu:
-            facts["imu_messages_not_used"] = imu
         return Inspection(self.paths[0], self.format, self.title, facts, tuple(clocks), tuple(self.notices))
 
     def _found(self) -> list[_Topic]:
@@ -141,13 +150,13 @@ class _RosBag(FileReader):
             self._topics = list(found.values())
         return self._topics
 
-    def _choose(self, what: str, *kinds: str) -> _Topic:
-        """The topic to read for `what`: of the first of the types that was recorded, the one with the most messages."""
-        found = [topic for topic in self._found() if topic.type in kinds]
+    def _choose(self, what: str, *kinds: str, wanted: str | None = None) -> _Topic:
+        """The topic to read for `what`: `wanted`, else of the first recorded type the one with the most messages."""
+        found = [topic for topic in self._found() if topic.type in kinds and wanted in (None, topic.name)]
         if not found:
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self._found()[:8])
             raise InputError(
-                f"{self.paths[0]}: no topic with {what} (topics: {there}).",
+                f"{self.paths[0]}: no topic {f'{wanted} ' if wanted else ''}with {what} (topics: {there}).",
                 f"furrowmap reads {what} from {' or '.join(kinds)}.",
                 "Use the recording that contains that topic, or record it as well.",
                 code="bag-nothing-usable",
@@ -183,16 +192,53 @@ class _RosBag(FileReader):
         yield from self._read(chosen, decoder.push)
         yield decoder.finish()
 
-    def _positions(self, chosen: _Topic) -> tuple[GnssTrack, FixLog]:
+    def _positions(self) -> tuple[GnssTrack, _Topic, FixLog | SentenceLog]:
+        """The positions, their topic, and its messages."""
         from furrowmap.core.readers.facts import jump_notices
 
-        log = FixLog()
+        chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX)
+        log: FixLog | SentenceLog
+        if chosen.type == SENTENCE:
+            track, log, fault = self._of_sentences(chosen)
+            if fault is not None:
+                if all(topic.type != NAV_SAT_FIX for topic in self._found()):
+                    raise fault
+                text = f"{fault.what.rstrip('.')}; positions are taken from NavSatFix messages."
+                self._add_notices(Notice("bag-sentences-unused", text))
+                chosen = self._choose("positions", NAV_SAT_FIX)
+        if chosen.type == NAV_SAT_FIX:
+            log = FixLog()
+            for _ in self._read(chosen, log.add):
+                pass
+            track, notices = log.track(self._source(chosen))
+            self._add_notices(*notices)
+        track, _, elsewhere = without_elsewhere(track)
+        self._add_notices(*elsewhere, *jump_notices(track))
+        return track, chosen, log
+
+    def _of_sentences(self, chosen: _Topic) -> tuple[GnssTrack, SentenceLog, InputError | None]:
+        """The positions in sentences, and why there are none."""
+        from furrowmap.core.readers.rosbag.sentences import SentenceLog
+
+        log = SentenceLog()
         for _ in self._read(chosen, log.add):
             pass
-        track, notices = log.track(self._source(chosen))
-        track, _, elsewhere = without_elsewhere(track)
-        self._add_notices(*notices, *elsewhere, *jump_notices(track))
-        return track, log
+        positions = log.positions(self._source(chosen), self.options.date)
+        if positions.fault is None:
+            self._add_notices(*positions.notices)
+        return positions.track, log, positions.fault
+
+    def _inertial(self) -> tuple[InertialTrack, _Topic, ImuLog]:
+        from furrowmap.core.readers.rosbag.inertial import ImuLog
+
+        chosen = self._choose("inertial measurements", IMU, wanted=self.options.topic)
+        log = ImuLog()
+        for _ in self._read(chosen, log.add):
+            pass
+        notices: list[Notice] = []
+        track = log.track(self._source(chosen), notices)
+        self._add_notices(*notices)
+        return track, chosen, log
 
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
         """`take` applied to each message of a topic; those that cannot be decoded are skipped and counted."""
@@ -238,13 +284,21 @@ class _RosBag(FileReader):
         facts = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
         return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
+    def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        from furrowmap.core.readers.inertial_rows import inertial_facts
+
+        track, chosen, log = self._inertial()
+        facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
+        note = f"time stamps of the IMU by its driver; received {log.delay_s():.3f} s later (median)"
+        return facts, ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
+
     def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
         from furrowmap.core.readers.facts import position_facts, timing_facts
 
-        chosen = self._choose("positions", NAV_SAT_FIX)
-        track, log = self._positions(chosen)
+        track, chosen, log = self._positions()
         facts = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
-        note = f"time stamps of the positions by their driver; received {log.delay_s():.3f} s later (median)"
+        stamps = "times in the sentences" if chosen.type == SENTENCE else "time stamps of the positions by their driver"
+        note = f"{stamps}; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _source(self, topic: _Topic) -> str:

@@ -1,7 +1,7 @@
 """ROS messages with packets and positions, deserialised by `rosbags`.
 
-Definitions: the ROS packages sensor_msgs and velodyne_msgs. `rosbags` is imported with the first message, because all
-readers are imported at each start.
+Definitions: the ROS packages sensor_msgs, velodyne_msgs and nmea_msgs. `rosbags` is imported with the first message,
+because all readers are imported at each start.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 VELODYNE_SCAN: Final = "velodyne_msgs/msg/VelodyneScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
+SENTENCE: Final = "nmea_msgs/msg/Sentence"
 IMU: Final = "sensor_msgs/msg/Imu"
 
 FIXED_SIGMA_M: Final = 0.10
@@ -29,10 +30,12 @@ FIXED_SIGMA_M: Final = 0.10
 ambiguities give centimetres, float ones decimetres."""
 
 _PACKET_BYTES: Final = 1206
-_VELODYNE_DEFINITIONS: Final = {
+_DEFINITIONS: Final = {
     "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{_PACKET_BYTES}] data\n",
     VELODYNE_SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
+    SENTENCE: "std_msgs/Header header\nstring sentence\n",
 }
+"""Those that the stores of `rosbags` do not have."""
 
 
 def deserialised(message: BagMessage) -> Any:
@@ -57,7 +60,7 @@ def _typestore(encoding: str) -> Typestore:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.ROS2_HUMBLE)
-    for name, definition in _VELODYNE_DEFINITIONS.items():
+    for name, definition in _DEFINITIONS.items():
         store.register(get_types_from_msg(definition, name))
     return store
 

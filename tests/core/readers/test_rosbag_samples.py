@@ -83,11 +83,6 @@ def test_inspect_reports_topics_counts_and_span(shared_data: Path, name: str) ->
     assert not [notice for notice in inspection.notices if notice.code.startswith("bag-")]
 
 
-def test_inspect_counts_imu_messages_and_reports_that_they_are_not_used(shared_data: Path) -> None:
-    facts = inspected(shared_data / "rosbag" / "husky_imu_odom_fix.bag").facts
-    assert facts["imu_messages_not_used"] == {"/imu/data": 11865}
-
-
 def test_inspect_reports_the_models_of_the_packets(shared_data: Path) -> None:
     assert inspected(shared_data / "rosbag" / "vlp16_dual_rosbag2").facts["scans"]["model"] == "VLP-16"
     assert inspected(shared_data / "rosbag" / "vlp32c_single_rosbag2").facts["scans"]["model"] == "VLP-32C"

@@ -163,11 +163,13 @@ def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data
     assert codes(proposal) == {"no-mounting", "no-antenna", "no-implement"}
 
 
-def test_bag_without_scans__is_named_for_its_positions_alone(shared_data: Path) -> None:
+def test_bag_without_scans__is_named_for_its_positions_and_its_imu(shared_data: Path) -> None:
     folder = shared_data / "rosbag"
     text = propose_session([Examined.of(folder / "husky_imu_odom_fix.bag")], folder).text
     session = parse_session(text)
-    assert (session.recording.lidar, session.recording.gnss) == ((UNKNOWN,), ("husky_imu_odom_fix.bag",))
+    assert (session.recording.lidar, session.recording.gnss) == ((), ("husky_imu_odom_fix.bag",))
+    assert session.imu is not None
+    assert session.imu.files == ("husky_imu_odom_fix.bag",)
 
 
 def test_finished_cloud__is_no_recording(shared_data: Path, capture: Path) -> None:

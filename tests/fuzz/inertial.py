@@ -1,0 +1,36 @@
+"""Recordings of IMUs, of attitudes and of line scanners."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from furrowmap.cli.inspect import _value
+from furrowmap.core.readers.reader import Recognised
+from furrowmap.core.values.json_text import plain
+from tests.core.readers.inertial_bags import sentences, turning_imu
+from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
+from tests.fuzz.mutations import Files
+from tests.fuzz.positions import nmea
+from tests.fuzz.reading import OPTIONS
+from tests.fuzz.trials import Entry
+
+
+def bag_seeds(folder: Path) -> list[Files]:
+    """An IMU and sentences, in a ROS 1 bag and an MCAP file."""
+    first = write_bag1(folder / "imu.bag", [*turning_imu(12, ROS1), *sentences(nmea(3), ROS1)])
+    (second,) = write_bag2(folder / "imu", [*turning_imu(12), *sentences(nmea(3))]).glob("*.mcap")
+    return [{"imu.bag": first.read_bytes()}, {"imu.mcap": second.read_bytes()}]
+
+
+def read_bag(path: Path) -> None:
+    """All but scans, of which it has none."""
+    found = Recognised.of(path)
+    json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
+    reader = found.open(OPTIONS)
+    for give in ("inertial", "track"):
+        if hasattr(reader, give):
+            getattr(reader, give)()
+
+
+INERTIAL = (Entry("rosbag-imu", bag_seeds, read_bag, trials=150),)
