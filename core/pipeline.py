@@ -14,7 +14,7 @@ from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
 from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
-from furrowmap.core.calibration.strips import strip_returns
+from furrowmap.core.calibration.strips import StripReturns, strip_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
@@ -29,6 +29,7 @@ from furrowmap.core.pointclouds.run_notices import (
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Located, OpenInertial, locate, located_without_lidar
+from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
@@ -39,6 +40,7 @@ from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
 from furrowmap.core.work.run_result import RunResult
+from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
 
 TURNED_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
@@ -116,12 +118,12 @@ def run(
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
-    located, matched, found, implement = _match(opened, guess, lidar, progress, checkpoint)
+    located, matched, flown, implement = _match(opened, guess, lidar, progress, checkpoint)
     lidar = _by_used_clock(lidar, matched)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    placer = placer_of(located, _mounting(session, matched, found))
+    placer = placer_of(located, _mounting(session, matched, flown.boresight))
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -135,8 +137,8 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
-    notices += boresight_notices(found) if located.source == "imu" and matched is None else []
-    return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), boresight=found)
+    notices += boresight_notices(flown.boresight) if located.source == "imu" and matched is None else []
+    return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), **vars(flown))
 
 
 def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:
@@ -153,7 +155,7 @@ def _imu_of(opened: OpenSession) -> OpenInertial | None:
 
 def _match(
     opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress, checkpoint: Checkpoint | None
-) -> tuple[Located, Matched | None, Boresight | None, ImplementTracker]:
+) -> tuple[Located, Matched | None, _Flown, ImplementTracker]:
     """Read the scans once: match them to the ground or to each other, and collect those that show the implement.
 
     What an earlier run kept of the matching is used instead.
@@ -162,8 +164,7 @@ def _match(
     if guess.source == "imu" and guess.antenna is None:
         implement = ImplementTracker(session, flying=True)
         scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
-        returns = strip_returns(scans, guess.trajectory)
-        return guess, None, boresight(returns, guess.trajectory, session.lidar.mounting), implement
+        return guess, None, _flown(strip_returns(scans, guess.trajectory), guess.trajectory, session), implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -182,7 +183,23 @@ def _match(
     if turned or late or kept is not None or guess.antenna is None:
         for scan in watched(_by_used_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
-    return located, matched, None, implement
+    return located, matched, _Flown(), implement
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """What the ground that a flight sees several times shows: fields of :class:`RunResult`."""
+
+    boresight: Boresight | None = None
+    strips: tuple[Strip, ...] = ()
+    strip_differences: StripDifferences | None = None
+
+
+def _flown(returns: StripReturns, trajectory: Trajectory, session: Session) -> _Flown:
+    """Boresight, strips and their differences."""
+    stated = session.lidar.mounting
+    found, strips = boresight(returns, trajectory, stated), find_strips(trajectory)
+    return _Flown(found, strips, strip_differences(returns, strips, stated, _mounting(session, None, found)))
 
 
 def _by_used_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:

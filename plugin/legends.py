@@ -32,6 +32,10 @@ BANDS = {
     "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),
     "dsm": QT_TRANSLATE_NOOP("Legends", "Relief after the work"),
     "dsm_before": QT_TRANSLATE_NOOP("Legends", "Relief before the work"),
+    "dtm": QT_TRANSLATE_NOOP("Legends", "Relief of the ground"),
+    "height_above_ground": QT_TRANSLATE_NOOP("Legends", "Height above ground (m)"),
+    "density": QT_TRANSLATE_NOOP("Legends", "Points a square metre"),
+    "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Number of strips"),
 }
 
 

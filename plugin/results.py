@@ -26,8 +26,12 @@ tr = partial(QCoreApplication.translate, "Results")
 REPORT = "report.json"
 FIELD_LAYERS = "field.gpkg"
 CLOUD = "cloud.copc.laz"
-SURFACES = ("change.tif", "swaths.tif", "dsm.tif", "dsm_before.tif")
-DIFFERENCES = ("change", "swaths")
+SURFACES = (
+    *("change.tif", "swaths.tif", "height_above_ground.tif", "strip_overlap.tif", "density.tif"),
+    *("dsm.tif", "dsm_before.tif", "dtm.tif"),
+)
+COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
+"""Rasters in colours, which blend with the hillshade below."""
 SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zones", "trajectory", "change", "dsm")
 """Layers that are visible at first."""
 MEASURED = ("trajectory", "events", "tool_path")
@@ -143,7 +147,7 @@ def surface_layers(folder):
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
         if layer.isValid():
             styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
-            (show_as_change if path.stem in DIFFERENCES else show_as_surface)(layer, styled=styled)
+            (show_as_change if path.stem in COLOURED else show_as_surface)(layer, styled=styled)
         yield layer
 
 

@@ -6,9 +6,11 @@ import json
 import shutil
 from pathlib import Path
 
+import geopandas as gpd
 import laspy
 import numpy as np
 import pytest
+import rasterio
 from scipy.spatial.transform import Rotation
 
 import furrowmap
@@ -58,6 +60,58 @@ def test_soil__is_as_thin_as_with_true_poses(result: furrowmap.Result, shared_da
     assert 1.4826 * np.median(np.abs(off[bare] - np.median(off[bare]))) < 0.0125
     classes = np.bincount(np.asarray(points.classification), minlength=256)
     assert 0.04 < classes[PointClass.VEHICLE] / len(points) < 0.06  # skids and arms
+
+
+def test_strips__number_the_points_and_agree_once_the_mounting_is_found(result: furrowmap.Result) -> None:
+    """Three lines along the trial, then three across it; each is one strip."""
+    strips = gpd.read_file(result.path / "field.gpkg", layer="strips")
+    assert strips.strip.tolist() == [1, 2, 3, 4, 5, 6]
+    expected = np.array([86.0, 266.0, 86.0, 176.0, 266.0, 356.0])
+    np.testing.assert_allclose(strips.heading_deg, expected, atol=3.0)
+    with laspy.open(result.path / "cloud.copc.laz") as file:
+        points = file.read()
+    seconds = np.asarray(points.gps_time) + 1e9 - 18.0 + 315_964_800.0
+    for row in strips.itertuples():
+        inside = (seconds > row.start.timestamp()) & (seconds < row.end.timestamp())
+        # Times of the layer are whole milliseconds.
+        assert np.mean(np.asarray(points.point_source_id)[inside] == row.strip) > 0.9999
+    land = ~np.isin(np.asarray(points.classification), (PointClass.NOISE, PointClass.VEHICLE))
+    with (
+        rasterio.open(result.path / "density.tif") as density,
+        rasterio.open(result.path / "strip_overlap.tif") as overlap,
+    ):
+        counted = np.nansum(density.read(1)) * density.res[0] ** 2
+        several, area_m2 = overlap.read(1), overlap.res[0] ** 2
+    assert counted == pytest.approx(land.sum(), rel=0.01)
+    assert np.nansum(several) * area_m2 == pytest.approx(strips.geometry.area.sum(), rel=1e-6)
+    told = result.report["strip_differences"]
+    assert told["before"]["rms_m"] > 0.05
+    assert told["after"]["rms_m"] < 0.009
+    cells = gpd.read_file(result.path / "field.gpkg", layer="strip_differences")
+    assert np.sqrt(np.mean(cells.after_m**2)) == pytest.approx(told["after"]["rms_m"], abs=2e-4)
+    assert "Strips against each other" in (result.path / "report.html").read_text(encoding="utf-8")
+
+
+def test_ground__lies_below_the_crop(result: furrowmap.Result, shared_data: Path) -> None:
+    truth = np.load(shared_data / "uav_wheat" / "truth" / "surface.npz")
+    with rasterio.open(result.path / "dtm.tif") as dtm, rasterio.open(result.path / "height_above_ground.tif") as above:
+        ground, height, transform = dtm.read(1), above.read(1), dtm.transform
+    row, column = np.indices(ground.shape)
+    x, y = transform.c + (column + 0.5) * transform.a, transform.f + (row + 0.5) * transform.e
+    at = [
+        ((y - float(truth["n0"])) / float(truth["cell_m"])).astype(int),
+        ((x - float(truth["e0"])) / float(truth["cell_m"])).astype(int),
+    ]
+    soil, crop = truth["soil"], truth["canopy_height"]
+    inside = (at[0] >= 0) & (at[1] >= 0) & (at[0] < soil.shape[0]) & (at[1] < soil.shape[1])
+    at = [np.where(inside, index, 0) for index in at]
+    off = ground - (soil[at[0], at[1]] + float(truth["h0_m"]))
+    bare = inside & np.isfinite(off) & (crop[at[0], at[1]] == 0.0)
+    assert abs(np.median(off[bare])) < 0.01
+    stands = inside & np.isfinite(height) & (crop[at[0], at[1]] > 0.35)
+    # The median return of a cell lies some centimetres below the tops.
+    assert np.median((height - crop[at[0], at[1]])[stands]) == pytest.approx(-0.07, abs=0.04)
+    assert abs(np.median(height[inside & np.isfinite(height) & (crop[at[0], at[1]] == 0.0)])) < 0.01
 
 
 def test_report__has_biases_and_no_advice_for_tractors(result: furrowmap.Result) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import using_threads
-from furrowmap.core.work.field_surfaces import FieldPoints
+from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.exchange.stac import write_item
@@ -42,6 +43,7 @@ from furrowmap.exporters.files.staging import kept, recover, staged_folder
 from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
 from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
+from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.results import Result, open_result
@@ -100,12 +102,20 @@ def _write_products(
     progress("writing layers", 0.0)
     layers = perf_counter()
     provenance = run_origin(found, made.inputs)
-    write_field(staging / FIELD, found.placement.poses, found.frame.wkt, found.work, found.frame.words, provenance)
+    write_field(
+        staging / FIELD,
+        found.placement.poses,
+        found.frame.wkt,
+        found.work,
+        found.frame.words,
+        provenance,
+        _strips(made),
+    )
     if found.work.states is not None:
         write_states(staging / STATES, found.work.states)
     if found.work.seen is not None:
         save_implement(staging / LEARNED, found.work.seen)
-    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters.swaths if made.rasters else None)
+    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters)
     layers = perf_counter() - layers
     (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
@@ -127,18 +137,32 @@ class _Made:
 
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
-    with RunCloud(staging / CLOUD) as cloud, FieldPoints(staging) as land:
+    with RunCloud(staging / CLOUD) as cloud, FieldPoints(staging, reach_m=_reach_m(opened)) as land:
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
         found = pipeline.run(opened, RunSink(cloud, land), progress, KeptMatching(kept(staging), opened, inputs))
         if not found.session.recording.lidar:
             return _Made(found, inputs)
         origin = run_origin(found, inputs)
         begin = perf_counter()
-        summary = cloud.finish(progress, found.work, f"{found.frame.words}\n{origin.text}".strip())
+        summary = cloud.finish(
+            progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
+        )
         written = perf_counter()
         rasters = write_rasters(staging, land, found, origin, progress)
         seconds = {"cloud": written - begin, "surfaces": perf_counter() - written}
         return _Made(found, inputs, summary, rasters, seconds)
+
+
+def _strips(made: _Made) -> list[Layer]:
+    """The layers of a flight's strips."""
+    grounds = made.rasters.strips if made.rasters is not None else ()
+    return strip_layers(grounds, made.found.strip_differences)
+
+
+def _reach_m(opened: OpenSession) -> float:
+    """Range up to which returns make surfaces: all of an aircraft, which meet the ground steeply."""
+    session = opened.session
+    return math.inf if session.imu is not None and session.implement is None else REACH_M
 
 
 def _names(staging: Path) -> list[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -13,10 +14,9 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
+from furrowmap.core.values.intervals import Interval, interval_numbers
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints
-from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.sweep import pass_numbers
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
@@ -79,18 +79,24 @@ class RunCloud:
             )
         )
 
-    def finish(self, progress: Progress, work: FieldWork, description: str) -> CopcSummary:
-        """Sort, compress and write the points, each with its class and the pass in which it was measured."""
+    def finish(self, progress: Progress, passes: Sequence[Interval], description: str) -> CopcSummary:
+        """Sort, compress and write the points, each with its class and the number of its pass.
+
+        Args:
+            progress: receives the stage "writing cloud".
+            passes: of the tool, or strips of a flight.
+            description: of the cloud.
+        """
         assert self._writer is not None
         ground = self._watch.ground()
 
         # The few passes are turned into the points' time, not the many points into the passes'.
-        passes = [replace(when, begin_s=_las(when.begin_s), end_s=_las(when.end_s)) for when in work.passes]
+        spans = [_Span(_las(when.begin_s), _las(when.end_s)) for when in passes]
 
         def mark(points: Columns) -> None:
             ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
-            if passes:
-                points.point_source_id[:] = np.minimum(pass_numbers(passes, points.gps_time), MOST_PASSES)
+            if spans:
+                points.point_source_id[:] = np.minimum(interval_numbers(spans, points.gps_time), MOST_PASSES)
 
         return self._writer.close(progress, mark, description)
 
@@ -99,6 +105,14 @@ class RunCloud:
     ) -> None:
         if self._writer is not None:
             self._writer.__exit__(kind, error, trace)
+
+
+@dataclass(frozen=True)
+class _Span:
+    """A pass in the points' time."""
+
+    begin_s: float
+    end_s: float
 
 
 def _las(t_s: float) -> float:

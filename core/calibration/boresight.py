@@ -17,11 +17,11 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.calibration.strips import (
     LASERS,
-    LEAST_IN_GROUP,
     PARAMETERS,
     CellHeights,
     StripReturns,
     cell_heights,
+    smooth_groups,
 )
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.values.errors import Notice
@@ -38,8 +38,6 @@ TIME_S: Final = 0.001
 """Standard deviation of the time offset between scanner and positions before it is estimated."""
 ANGLE: Final = np.radians(5.0)
 """Of each angle."""
-SMOOTH: Final = 1.4
-"""Only cells count whose heights scatter at most this many times as much as those of the smoothest tenth."""
 ROUNDS: Final = 6
 SETTLED: Final = np.radians(0.001)
 ROBUST_ROUNDS: Final = 3
@@ -155,7 +153,7 @@ class _Fitted:
 
 def _fitted(heights: CellHeights, windows: int) -> _Fitted | None:
     """Least squares of all parameters, the heights of the cells eliminated."""
-    variance, chosen = _smooth(heights)
+    variance, chosen = smooth_groups(heights)
     cell, several = np.unique(heights.cell[chosen], return_inverse=True)
     if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(cell):
         return None
@@ -182,18 +180,3 @@ def _fitted(heights: CellHeights, windows: int) -> _Fitted | None:
     apart = height - middle[several]
     rms = float(np.sqrt(np.average(apart**2, weights=count)))
     return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, len(cell))
-
-
-def _smooth(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
-    """Variance of single heights, and the groups of cells that are smooth: plants move and let beams through."""
-    known = heights.count >= LEAST_IN_GROUP
-    cells = int(heights.cell.max(initial=0)) + 1
-    squares = np.bincount(heights.cell[known], (heights.scatter_m2 * heights.count)[known], cells)
-    freedom = np.bincount(heights.cell[known], (heights.count - 1)[known], cells)
-    variance = np.where(freedom >= 10, squares / np.maximum(freedom, 1), np.inf)
-    seen = np.isfinite(variance)
-    if not seen.any():
-        return np.zeros(0), np.zeros(0, np.intp)
-    limit = SMOOTH**2 * float(np.quantile(variance[seen], 0.1))
-    chosen = np.flatnonzero(known & (variance[heights.cell] <= limit))
-    return variance[heights.cell[chosen]], chosen

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numba
@@ -23,6 +23,8 @@ NEAREST_M: Final = 1.0
 MOST_RETURNS: Final = 1_600_000
 LEAST_IN_PLANE: Final = 30
 LEAST_IN_GROUP: Final = 3
+SMOOTH: Final = 1.4
+"""Only cells count whose heights scatter at most this many times as much as those of the smoothest tenth."""
 PARAMETERS: Final = 4
 """Three angles about the vehicle's axes, and the time offset."""
 LASERS: Final = 16
@@ -41,6 +43,7 @@ class StripReturns:
         rotation: (n, 4) quaternions (w, x, y, z), vehicle to map.
         velocity_mps: (n, 3) of the vehicle.
         rate_radps: (n, 3) angular rate in the map's axes.
+        local_m: (3,) the local origin, a corner of a cell.
     """
 
     t_s: FloatArray
@@ -50,9 +53,15 @@ class StripReturns:
     rotation: FloatArray
     velocity_mps: FloatArray
     rate_radps: FloatArray
+    local_m: FloatArray
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def part(self, chosen: NDArray[np.bool_]) -> StripReturns:
+        """Some of the returns."""
+        arrays = {name: value[chosen] for name, value in vars(self).items() if name != "local_m"}
+        return replace(self, **arrays)
 
 
 def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
@@ -76,7 +85,8 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
     poses, step_s = trajectory.at(t_s), np.diff(trajectory.t_s)[:, None]
     velocity, rate = np.diff(trajectory.xyz_m, axis=0) / step_s, trajectory.turn_rad / step_s
     attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True)
-    local = np.median(poses.xyz_m, axis=0) if len(order) else np.zeros(3)
+    middle = np.median(poses.xyz_m, axis=0) if len(order) else np.zeros(3)
+    local = np.round(middle / CELL_M) * CELL_M
     return StripReturns(
         t_s,
         sensor[order],
@@ -85,6 +95,7 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
         np.ascontiguousarray(poses.quaternion),
         velocity[knot],
         attitude.apply(rate)[knot],
+        local,
     )
 
 
@@ -99,6 +110,7 @@ class CellHeights:
         height_m: (g,) mean height above a plane through the cell's surroundings.
         scatter_m2: (g,) mean square of the heights about it.
         design: (g, PARAMETERS + LASERS) mean derivatives by the parameters.
+        place: (g, 2) column and row of the cell, from the local origin.
     """
 
     cell: NDArray[np.int64]
@@ -107,6 +119,7 @@ class CellHeights:
     height_m: FloatArray
     scatter_m2: FloatArray
     design: FloatArray
+    place: NDArray[np.int64]
 
 
 def cell_heights(
@@ -134,7 +147,23 @@ def cell_heights(
     count = groups[:, 2]
     mean = sums / count[:, None]
     scatter = np.maximum(mean[:, 1] - mean[:, 0] ** 2, 0.0)
-    return CellHeights(groups[:, 0], groups[:, 1], count, mean[:, 0], scatter, mean[:, 2:])
+    place = np.column_stack(np.divmod(groups[:, 0], shape[1])) + first.astype(np.int64)
+    return CellHeights(groups[:, 0], groups[:, 1], count, mean[:, 0], scatter, mean[:, 2:], place)
+
+
+def smooth_groups(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Variance of single heights, and the groups of cells that are smooth: plants move and let beams through."""
+    known = heights.count >= LEAST_IN_GROUP
+    cells = int(heights.cell.max(initial=0)) + 1
+    squares = np.bincount(heights.cell[known], (heights.scatter_m2 * heights.count)[known], cells)
+    freedom = np.bincount(heights.cell[known], (heights.count - 1)[known], cells)
+    variance = np.where(freedom >= 10, squares / np.maximum(freedom, 1), np.inf)
+    seen = np.isfinite(variance)
+    if not seen.any():
+        return np.zeros(0), np.zeros(0, np.intp)
+    limit = SMOOTH**2 * float(np.quantile(variance[seen], 0.1))
+    chosen = np.flatnonzero(known & (variance[heights.cell] <= limit))
+    return variance[heights.cell[chosen]], chosen
 
 
 def _planes(sums: FloatArray, shape: tuple[int, int]) -> FloatArray:

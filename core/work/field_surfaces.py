@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
+from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.passage import Passage, Passages, Track
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.surfaces.visits import block_differences
+from furrowmap.core.values.intervals import Interval
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.threads import threads
 from furrowmap.core.values.trajectory import Trajectory
@@ -57,6 +60,7 @@ class FieldTile:
         number: int32 last pass; 0 where none.
         swaths_m: float32 by blocks of cells, height of a swath less the one before without a passage between; nan
             elsewhere.
+        coverage: by the strips of a flight; None without strips.
     """
 
     grid: Grid
@@ -66,6 +70,7 @@ class FieldTile:
     change_error_m: NDArray[np.float32]
     number: NDArray[np.int32]
     swaths_m: NDArray[np.float32]
+    coverage: Coverage | None = None
 
 
 class FieldPoints:
@@ -74,10 +79,11 @@ class FieldPoints:
     Args:
         folder: for the scratch file.
         cell_m: length of a cell's sides.
+        reach_m: farther returns are left out.
     """
 
-    def __init__(self, folder: Path, cell_m: float = CELL_M) -> None:
-        self._folder, self._cell_m = folder, cell_m
+    def __init__(self, folder: Path, cell_m: float = CELL_M, reach_m: float = REACH_M) -> None:
+        self._folder, self._cell_m, self._reach_m = folder, cell_m, reach_m
         self._spool: PointSpool | None = None
         self._origin_m = (0.0, 0.0, 0.0)
 
@@ -98,7 +104,7 @@ class FieldPoints:
     def add(self, placed: PlacedScan) -> None:
         """Add the points of a scan that may be land and are near enough."""
         assert self._spool is not None
-        near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, REACH_M)
+        near = within(np.ascontiguousarray(placed.scan.xyz_m, np.float32), placed.kept, self._reach_m)
         self._spool.add(placed.xyz_m, placed.scan.t_s, near, self._origin_m)
 
     @property
@@ -107,16 +113,25 @@ class FieldPoints:
         return self._spool.grid if self._spool is not None else None
 
     @property
+    def spooled(self) -> SpooledClouds:
+        """The points as those of a cloud without classes."""
+        assert self._spool is not None
+        return SpooledClouds(self._spool, self._spool, count=0, ground_count=0, span_s=None, notices=())
+
+    @property
     def tile_count(self) -> int:
         """How many tiles there are."""
         return len(self._spool.tiles) if self._spool is not None else 0
 
-    def tiles(self, passages: Passages, statistic: Statistic = MEDIAN) -> Iterator[FieldTile]:
+    def tiles(
+        self, passages: Passages, statistic: Statistic = MEDIAN, strips: Sequence[Interval] = ()
+    ) -> Iterator[FieldTile]:
         """The surfaces, tile by tile, computed in several threads.
 
         Args:
             passages: of the tool's line; none where no work is known.
             statistic: what stands for the returns of a cell.
+            strips: of a flight, to be counted.
         """
         spool = self._spool
         if spool is None:
@@ -125,7 +140,7 @@ class FieldPoints:
         with ThreadPoolExecutor(threads()) as pool:
             for first in range(0, len(keys), AT_ONCE):
                 some = keys[first : first + AT_ONCE]
-                yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic), some)
+                yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic, strips), some)
 
 
 def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement | None) -> Passages:
@@ -139,14 +154,17 @@ def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement 
     )
 
 
-def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> FieldTile:
+def field_tile(
+    points: TilePoints, passages: Passages, statistic: Statistic, strips: Sequence[Interval] = ()
+) -> FieldTile:
     """The surfaces of a tile."""
     grid = points.grid
+    covered = coverage(points, strips) if strips else None
     near = passages.over(grid, BESIDE_M)
     if not near.passed.any():
         surface = points.surface(statistic)
         nothing = np.full(grid.shape, np.nan, np.float32)
-        return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points))
+        return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points), covered)
     points = points.part(_low(points, near.passed))
     tool = passages.over(grid)
     windows = before_and_after(
@@ -158,7 +176,7 @@ def field_tile(points: TilePoints, passages: Passages, statistic: Statistic) -> 
     compared = both.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
     error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
-    return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left))
+    return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left), covered)
 
 
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -21,6 +21,7 @@ from furrowmap.core.implement.near_scans import NearScans
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import REPLACE, Implement, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
@@ -29,7 +30,7 @@ from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.depth import Depth, pass_depths
 from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
-from furrowmap.core.work.sweep import PassTimes, pass_numbers, pass_times
+from furrowmap.core.work.sweep import PassTimes, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
 _NO_MACHINE = Notice(
@@ -91,7 +92,7 @@ class FieldWork:
 
     def pass_at(self, t_s: ArrayLike) -> NDArray[np.intp]:
         """Number (n,) of the pass at times (n,), 1 for the first; 0 between passes."""
-        return pass_numbers(self.passes, t_s)
+        return interval_numbers(self.passes, t_s)
 
 
 def field_boundary(file: Path | None, frame: MapFrame) -> BaseGeometry | None:

@@ -11,9 +11,11 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.trajectory.located import Located
+from furrowmap.core.trajectory.straight_passes import Strip
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.strip_differences import StripDifferences
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class RunResult:
         timings_s: seconds of each stage.
         matched: the result of scan matching; None where the scans were not matched.
         boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
+        strips: of a flight, in the order of time.
+        strip_differences: between them; None where no ground was seen by two.
     """
 
     session: Session
@@ -45,3 +49,5 @@ class RunResult:
     timings_s: dict[str, float]
     matched: Matched | None = None
     boresight: Boresight | None = None
+    strips: tuple[Strip, ...] = ()
+    strip_differences: StripDifferences | None = None

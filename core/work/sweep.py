@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.trajectory.smoothing import smooth_path
@@ -78,16 +78,6 @@ def pass_times(states: ToolStates) -> list[PassTimes]:
             begin, sigma = last.begin_s, last.begin_sigma_s
         passes.append(PassTimes(begin, float(states.end_s[k]), sigma, float(states.end_sigma_s[k])))
     return passes
-
-
-def pass_numbers(passes: Sequence[PassTimes], t_s: ArrayLike) -> NDArray[np.intp]:
-    """Number (n,) of the pass at times (n,), 1 for the first, its ends included; 0 between passes."""
-    t = np.atleast_1d(np.asarray(t_s, np.float64))
-    if not passes:
-        return np.zeros(len(t), np.intp)
-    number = np.searchsorted([when.begin_s for when in passes], t, side="right")
-    ends_s = np.array([when.end_s for when in passes])
-    return np.where((number > 0) & (t <= ends_s[number - 1]), number, 0)
 
 
 def unknown_times(states: ToolStates) -> list[PassTimes]:

@@ -11,11 +11,12 @@ import shapely
 from numpy.typing import NDArray
 
 from furrowmap.core.trajectory.motion import length_m
+from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.sweep import pass_numbers, pass_times
+from furrowmap.core.work.sweep import pass_times
 
 FloatArray = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ def tool_paths(trajectory: Trajectory, states: ToolStates, implement: Implement)
     passes = pass_times(states)
     paths = []
     for state, begin_s, end_s in _stretches(states, trajectory.span_s):
-        number = int(pass_numbers(passes, 0.5 * (begin_s + end_s))[0])
+        number = int(interval_numbers(passes, 0.5 * (begin_s + end_s))[0])
         first, behind = np.searchsorted(trajectory.t_s, [begin_s, end_s], side="left").tolist()
         first += int(trajectory.t_s[first] == begin_s)
         t = np.concatenate([[begin_s], trajectory.t_s[first:behind], [end_s]])
@@ -90,7 +91,7 @@ def events(trajectory: Trajectory, states: ToolStates, implement: Implement) -> 
     found += [("gap", float(begin_s), float("nan")) for begin_s in trajectory.gaps_s[:, 0]]
     found.sort(key=lambda event: event[1])
     times = np.array([t_s for _, t_s, _ in found])
-    numbers = pass_numbers(pass_times(states), times)
+    numbers = interval_numbers(pass_times(states), times)
     places = tool_at(trajectory, implement, times)
     return [
         Event(kind, t_s, number or None, sigma_s, (e, n, h))

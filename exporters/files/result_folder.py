@@ -27,6 +27,8 @@ DSM: Final = "dsm.tif"
 DSM_BEFORE: Final = "dsm_before.tif"
 CHANGE: Final = "change.tif"
 SWATHS: Final = "swaths.tif"
+DENSITY: Final = "density.tif"
+STRIP_OVERLAP: Final = "strip_overlap.tif"
 FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
 PAGE: Final = "report.html"
@@ -67,13 +69,17 @@ def packaged_styles() -> frozenset[str]:
     return frozenset(style.name for style in files("furrowmap.exporters").joinpath("styles").iterdir())
 
 
-RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS)
+RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP)
 RUN_PRODUCTS: Final = {
     CLOUD: "points: LAS 1.4, point format 6, cloud optimised; also a valid LAZ file",
     DSM: "surface at the end, in cells of 5 cm",
     DSM_BEFORE: "surface before the tool passed",
     CHANGE: "change of the surface: after minus before",
     SWATHS: "height differences between swaths over the same ground; absent where no ground was seen twice",
+    DTM: "terrain model of a flight: the ground below crops and trees",
+    HEIGHT_ABOVE_GROUND: "`dsm.tif` minus the ground, of a flight",
+    DENSITY: "points a square metre, of a flight",
+    STRIP_OVERLAP: "number of strips that cover the ground, of a flight",
     **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},
     FIELD: "the layers below, each with its style stored inside",
     LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",

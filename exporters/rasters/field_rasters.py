@@ -1,4 +1,4 @@
-"""The rasters of a run: `dsm.tif`, `dsm_before.tif`, `change.tif`, `swaths.tif`."""
+"""Rasters of a run: surfaces and their change; of a flight ground, density and overlap of strips."""
 
 from __future__ import annotations
 
@@ -8,14 +8,30 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from pyproj import CRS
+
+from furrowmap.core.pointclouds.surfaces import cloud_tiles
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import BLOCK, SwathDifferences, SwathSums
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
+from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import CHANGE, DSM, DSM_BEFORE, SWATHS, packaged_style, style_of
+from furrowmap.exporters.files.result_folder import (
+    CHANGE,
+    DENSITY,
+    DSM,
+    DSM_BEFORE,
+    DTM,
+    HEIGHT_ABOVE_GROUND,
+    STRIP_OVERLAP,
+    SWATHS,
+    packaged_style,
+    style_of,
+)
 from furrowmap.exporters.rasters.cog import (
     STANDARD_ERROR,
     SURFACE_BANDS,
@@ -26,15 +42,32 @@ from furrowmap.exporters.rasters.cog import (
     with_heights,
 )
 
-STYLES: Final = {DSM: "dsm.qml", DSM_BEFORE: "dsm.qml", CHANGE: "change.qml", SWATHS: "swaths.qml"}
+STYLES: Final = {
+    DSM: "dsm.qml",
+    DSM_BEFORE: "dsm.qml",
+    CHANGE: "change.qml",
+    SWATHS: "swaths.qml",
+    DTM: "dsm.qml",
+    HEIGHT_ABOVE_GROUND: "height_above_ground.qml",
+    DENSITY: "density.qml",
+    STRIP_OVERLAP: "strip_overlap.qml",
+}
 CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
 SWATH_BANDS: Final = (Band("difference of swaths"),)
+DENSITY_BANDS: Final = (Band("points a square metre", "1/m2", 0),)
+OVERLAP_BANDS: Final = (Band("strips", "1", 0),)
 _TITLES: Final = {
     DSM: "Surface as left at the end",
     DSM_BEFORE: "Surface before the implement passed",
     CHANGE: "Change of the surface: after less before",
     SWATHS: "Agreement of swaths: height in a swath less that in the one before it",
+    DTM: "Terrain model",
+    HEIGHT_ABOVE_GROUND: "Height above ground",
+    DENSITY: "Points a square metre",
+    STRIP_OVERLAP: "Number of strips that cover the ground",
 }
+_GROUND: Final = {DTM: SURFACE_BANDS, HEIGHT_ABOVE_GROUND: (Band("height above ground"),)}
+_STATISTICS: Final = {SWATHS: "mean", DENSITY: "count", STRIP_OVERLAP: "count"}
 
 
 @dataclass(frozen=True)
@@ -46,12 +79,14 @@ class RasterFigures:
         seen_m2: area with a height in `dsm.tif`.
         moved: soil moved; None where work is unknown.
         swaths: differences between swaths; None where no ground was seen twice.
+        strips: of a flight, with the ground that they cover.
     """
 
     cell_m: float
     seen_m2: float
     moved: SoilMoved | None
     swaths: SwathDifferences | None
+    strips: tuple[StripGround, ...] = ()
 
     def plain(self) -> dict[str, Any]:
         """As in `report.json`."""
@@ -82,38 +117,65 @@ def write_rasters(
     if grid is None:
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
-    bands = {DSM: SURFACE_BANDS} | ({DSM_BEFORE: SURFACE_BANDS, CHANGE: CHANGE_BANDS} if passages else {})
     blocks = grid.coarser(BLOCK)
+    kinds = {DSM: (grid, SURFACE_BANDS), SWATHS: (blocks, SWATH_BANDS)}
+    if passages:
+        kinds |= {DSM_BEFORE: (grid, SURFACE_BANDS), CHANGE: (grid, CHANGE_BANDS)}
+    if found.strips:
+        kinds |= {DENSITY: (blocks, DENSITY_BANDS), STRIP_OVERLAP: (blocks, OVERLAP_BANDS)}
     crs = with_heights(found.frame.whole_crs, found.session.crs.heights)
-    sums, swaths, seen = SoilSums(), SwathSums(), 0
+    sums, swaths, outlines, seen = SoilSums(), SwathSums(), StripOutlines(), 0
     with ExitStack() as stack:
         write = {
-            name: stack.enter_context(cog_output(folder / name, grid, crs, held, _of(origin, name)))
-            for name, held in bands.items()
+            name: stack.enter_context(cog_output(folder / name, cells, crs, bands, _of(origin, name)))
+            for name, (cells, bands) in kinds.items()
         }
-        put_swaths = stack.enter_context(cog_output(folder / SWATHS, blocks, crs, SWATH_BANDS, _of(origin, SWATHS)))
-        for tile in _with_progress(land, land.tiles(passages, MEDIAN), progress):
-            arrays = _arrays(tile)
+        for tile in _with_progress(land, land.tiles(passages, MEDIAN, found.strips), progress):
             for name, put in write.items():
-                put(tile.grid, arrays[name])
+                put(*_arrays(tile, name))
             sums.add(tile)
-            put_swaths(tile.grid.coarser(BLOCK), (tile.swaths_m,))
             swaths.add(tile.swaths_m, blocks.cell_area_m2)
+            if tile.coverage is not None:
+                outlines.add(tile.coverage)
             seen += int(tile.after.seen.sum())
+    if found.strips:
+        _write_ground(folder, land, crs, origin)
     differences = swaths.differences()
     if differences is None:
         (folder / SWATHS).unlink()
-    for name in (*bands, *([SWATHS] if differences is not None else [])):
+        del kinds[SWATHS]
+    for name in (*kinds, *(_GROUND if found.strips else ())):
         (folder / style_of(name)).write_text(packaged_style(STYLES[name]), encoding="utf-8")
-    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, sums.moved() if passages else None, differences)
+    moved = sums.moved() if passages else None
+    grounds = tuple(outlines.grounds(found.strips))
+    return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, moved, differences, grounds)
 
 
-def _arrays(tile: FieldTile) -> dict[str, Bands]:
-    return {
-        DSM: surface_arrays(tile.after),
-        DSM_BEFORE: surface_arrays(tile.before),
-        CHANGE: (tile.change_m, tile.change_error_m),
-    }
+def _write_ground(folder: Path, land: FieldPoints, crs: CRS, origin: Origin) -> None:
+    """Write terrain model and height above ground, which a flight over crops needs."""
+    assert land.grid is not None
+    with ExitStack() as stack:
+        put = [
+            stack.enter_context(cog_output(folder / name, land.grid, crs, bands, _of(origin, name)))
+            for name, bands in _GROUND.items()
+        ]
+        for tile in cloud_tiles(land.spooled, "smrf"):
+            assert tile.dtm is not None
+            assert tile.above_m is not None
+            put[0](tile.grid, surface_arrays(tile.dtm))
+            put[1](tile.grid, (tile.above_m,))
+
+
+def _arrays(tile: FieldTile, name: str) -> tuple[Grid, Bands]:
+    """What a tile has for a raster."""
+    if name in (DENSITY, STRIP_OVERLAP):
+        assert tile.coverage is not None
+        return tile.coverage.grid, (tile.coverage.density_m2 if name == DENSITY else tile.coverage.strips,)
+    if name == SWATHS:
+        return tile.grid.coarser(BLOCK), (tile.swaths_m,)
+    if name == CHANGE:
+        return tile.grid, (tile.change_m, tile.change_error_m)
+    return tile.grid, surface_arrays(tile.after if name == DSM else tile.before)
 
 
 def _with_progress(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
@@ -125,7 +187,7 @@ def _with_progress(land: FieldPoints, tiles: Iterator[FieldTile], progress: Prog
 
 
 def _of(origin: Origin, name: str) -> Origin:
-    statistic = "mean" if name == SWATHS else MEDIAN.name
+    statistic = _STATISTICS.get(name, MEDIAN.name)
     return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
 
 

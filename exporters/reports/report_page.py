@@ -24,6 +24,7 @@ from furrowmap.core.work.ground import Area
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.png import data_uri
 from furrowmap.exporters.rasters.relief import Relief, shaded_ground
 from furrowmap.exporters.reports.drawings import (
@@ -35,6 +36,7 @@ from furrowmap.exporters.reports.drawings import (
     tool_graph,
     work_map,
 )
+from furrowmap.exporters.reports.flight_page import flight_sections
 from furrowmap.exporters.reports.page_parts import (
     alarm,
     escape,
@@ -68,7 +70,7 @@ _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
 def write_page(
-    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, swaths: SwathDifferences | None
+    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, rasters: RasterFigures | None
 ) -> None:
     """Write `report.html`.
 
@@ -77,7 +79,7 @@ def write_page(
         found: result of the run.
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.
-        swaths: differences between swaths; None where no ground was seen twice.
+        rasters: figures of the surfaces; None for no surfaces.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -91,7 +93,8 @@ def write_page(
         *_passes(work),
         section("GNSS", _quality(poses, found.frame)),
         section("Accuracy and warnings", _accuracy(found)),
-        *_swaths(swaths),
+        *(flight_sections(rasters.strips, found) if rasters is not None and rasters.strips else ()),
+        *_swaths(rasters.swaths if rasters is not None else None),
         *_views(work),
         *_classes(summary),
     ]

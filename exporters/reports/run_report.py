@@ -27,6 +27,7 @@ from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.run_result import RunResult
+from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord
@@ -67,6 +68,8 @@ def run_report(
         "observability": _observability(found),
         "inertial": found.located.inertial,
         "calibration": _calibration(found.boresight),
+        "strips": [_strip(ground) for ground in rasters.strips] if rasters is not None else [],
+        "strip_differences": found.strip_differences.plain() if found.strip_differences is not None else None,
         "clocks": _clocks(found),
         "warnings": found.notices,
         "timings": timings_s,
@@ -88,6 +91,22 @@ def _calibration(found: Boresight | None) -> dict[str, Any] | None:
         "used": found.certain,
     }
     return {"lidar": lidar}
+
+
+def _strip(ground: StripGround) -> dict[str, Any]:
+    """A strip of a flight."""
+    strip = ground.strip
+    return {
+        "strip": strip.number,
+        "start": iso_utc(strip.begin_s),
+        "end": iso_utc(strip.end_s),
+        "heading_deg": round(strip.heading_deg, 1),
+        "length_m": round(strip.length_m, 2),
+        "speed_mps": round(strip.speed_mps, 2),
+        "points": ground.points,
+        "area_m2": round(ground.area_m2, 1),
+        "points_m2": round(ground.points_m2, 1),
+    }
 
 
 def verdict(found: RunResult) -> dict[str, Any]:

@@ -18,9 +18,19 @@ _BOTTOM: Final = 150.0
 _LEFT: Final = 74.0
 
 
-def swath_histogram(swaths: SwathDifferences) -> str:
-    """Share of the ground by height difference; the outermost bars include all larger differences."""
-    reach_m = next((reach for reach in _REACHES_M if swaths.within_m(_SHARE) <= reach), _REACHES_M[-1])
+def half_width_m(swaths: SwathDifferences) -> float:
+    """A round half width of a histogram that shows nearly all differences."""
+    return next((reach for reach in _REACHES_M if swaths.within_m(_SHARE) <= reach), _REACHES_M[-1])
+
+
+def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> str:
+    """Share of the ground by height difference; the outermost bars include all larger differences.
+
+    Args:
+        swaths: the differences.
+        reach_m: half width; None for that of :func:`half_width_m`.
+    """
+    reach_m = half_width_m(swaths) if reach_m is None else reach_m
     bins = round(reach_m / BIN_M)
     low, high = BINS - bins, BINS + bins
     count = swaths.histogram[low:high].astype(np.float64)

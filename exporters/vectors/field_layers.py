@@ -16,6 +16,8 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS, SOURCES, Motion
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.strip_differences import StripDifferences
+from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.core.work.track import Event, ToolPath
 
 ObjectArray = NDArray[np.object_]
@@ -76,6 +78,41 @@ def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     if work.ground is None:
         return [trajectory]
     return [_of_events(work.events), trajectory, _of_paths(work.paths), *_of_ground(work.ground, work)]
+
+
+def strip_layers(grounds: Sequence[StripGround], differences: StripDifferences | None) -> list[Layer]:
+    """The layers of a flight's strips: differences where two see the same ground, outlines; none without strips."""
+    layers = []
+    if differences is not None:
+        columns: Columns = {
+            "strip_a": differences.strip_a,
+            "strip_b": differences.strip_b,
+            "before_m": differences.before_m,
+            "after_m": differences.after_m,
+            "sigma_m": differences.sigma_m,
+            "cell_m": np.full(len(differences), differences.cell_m),
+        }
+        text = "Height in a strip less that in an earlier one, with the stated mounting and with the one used"
+        points = geometry_array(shapely.points(differences.centre_m))
+        layers.append(Layer("strip_differences", "Point", text, points, columns))
+    if grounds:
+        strips = [ground.strip for ground in grounds]
+        columns = {
+            "strip": np.array([strip.number for strip in strips], np.int64),
+            "start": _times([strip.begin_s for strip in strips]),
+            "end": _times([strip.end_s for strip in strips]),
+            "heading_deg": _floats(strip.heading_deg for strip in strips),
+            "length_m": _floats(strip.length_m for strip in strips),
+            "speed_mps": _floats(strip.speed_mps for strip in strips),
+            "points": np.array([ground.points for ground in grounds], np.int64),
+            "area_m2": _floats(ground.area_m2 for ground in grounds),
+            "points_m2": _floats(ground.points_m2 for ground in grounds),
+        }
+        shapes = geometry_array([ground.outline for ground in grounds])
+        layers.append(
+            Layer("strips", "MultiPolygon", "The ground that a straight pass of the flight covers", shapes, columns)
+        )
+    return layers
 
 
 def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:

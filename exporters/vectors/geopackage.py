@@ -39,6 +39,7 @@ def write_field(
     work: FieldWork = _NOTHING,
     words: str = "",
     origin: Origin | None = None,
+    more: Sequence[Layer] = (),
 ) -> None:
     """Write `field.gpkg` with its layers and their styles.
 
@@ -49,13 +50,14 @@ def write_field(
         work: states of the implement and worked ground.
         words: on the coordinates, added to each layer's description.
         origin: provenance, for the file's metadata.
+        more: other layers, below these.
 
     Raises:
         OSError: if the file cannot be written there.
     """
     layers = [
         replace(layer, description=f"{layer.description}. {words}" if words else layer.description)
-        for layer in field_layers(poses, work)
+        for layer in (*field_layers(poses, work), *more)
     ]
     with atomic_output(path) as unfinished:
         for layer in layers:

@@ -304,13 +304,17 @@
 </context>
 <context>
   <name>Legends</name>
+  <message><source>Height above ground (m)</source><translation>地面からの高さ（m）</translation></message>
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
+  <message><source>Number of strips</source><translation>ストリップの数</translation></message>
   <message><source>PPP</source><translation>PPP</translation></message>
+  <message><source>Points a square metre</source><translation>1 m²あたりの点数</translation></message>
   <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
   <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
   <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
+  <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
   <message><source>body of the field</source><translation>圃場の本体</translation></message>
   <message><source>differential</source><translation>ディファレンシャル</translation></message>
   <message><source>drives backwards</source><translation>後退</translation></message>

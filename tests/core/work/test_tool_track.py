@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
+from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-from furrowmap.core.work.sweep import pass_numbers, pass_times
+from furrowmap.core.work.sweep import pass_times
 from furrowmap.core.work.track import events, tool_at, tool_paths
 from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import PLACE_M, sample, states_of, trajectory_of
@@ -98,9 +99,9 @@ def test_sample__the_tools_way_lies_in_the_middle_of_the_true_passes(shared_data
         assert shapely.distance(inner, polygon.boundary) == pytest.approx(half, abs=0.02)
 
 
-def test_pass_numbers__count_from_one_and_are_none_between_passes() -> None:
+def test_interval_numbers__count_from_one_and_are_none_between_passes() -> None:
     trajectory = trajectory_of(drive((40.0, 1.2, 0.0)))
     passes = pass_times(states_of(trajectory, (5.0, 15.0), (20.0, 35.0)))
     times = trajectory.t_s[0] + np.array([0.0, 5.0, 10.0, 15.0, 17.0, 20.0, 35.0, 36.0])
-    assert pass_numbers(passes, times).tolist() == [0, 1, 1, 1, 0, 2, 2, 0]
-    assert pass_numbers([], times).tolist() == [0] * 8
+    assert interval_numbers(passes, times).tolist() == [0, 1, 1, 1, 0, 2, 2, 0]
+    assert interval_numbers([], times).tolist() == [0] * 8

@@ -1,0 +1,82 @@
+"""The sections of a report page that a flight adds: its strips, and how the ground in them agrees."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from furrowmap.core.surfaces.visits import SwathDifferences
+from furrowmap.core.work.run_result import RunResult
+from furrowmap.core.work.strip_differences import StripDifferences
+from furrowmap.core.work.strip_outlines import StripGround
+from furrowmap.exporters.reports.page_parts import figure, remark, section, table
+from furrowmap.exporters.reports.swath_drawing import half_width_m, swath_histogram
+
+MOST_ROWS: Final = 60
+"""Maximum length of a table."""
+
+
+def flight_sections(grounds: Sequence[StripGround], found: RunResult) -> Iterator[str]:
+    """Strips and their differences."""
+    yield section("Strips", _strips(grounds))
+    if found.strip_differences is not None:
+        yield section("Strips against each other", _differences(found.strip_differences))
+
+
+def _strips(grounds: Sequence[StripGround]) -> str:
+    head = ("strip", "from", "to", "heading", "length", "speed", "points", "points/m²")
+    rows = [
+        (
+            str(ground.strip.number),
+            _clock(ground.strip.begin_s),
+            _clock(ground.strip.end_s),
+            f"{ground.strip.heading_deg:.0f}°",
+            f"{ground.strip.length_m:.0f} m",
+            f"{ground.strip.speed_mps:.1f} m/s",
+            f"{ground.points:,}",
+            f"{ground.points_m2:,.0f}",
+        )
+        for ground in grounds[:MOST_ROWS]
+    ]
+    note = (
+        "Straight passes, turns apart. The number is the points' point_source_id; maps: density.tif, strip_overlap.tif."
+    )
+    if len(grounds) > len(rows):
+        note = f"{len(grounds) - len(rows)} more strips are in the layer strips of field.gpkg. {note}"
+    return f'<div class="scroll">{table(head, rows)}</div>{remark(note)}'
+
+
+def _differences(differences: StripDifferences) -> str:
+    before, after = differences.figures()
+    graphs = ""
+    reach_m = max((half_width_m(figures) for figures in (before, after) if figures is not None), default=0.0)
+    for figures, title in ((before, "as the session states the mounting"), (after, "with the mounting that was used")):
+        if figures is not None:
+            graphs += figure(swath_histogram(figures, reach_m), f"Share of the ground by difference, {title}.")
+    pairs = differences.pairs
+    rows = []
+    for a, b in pairs[:MOST_ROWS]:
+        one, other = differences.of_pair((a, b)).figures()
+        figures = other or one
+        area = f"{figures.area_m2:.1f} m²" if figures is not None else ""
+        rows.append((f"{a} and {b}", area, *_two(one), *_two(other)))
+    head = ("strips", "ground", "mean before", "RMS before", "mean after", "RMS after")
+    note = (
+        "Height of smooth ground in a strip less that in an earlier one, in cells, before and after the mounting was "
+        "estimated. Errors common to all strips do not show. Each cell: layer strip_differences of field.gpkg."
+    )
+    if len(pairs) > len(rows):
+        note = f"{len(pairs) - len(rows)} more pairs are in report.json. {note}"
+    return f'{graphs}<div class="scroll">{table(head, rows)}</div>{remark(note)}'
+
+
+def _two(figures: SwathDifferences | None) -> tuple[str, str]:
+    """Mean and RMS in words."""
+    if figures is None:
+        return "unknown", "unknown"
+    return f"{1000.0 * figures.mean_m:+.1f} mm", f"{1000.0 * figures.rms_m:.1f} mm"
+
+
+def _clock(t_s: float) -> str:
+    return f"{dt.datetime.fromtimestamp(t_s, tz=dt.UTC):%H:%M:%S}"
