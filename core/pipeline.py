@@ -28,7 +28,7 @@ from furrowmap.core.pointclouds.run_notices import (
 )
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
-from furrowmap.core.trajectory.located import Located, OpenInertial, locate, located_without_lidar
+from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
@@ -113,7 +113,7 @@ def run(
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
-    guess = locate(positions, session, frame, _imu_of(opened))
+    guess = locate(positions, session, frame, companions(opened))
     boundary = field_boundary(opened.inputs.boundary, frame)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
@@ -148,9 +148,13 @@ def _mounting(session: Session, matched: Matched | None, found: Boresight | None
     return found.mounting if found is not None and found.certain else session.lidar.mounting
 
 
-def _imu_of(opened: OpenSession) -> OpenInertial | None:
-    """What opens the measurements of the session's IMU, if it has one."""
-    return opened.inertial if opened.session.imu is not None else None
+def companions(opened: OpenSession) -> Companions:
+    """The recordings of a session that go into the trajectory beside the positions."""
+    session = opened.session
+    return Companions(
+        opened.inertial if session.imu is not None else None,
+        opened.attitude if session.attitude is not None else None,
+    )
 
 
 def _match(
@@ -219,7 +223,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     session, watch = opened.session, _StopWatch()
     progress("reading positions", 0.0)
     positions = opened.positions()
-    located = located_without_lidar(positions, session, opened.frame, _imu_of(opened))
+    located = located_without_lidar(positions, session, opened.frame, companions(opened))
     boundary = field_boundary(opened.inputs.boundary, opened.frame)
     states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
@@ -249,7 +253,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
     positions = opened.positions()
     clocks: tuple[ClockReading, ...] = ()
     if session.recording.lidar:
-        located = locate(positions, session, opened.frame, _imu_of(opened))
+        located = locate(positions, session, opened.frame, companions(opened))
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
         lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
@@ -260,7 +264,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
         refuse_empty(placement, located.trajectory, session)
         clocks, assumed = lidar.clocks, session_notices(session, located, matched=False)
     else:
-        located = located_without_lidar(positions, session, opened.frame, _imu_of(opened))
+        located = located_without_lidar(positions, session, opened.frame, companions(opened))
         placement, assumed = Placement.without_scans(located.trajectory), []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]

@@ -13,6 +13,7 @@ GIVES: Final = {
     "scans": "laser scans",
     "track": "positions",
     "inertial": "IMU",
+    "attitude": "attitudes",
     "poses": "poses",
     "states": "implement states",
 }

@@ -11,6 +11,7 @@ import numpy as np
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.calibration.boresight import boresight
 from furrowmap.core.calibration.strips import strip_returns
+from furrowmap.core.pipeline import companions
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import locate
@@ -85,8 +86,7 @@ def calibrate(session: str | Path, *, write: bool = False, progress: Progress = 
 
 def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     session_file, session = opened.file, opened.session
-    inertial = opened.inertial if session.imu is not None else None
-    located = locate(opened.positions(), session, opened.frame, inertial)
+    located = locate(opened.positions(), session, opened.frame, companions(opened))
     if located.source == "imu" and located.antenna is None:
         return _by_strips(opened, located.trajectory, progress)
     if located.antenna is None:

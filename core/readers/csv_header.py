@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 from furrowmap.core.readers.source import Head
 
 LONGEST: Final = 4096
 """Maximum length of a header in bytes."""
+_POSITION: Final = re.compile(
+    r"^(e|n|h|x|y|z|east|north|easting|northing)(_m)?$|lon|lat(_|$|itude)|east|north|alt|height"
+)
 
 
 def head_columns(head: Head) -> list[str] | None:
@@ -23,3 +27,8 @@ def columns_of(line: str) -> tuple[list[str], str]:
     line = line.lstrip("\ufeff").strip()
     separator = max(",;\t", key=line.count)
     return [name.strip().strip('"').strip() for name in line.split(separator)], separator
+
+
+def names_a_position(name: str) -> bool:
+    """Whether a column's name is that of a coordinate."""
+    return _POSITION.search(name.lower()) is not None

@@ -10,12 +10,14 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.attitude_csv import LEVEL, NORTHS, AttitudeCsv
 from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.csv_numbers import numbers, pieces
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.scan import Clock
@@ -69,9 +71,22 @@ class ImuCsv(FileReader):
         reader = ImuCsv(self.paths[:1], self.options)
         track = reader.inertial()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")
-        return Inspection(
-            self.paths[0], self.format, self.title, inertial_facts(track), (clock,), tuple(reader.notices)
-        )
+        with Source(self.paths[0]) as source:
+            names, _ = columns_of(next(pieces(source, []), b"").decode("utf-8", "replace"))
+        angles = [name for name in names if name in (*LEVEL, *NORTHS)]
+        facts = {**inertial_facts(track), "attitude": angles or "none"}
+        return Inspection(self.paths[0], self.format, self.title, facts, (clock,), tuple(reader.notices))
+
+    def attitude(self) -> AttitudeTrack:
+        """The attitudes in columns beside the measurements, as in an attitude log.
+
+        Raises:
+            InputError: if there are none, or as :meth:`inertial`.
+        """
+        log = AttitudeCsv(self.paths, self.options)
+        track = log.attitude()
+        self.notices += [notice for notice in log.notices if notice not in self.notices]
+        return track
 
     def _read(self, path: Path) -> tuple[FloatArray, FloatArray]:
         """UTC (n,), and angular rate and specific force (n, 6)."""

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.source import Head, look
+from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
@@ -174,6 +175,19 @@ class GivesInertial(Protocol):
     def inertial(self) -> InertialTrack:
         """All measurements of all files, in the axes of the IMU."""
         ...
+
+
+@runtime_checkable
+class GivesAttitude(Protocol):
+    """A reader of an attitude and heading reference system (AHRS)."""
+
+    def attitude(self) -> AttitudeTrack:
+        """All attitudes of all files; nan for angles that are not recorded."""
+        ...
+
+
+class AttitudeReader(Reader, GivesAttitude, Protocol):
+    """A reader of attitudes."""
 
 
 class InertialReader(Reader, GivesInertial, Protocol):

@@ -10,6 +10,7 @@ from typing import Final
 
 from furrowmap.core.readers.reader import (
     ClockReading,
+    GivesAttitude,
     GivesInertial,
     GivesPoses,
     GivesScans,
@@ -84,6 +85,13 @@ class Examined:
         return isinstance(self.reader, GivesInertial) and self._holds("imu")
 
     @property
+    def gives_attitude(self) -> bool:
+        """Whether it holds attitudes, and is neither an IMU's recording nor a trajectory."""
+        return isinstance(self.reader, GivesAttitude) and not (
+            isinstance(self.reader, GivesInertial) or self.gives_poses
+        )
+
+    @property
     def gives_states(self) -> bool:
         """Whether it holds tool states."""
         return isinstance(self.reader, GivesStates)
@@ -102,7 +110,7 @@ class Examined:
     @property
     def position_clock(self) -> ClockReading | None:
         """The reading of the clock that stamps its positions or poses."""
-        if not (self.gives_track or self.gives_poses or self.gives_inertial):
+        if not (self.gives_track or self.gives_poses or self.gives_inertial or self.gives_attitude):
             return None
         return next((c for c in self.inspection.clocks if c.clock in (Clock.GNSS, Clock.STATED)), None)
 

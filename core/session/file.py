@@ -15,6 +15,7 @@ from typing import Any, Final, Literal, get_args, get_origin
 import msgspec
 from msgspec.inspect import is_struct_type
 
+from furrowmap.core.values.attitude import MAGNETIC
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.session import (
@@ -199,8 +200,8 @@ def _faults(session: Session) -> Iterator[str]:
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
     implement = session.implement
-    if not session.recording.lidar and (implement is None or not implement.states) and session.imu is None:
-        yield "recording.lidar names no file, and neither does implement.states or imu.files"
+    if not session.recording.lidar and (implement is None or not implement.states) and not _flies(session):
+        yield "recording.lidar names no file, and neither does implement.states, imu.files or attitude.roll_pitch"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory]"
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
@@ -213,6 +214,9 @@ def _faults(session: Session) -> Iterator[str]:
     yield from _far_places(session)
     if session.imu is not None:
         yield from _imu_faults(session.imu)
+    attitude = session.attitude
+    if attitude is not None and attitude.north == MAGNETIC and attitude.declination_deg is None:
+        yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
     if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None and not session.trajectory.files:
@@ -223,6 +227,11 @@ def _faults(session: Session) -> Iterator[str]:
             yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"
         if max(abs(value) for value in implement.region_m) > FARTHEST_M:
             yield f"implement.region_m reaches farther than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
+
+
+def _flies(session: Session) -> bool:
+    """Whether a run gives a trajectory that is worth having alone."""
+    return session.imu is not None or session.attitude is not None
 
 
 def _imu_faults(imu: Imu) -> Iterator[str]:

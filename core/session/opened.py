@@ -9,7 +9,9 @@ from typing import Final, Protocol, cast
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.reader import (
+    AttitudeReader,
     ClockReading,
+    GivesAttitude,
     GivesInertial,
     GivesPoses,
     GivesScans,
@@ -31,6 +33,7 @@ _GIVES: Final = {
     GivesTrack: "positions",
     GivesPoses: "trajectory",
     GivesInertial: "inertial measurements",
+    GivesAttitude: "attitudes",
 }
 
 
@@ -46,6 +49,7 @@ class Inputs:
         lidar: laser scanner recordings, in time order.
         positions: GNSS logs, or the files of a trajectory from elsewhere, in time order.
         inertial: recordings of the IMU, in time order.
+        attitude: logs of roll and pitch, and of the heading.
         boundary: boundary of the field.
         states: tool states.
         learned: implement learned in an earlier session.
@@ -56,6 +60,7 @@ class Inputs:
     lidar: tuple[Path, ...]
     positions: tuple[Path, ...]
     inertial: tuple[Path, ...] = ()
+    attitude: tuple[Path, ...] = ()
     boundary: Path | None = None
     states: tuple[Path, ...] = ()
     learned: Path | None = None
@@ -76,11 +81,12 @@ class Inputs:
         def several(names: tuple[str, ...]) -> tuple[Path, ...]:
             return tuple(resolve(session_file, name) for name in names)
 
-        stated, implement = session.trajectory, session.implement
+        stated, implement, attitude = session.trajectory, session.implement, session.attitude
         return cls(
             lidar=several(session.recording.lidar),
             positions=several(stated.files if stated is not None else session.recording.gnss),
             inertial=several(session.imu.files if session.imu is not None else ()),
+            attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             boundary=one(session.field.boundary),
             states=several(implement.states if implement is not None else ()),
             learned=one(implement.learned if implement is not None else None),
@@ -94,7 +100,13 @@ class Inputs:
         single = (self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(
-                [*self.lidar, *self.positions, *self.inertial, *(path for path in single if path is not None)]
+                [
+                    *self.lidar,
+                    *self.positions,
+                    *self.inertial,
+                    *self.attitude,
+                    *(path for path in single if path is not None),
+                ]
             )
         )
 
@@ -188,6 +200,22 @@ class OpenSession:
         reader = open_recording(self.inputs.inertial, ReadOptions(near_s=near_s, topic=topic))
         _expect(reader, GivesInertial, self.inputs.inertial[0], "imu.files")
         return cast("InertialReader", reader)
+
+    def attitude(self, near_s: float) -> tuple[AttitudeReader, AttitudeReader]:
+        """Readers of roll and pitch, and of the heading.
+
+        Args:
+            near_s: as for :meth:`inertial`.
+
+        Raises:
+            InputError: as :meth:`positions`.
+        """
+        readers = []
+        for path, key in zip(self.inputs.attitude, ("attitude.roll_pitch", "attitude.heading"), strict=True):
+            reader = open_recording([path], ReadOptions(near_s=near_s))
+            _expect(reader, GivesAttitude, path, key)
+            readers.append(cast("AttitudeReader", reader))
+        return readers[0], readers[1]
 
     def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
         """The laser scans.

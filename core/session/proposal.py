@@ -40,6 +40,11 @@ _IMU: Final = """\
 # rpy_deg = [180.0, 0.0, 0.0]
 # class = "industrial"
 """
+_NORTH: Final = """\
+# For headings from magnetic north, and for logs that do not state their north ("true", "grid"):
+# north = "magnetic"
+# declination_deg = 4.2   # positive east, of the place and date
+"""
 _NO_IMU_MOUNTING: Final = (
     "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of the vehicle frame, with "
     "its axes, industrial."
@@ -117,7 +122,8 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     poses = [r for r in ordered if r.gives_poses]
     states = [r for r in ordered if r.gives_states]
     inertial = [r for r in ordered if r.gives_inertial]
-    used = [*lidar, *gnss, *poses, *states, *inertial]
+    attitude = [r for r in ordered if r.gives_attitude]
+    used = [*lidar, *gnss, *poses, *states, *inertial, *attitude]
     if not used:
         raise _nothing_recorded(ordered[0])
     matches = list(time_matches(ordered))
@@ -129,12 +135,13 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     text = "\n".join(
         [
             _head(folder),
-            _recording(lidar, gnss, poses, [*states, *inertial], folder),
+            _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
             _trajectory(poses, folder) if poses else _ANTENNA,
-            *([_lidar(lidar)] if lidar or not (states or inertial) else []),
+            *([_lidar(lidar)] if lidar or not (states or inertial or attitude) else []),
             *([_imu(inertial, folder)] if inertial else []),
+            *([_attitude(attitude, folder)] if attitude else []),
             _implement(states, folder) if states else _IMPLEMENT,
             _FIELD,
         ]
@@ -152,7 +159,9 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
             for r in ordered
             if r not in used
         ),
-        *_missing(crs, scans=bool(lidar or inertial), states=bool(states), gnss=bool(gnss), poses=bool(poses)),
+        *_missing(
+            crs, scans=bool(lidar or inertial or attitude), states=bool(states), gnss=bool(gnss), poses=bool(poses)
+        ),
         *([Notice("no-imu-mounting", _NO_IMU_MOUNTING)] if inertial else []),
     ]
     return Proposal(text, tuple(found), tuple(missing))
@@ -333,6 +342,18 @@ def _imu(inertial: Sequence[Examined], folder: Path) -> str:
     return f"[imu]\n{comments}\nfiles = {_names(inertial, folder)}\n{_IMU}"
 
 
+def _attitude(logs: Sequence[Examined], folder: Path) -> str:
+    """Roll and pitch of the first log that has them, the heading of the last one."""
+    comments = "\n".join(_described([(recording, recording.position_clock) for recording in logs]))
+    level = next((r for r in logs if "roll_deg" in r.inspection.facts), logs[0])
+    heading = next((r for r in reversed(logs) if r.inspection.facts["north"] != "no heading"), logs[-1])
+    (roll_pitch,), (north,) = (_paths([recording], folder) for recording in (level, heading))
+    return (
+        f"[attitude]\n{comments}\n# Log whose roll and pitch, and log whose heading are used; the same, or two.\n"
+        f"roll_pitch = {_quoted(roll_pitch)}\nheading = {_quoted(north)}\n{_NORTH}"
+    )
+
+
 def _implement(states: Sequence[Examined], folder: Path) -> str:
     """The implement of recordings with tool states, with their working width."""
     widths = [width for recording in states if (width := recording.inspection.facts.get("width_m"))]
@@ -370,6 +391,12 @@ def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> li
 
 def _names(recordings: Sequence[Examined], folder: Path) -> str:
     """The paths of the recordings relative to `folder` as a TOML list; empty text without any."""
+    names = _paths(recordings, folder)
+    return _listed(names) if names else ""
+
+
+def _paths(recordings: Sequence[Examined], folder: Path) -> list[str]:
+    """The paths of the recordings relative to `folder`."""
     names = []
     for path in (recording.path.resolve() for recording in recordings):
         if not path.is_relative_to(folder.resolve()):
@@ -380,7 +407,7 @@ def _names(recordings: Sequence[Examined], folder: Path) -> str:
                 code="session-path-outside",
             )
         names.append(path.relative_to(folder.resolve()).as_posix())
-    return _listed(names) if names else ""
+    return names
 
 
 def _listed(names: Sequence[str]) -> str:

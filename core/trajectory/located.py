@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import msgspec
@@ -11,7 +11,13 @@ import numpy as np
 
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.reader import GivesPoses, GivesTrack, InertialReader, Reader
+from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
+from furrowmap.core.trajectory.from_attitude import (
+    AttitudeLogs,
+    from_stated_north,
+    of_vehicle,
+    trajectory_from_attitude_logs,
+)
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, trajectory_from_inertial
@@ -28,6 +34,7 @@ from furrowmap.core.values.trajectory import Trajectory
 SLOWEST_DIRECTIONS_S: Final = 0.3
 """Positions further apart than this do not show whether a vehicle reverses."""
 OpenInertial: TypeAlias = Callable[[float], InertialReader]
+OpenAttitude: TypeAlias = Callable[[float], tuple[AttitudeReader, AttitudeReader]]
 _FORWARD: Final = Notice(
     "direction-forward",
     "Positions are too far apart, or have no heights, for a direction of motion to be seen in them: the vehicle is "
@@ -41,7 +48,7 @@ class Located:
 
     Attributes:
         trajectory: of the vehicle frame.
-        source: "gnss", "imu" or "file".
+        source: "gnss", "imu", "attitude" or "file".
         positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
         notices: for the report.
         antenna: the positions themselves; None for a trajectory from a file, from the course alone, or of an aircraft.
@@ -60,14 +67,32 @@ class Located:
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
 
 
-def locate(positions: Reader, session: Session, frame: MapFrame, inertial: OpenInertial | None = None) -> Located:
-    """The trajectory: from the session's own file, from GNSS and an IMU, or from GNSS alone.
+@dataclass(frozen=True)
+class Companions:
+    """What opens the recordings beside the positions, given a time near them; None for what a session does not have.
+
+    Attributes:
+        inertial: measurements of the IMU.
+        attitude: logs of roll and pitch, and of the heading.
+    """
+
+    inertial: OpenInertial | None = None
+    attitude: OpenAttitude | None = None
+
+
+def locate(
+    positions: Reader,
+    session: Session,
+    frame: MapFrame,
+    beside: Companions = Companions(),
+) -> Located:
+    """The trajectory: from the session's own file, from GNSS and an IMU or attitude logs, or from GNSS alone.
 
     Args:
         positions: reader of the positions, or of the trajectory.
         session: the session.
         frame: the map frame.
-        inertial: opens the IMU's measurements, near a time; None without an IMU.
+        beside: the other recordings.
 
     Raises:
         InputError: if there is too little to make one.
@@ -75,28 +100,37 @@ def locate(positions: Reader, session: Session, frame: MapFrame, inertial: OpenI
     """
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
         poses, transformed = transform_poses(positions.poses(), frame)
-        return Located(trajectory_from_poses(poses, frame), "file", {}, transformed.notices, transformed=transformed)
+        notices = (*transformed.notices, *_unused_attitude(session, "[trajectory]"))
+        return Located(trajectory_from_poses(poses, frame), "file", {}, notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     track, transformed = transform_track(positions.track(), frame)
-    if inertial is not None and session.imu is not None:
-        return _with_imu(track, transformed, session, frame, fixes, inertial(middle_s(track)))
+    if beside.inertial is not None and session.imu is not None:
+        found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(middle_s(track)))
+        return replace(found, notices=(*found.notices, *_unused_attitude(session, "[imu]")))
+    if beside.attitude is not None and session.attitude is not None:
+        found = _with_attitude(track, session, frame, fixes, beside.attitude(middle_s(track)))
+        return replace(found, notices=(*transformed.notices, *found.notices), transformed=transformed)
 
     def with_lever(lever_m: tuple[float, float, float]) -> GnssTrajectory:
         return trajectory_from_gnss(track, frame, lever_m, fixes)
 
-    found = with_lever(lever_arm_m(session))
-    used = {"used": found.used, "unused": found.unused}
-    notices = (*transformed.notices, *found.notices)
+    alone = with_lever(lever_arm_m(session))
     return Located(
-        found.trajectory,
+        alone.trajectory,
         "gnss",
-        used,
-        notices,
-        found.positions,
+        {"used": alone.used, "unused": alone.unused},
+        (*transformed.notices, *alone.notices),
+        alone.positions,
         transformed,
         with_lever=lambda lever_m: with_lever(lever_m).trajectory,
     )
+
+
+def _unused_attitude(session: Session, used: str) -> list[Notice]:
+    if session.attitude is None:
+        return []
+    return [Notice("attitude-unused", f"The attitude logs are not used: the trajectory comes from {used}.")]
 
 
 def middle_s(track: GnssTrack) -> float:
@@ -126,8 +160,33 @@ def _with_imu(
     return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures)
 
 
+def _with_attitude(
+    track: GnssTrack,
+    session: Session,
+    frame: MapFrame,
+    fixes: tuple[Fix, ...] | None,
+    readers: tuple[AttitudeReader, AttitudeReader],
+) -> Located:
+    """The trajectory from GNSS and attitude logs."""
+    assert session.attitude is not None
+    table = session.attitude
+    level, heading = (reader.attitude() for reader in readers)
+    logs = AttitudeLogs(
+        of_vehicle(level, table.roll_pitch_rpy_deg),
+        from_stated_north(of_vehicle(heading, table.heading_rpy_deg), table.north, table.declination_deg),
+        (table.roll_pitch_sigma_deg or np.nan, table.heading_sigma_deg or np.nan),
+    )
+    found = trajectory_from_attitude_logs(track, logs, frame, lever_arm_m(session), fixes)
+    notices = (*readers[0].notices, *readers[1].notices, *found.notices)
+    antenna = found.positions if session.implement is not None else None
+    return Located(found.trajectory, "attitude", {"used": found.used, "unused": found.unused}, notices, antenna)
+
+
 def located_without_lidar(
-    positions: Reader, session: Session, frame: MapFrame, inertial: OpenInertial | None = None
+    positions: Reader,
+    session: Session,
+    frame: MapFrame,
+    beside: Companions = Companions(),
 ) -> Located:
     """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves.
 
@@ -135,8 +194,8 @@ def located_without_lidar(
         InputError: as :func:`locate`.
         RefusedError: as :func:`locate`.
     """
-    if session.trajectory is not None or inertial is not None or not isinstance(positions, GivesTrack):
-        return locate(positions, session, frame, inertial)
+    if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):
+        return locate(positions, session, frame, beside)
     track = positions.track()
     if not _seldom(track):
         return locate(positions, session, frame)

@@ -182,6 +182,28 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     noise: ImuNoise = ImuNoise()
 
 
+class Attitude(_Part, frozen=True):
+    """`[attitude]`: logs of attitude and heading reference systems (AHRS), where there are no raw measurements.
+
+    Attributes:
+        roll_pitch: the log whose roll and pitch are used.
+        heading: the log whose heading is used; may be the same.
+        north: north of the headings, for logs that do not state it.
+        declination_deg: of the magnetic field at place and date, positive east, for headings from magnetic north.
+        roll_pitch_rpy_deg, heading_rpy_deg: roll, pitch, yaw of the devices' axes in the vehicle frame.
+        roll_pitch_sigma_deg, heading_sigma_deg: standard deviations.
+    """
+
+    roll_pitch: str
+    heading: str
+    north: Literal["true", "grid", "magnetic"] | None = None
+    declination_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] | None = None
+    roll_pitch_rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    heading_rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    roll_pitch_sigma_deg: _Positive | None = None
+    heading_sigma_deg: _Positive | None = None
+
+
 class Run(_Part, frozen=True):
     """`[run]`: processing options.
 
@@ -203,7 +225,7 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, implement, field, trajectory, run: the tables.
+        recording, crs, antenna, lidar, imu, attitude, implement, field, trajectory, run: the tables.
         camera, parcels: tables of files that a run does not read.
     """
 
@@ -214,6 +236,7 @@ class Session(_Part, frozen=True):
     antenna: Antenna | None = None
     lidar: Lidar = Lidar()
     imu: Imu | None = None
+    attitude: Attitude | None = None
     implement: Implement | None = None
     field: Field = Field()
     trajectory: TrajectorySource | None = None
@@ -246,6 +269,14 @@ EXAMPLES: Final = {
     "imu.rpy_deg": "[180.0, 0.0, 0.0]",
     "imu.class": '"VN-200"',
     "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
+    "attitude.roll_pitch": '"ahrs_imu.csv"',
+    "attitude.heading": '"ahrs_aircraft.csv"',
+    "attitude.north": '"true"',
+    "attitude.declination_deg": "4.2",
+    "attitude.roll_pitch_rpy_deg": "[180.0, 0.0, 0.0]",
+    "attitude.heading_rpy_deg": "[0.0, 0.0, 90.0]",
+    "attitude.roll_pitch_sigma_deg": "0.4",
+    "attitude.heading_sigma_deg": "1.0",
     "implement.kind": '"rotary tiller"',
     "implement.width_m": "1.70",
     "implement.xy_m": "[-1.45, 0.0]",

@@ -69,10 +69,11 @@ class Trajectory:
         motion: (n,) int8, values of :class:`Motion`.
         fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 for poses from a file.
         sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
-        heading_from: (n,) source of the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'file').
+        heading_from: (n,) source of the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'imu', 'attitude',
+            'file').
         position_from: (n,) source of easting and northing ('gnss', 'relief', 'walls', 'carried', 'file').
         height_from: (n,) source of the height ('gnss', 'ground', 'carried', 'file').
-        level_from: (n,) source of roll and pitch ('ground', 'assumed', 'file').
+        level_from: (n,) source of roll and pitch ('ground', 'imu', 'attitude', 'assumed', 'file').
         max_gap_s: longest time between knots that is interpolated.
     """
 

@@ -12,7 +12,7 @@ from tests.core.readers.inertial_bags import sentences, turning_imu
 from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import nmea
-from tests.fuzz.reading import OPTIONS
+from tests.fuzz.reading import OPTIONS, read_recording
 from tests.fuzz.trials import Entry
 
 
@@ -33,4 +33,13 @@ def read_bag(path: Path) -> None:
             getattr(reader, give)()
 
 
-INERTIAL = (Entry("rosbag-imu", bag_seeds, read_bag, trials=150),)
+def ahrs() -> bytes:
+    head = "time_gps_s,roll_deg,pitch_deg,heading_true_deg"
+    rows = [f"{194530.8 + k / 50:.4f},{0.1 * k},-0.5,{3 * k}" for k in range(20)]
+    return "\n".join([head, *rows, ""]).encode()
+
+
+INERTIAL = (
+    Entry("rosbag-imu", bag_seeds, read_bag, trials=150),
+    Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=150),
+)

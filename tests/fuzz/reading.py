@@ -11,6 +11,7 @@ import numpy as np
 from furrowmap.cli.inspect import _value, _words
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.reader import (
+    GivesAttitude,
     GivesInertial,
     GivesPoses,
     GivesScans,
@@ -49,6 +50,7 @@ def read_whole(reader: Reader) -> None:
         (GivesTrack, lambda: reader.track()),  # type: ignore[attr-defined]
         (GivesPoses, lambda: reader.poses()),  # type: ignore[attr-defined]
         (GivesInertial, lambda: reader.inertial()),  # type: ignore[attr-defined]
+        (GivesAttitude, lambda: reader.attitude()),  # type: ignore[attr-defined]
         (GivesStates, lambda: reader.states()),  # type: ignore[attr-defined]
     ]
     refused = None

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
 from furrowmap.core.readers.csv_numbers import numbers, pieces
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.reader import Inspection
@@ -56,11 +56,11 @@ class PoseCsv(PoseFile):
 
     @classmethod
     def recognise(cls, head: Head) -> float:
-        """Certain with columns of time and attitude; possible if any column names contain roll and pitch."""
+        """Certain with columns of time, attitude and position; possible if any column names contain roll and pitch."""
         names = set(head_columns(head) or ())
         known = names & KNOWN
         if known & set(TIMES) and known & set(ATTITUDE):
-            return 1.0
+            return 1.0 if any(map(names_a_position, names)) else 0.6
         if len(known) >= 3:
             return 0.6
         words = " ".join(names).lower()

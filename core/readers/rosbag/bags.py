@@ -22,6 +22,7 @@ from furrowmap.core.readers.rosbag.messages import (
 )
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
+from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
@@ -94,6 +95,18 @@ class _RosBag(FileReader):
             InputError: if the bag has none that can be decoded, or their stamps do not increase.
         """
         return self._inertial()[0]
+
+    def attitude(self) -> AttitudeTrack:
+        """The orientations in the same messages.
+
+        Raises:
+            InputError: if the bag has none.
+        """
+        _, chosen, log = self._inertial()
+        notices: list[Notice] = []
+        track = log.attitude(self._source(chosen), notices)
+        self._add_notices(*notices)
+        return track
 
     def inspect(self) -> Inspection:
         """Read the whole first bag and report what it contains.

@@ -12,11 +12,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.attitude_rows import attitude_track
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_track
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.rotation import quaternion_to_attitude
 
 NOT_MEASURED: Final = -1.0
 _COLUMNS: Final = 12
@@ -63,6 +66,26 @@ class ImuLog:
     def oriented(self) -> int:
         """Number of messages with an orientation."""
         return int(np.isclose(np.linalg.norm(self._table[:, 7:11], axis=1), 1.0, atol=0.01).sum())
+
+    def attitude(self, source: str, notices: list[Notice]) -> AttitudeTrack:
+        """The orientations, of the axes of the IMU against east, north and up (REP-103).
+
+        The message does not state whether north is true or magnetic.
+
+        Raises:
+            InputError: if there are none, or the stamps do not increase.
+        """
+        table = self._table
+        known = np.isclose(np.linalg.norm(table[:, 7:11], axis=1), 1.0, atol=0.01)
+        if not known.any():
+            raise InputError(
+                f"{source}: none of its {len(table)} messages has an orientation.",
+                "An attitude cannot be read from it.",
+                "Name a topic or file whose device computes an orientation.",
+                code="no-orientation",
+            )
+        angles = np.column_stack(quaternion_to_attitude(table[known, 7:11]))
+        return attitude_track(table[known, 0], angles, UNSTATED, source, notices)
 
     def track(self, source: str, notices: list[Notice]) -> InertialTrack:
         """All measurements in the order of recording.

@@ -65,7 +65,19 @@ def test_samples__are_understood(name: str, shared_data: Path) -> None:
 
 def test_keys__the_schema_has_all_tables() -> None:
     tables = {table for table, _ in keys()}
-    assert tables == {"", "recording", "crs", "antenna", "lidar", "imu", "implement", "field", "trajectory", "run"}
+    assert tables == {
+        "",
+        "recording",
+        "crs",
+        "antenna",
+        "lidar",
+        "imu",
+        "attitude",
+        "implement",
+        "field",
+        "trajectory",
+        "run",
+    }
 
 
 @pytest.mark.parametrize(("table", "key"), keys())

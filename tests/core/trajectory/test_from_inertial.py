@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import Imu, InertialTrajectory, trajectory_from_inertial
-from furrowmap.core.trajectory.located import locate
+from furrowmap.core.trajectory.located import Companions, locate
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
@@ -151,7 +151,7 @@ def test_other_times__are_an_error_with_both_spans() -> None:
 def test_sample__is_as_good_as_is_promised(shared_data: Path, name: str, most_m: float) -> None:
     folder = shared_data / "uav_wheat"
     opened = open_session(folder / name)
-    located = locate(opened.positions(), opened.session, opened.frame, opened.inertial)
+    located = locate(opened.positions(), opened.session, opened.frame, Companions(opened.inertial))
     truth = np.genfromtxt(folder / "truth" / "trajectory.csv", delimiter=",", names=True)
     t_s, trajectory = truth["time_unix_s"], located.trajectory
     at = np.flatnonzero((trajectory.t_s > t_s[0] + 6.0) & (trajectory.t_s < t_s[-1] - 5.0))[::20]

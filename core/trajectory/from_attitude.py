@@ -1,0 +1,241 @@
+"""The trajectory from GNSS positions and the attitudes that other devices computed.
+
+Roll and pitch may be those of one device and the heading that of another, as Christiansen et al. (Sensors 2017)
+combined them: roll and pitch of an IMU, heading of the aircraft's autopilot, turned from true to grid north (their
+equation 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
+from furrowmap.core.trajectory.positions import (
+    Offsets,
+    positions_of,
+    quality_runs,
+    quality_words,
+    sigmas_m,
+    usable,
+    white_noise_m,
+)
+from furrowmap.core.trajectory.smoothing import smooth_path
+from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, AttitudeTrack
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude, unwrap_deg
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
+
+FloatArray = NDArray[np.float64]
+
+FEWEST: Final = 4
+"""Positions of a stretch through which a path is laid."""
+
+
+@dataclass(frozen=True)
+class AttitudeLogs:
+    """Roll and pitch of one log and the heading of another, both of the vehicle frame.
+
+    Attributes:
+        roll_pitch: its roll and pitch are used.
+        heading: its heading is used; from true or grid north.
+        sigma_deg: standard deviations of roll and pitch, and of the heading; nan where unknown.
+    """
+
+    roll_pitch: AttitudeTrack
+    heading: AttitudeTrack
+    sigma_deg: tuple[float, float] = (np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class AttitudeTrajectory:
+    """A trajectory, the positions it was made of, and notices.
+
+    Attributes:
+        trajectory: of the vehicle frame, at the times of roll and pitch.
+        positions: of the antenna.
+        used: positions used, by quality label.
+        unused: positions left out, by reason.
+        notices: for the report.
+    """
+
+    trajectory: Trajectory
+    positions: Positions
+    used: dict[str, int]
+    unused: dict[str, int]
+    notices: tuple[Notice, ...]
+
+
+def of_vehicle(track: AttitudeTrack, rpy_deg: tuple[float, float, float]) -> AttitudeTrack:
+    """The attitudes of the vehicle by a device whose axes are turned by `rpy_deg` in the vehicle frame.
+
+    Angles that it does not record are taken for 0 and stay unknown.
+    """
+    if rpy_deg == (0.0, 0.0, 0.0):
+        return track
+    angles = [np.where(np.isfinite(a), a, 0.0) for a in (track.roll_deg, track.pitch_deg, track.heading_deg)]
+    turned = Rotation.from_quat(attitude_to_quaternion(*angles), scalar_first=True)
+    vehicle = turned * Rotation.from_matrix(Mounting(rpy_deg=rpy_deg).rotation).inv()
+    roll, pitch, heading = quaternion_to_attitude(vehicle.as_quat(scalar_first=True))
+    return replace(
+        track,
+        roll_deg=np.where(np.isfinite(track.roll_deg), roll, np.nan),
+        pitch_deg=np.where(np.isfinite(track.pitch_deg), pitch, np.nan),
+        heading_deg=np.where(np.isfinite(track.heading_deg), heading, np.nan),
+    )
+
+
+def from_stated_north(track: AttitudeTrack, north: str | None, declination_deg: float | None) -> AttitudeTrack:
+    """Headings from true or grid north.
+
+    Args:
+        track: the log.
+        north: as the session states it, for logs that do not.
+        declination_deg: of the magnetic field at the place and time, positive east.
+
+    Raises:
+        InputError: if it is unknown from which north the headings count, or the declination is.
+    """
+    north = north or track.north
+    if north not in (TRUE, GRID, MAGNETIC):
+        raise InputError(
+            f"{track.source}: the log does not state from which north its headings count.",
+            "True, grid and magnetic north differ by degrees.",
+            'Write `north = "true"`, "grid" or "magnetic" under `[attitude]`.',
+            code="north-unknown",
+        )
+    if north != MAGNETIC:
+        return replace(track, north=north)
+    if declination_deg is None:
+        raise InputError(
+            f"{track.source}: its headings count from magnetic north, and the declination is not stated.",
+            "It differs from true north by up to tens of degrees, and by place and year.",
+            "Write `declination_deg` under `[attitude]`: that of the place and date, positive east.",
+            code="no-declination",
+        )
+    return replace(track, heading_deg=track.heading_deg + declination_deg, north=TRUE)
+
+
+def trajectory_from_attitude_logs(
+    track: GnssTrack,
+    logs: AttitudeLogs,
+    frame: MapFrame,
+    lever_m: tuple[float, float, float],
+    fixes: tuple[Fix, ...] | None,
+) -> AttitudeTrajectory:
+    """The trajectory of the vehicle frame.
+
+    Args:
+        track: positions of the antenna, in the datum of the map.
+        logs: the attitudes.
+        frame: the map frame.
+        lever_m: the antenna in the vehicle frame.
+        fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
+
+    Raises:
+        InputError: if no position is left to use, or positions and logs have no time in common.
+    """
+    notices: list[Notice] = []
+    gated, unused = usable(track, fixes, notices)
+    en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
+    t_s, xyz, velocity = _antenna(gated, en, logs.roll_pitch.t_s)
+    roll, pitch = (_at(t_s, logs.roll_pitch, name) for name in ("roll_deg", "pitch_deg"))
+    heading = _at(t_s, logs.heading, "heading_deg")
+    known = np.isfinite(roll) & np.isfinite(pitch) & np.isfinite(heading)
+    if known.sum() < 2:
+        raise _no_common(gated, logs)
+    t_s, xyz, velocity = t_s[known], xyz[known], velocity[known]
+    roll, pitch, heading = roll[known], pitch[known], heading[known]
+    if logs.heading.north == TRUE:
+        heading = heading - frame.convergence_deg(*frame.to_lon_lat(xyz[:, 0], xyz[:, 1]))
+    turn = Rotation.from_quat(attitude_to_quaternion(roll, pitch, heading), scalar_first=True)
+    steps = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
+    white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
+    positions = positions_of(gated, en, white, np.full(len(gated), np.nan), steps)
+    speed = np.einsum("ki,ki->k", velocity, turn.as_matrix()[:, :, 0])
+    standing = np.linalg.norm(velocity, axis=1) < STANDING_MPS
+    nearest = np.clip(np.searchsorted(gated.t_s, t_s), 0, len(gated) - 1)
+    sigma = np.empty((len(t_s), 6))
+    sigma[:, :3] = sigmas_m(gated)[nearest][:, [0, 0, 1]]
+    sigma[:, 3:5], sigma[:, 5] = logs.sigma_deg
+    words = {name: np.full(len(t_s), word) for name, word in _SOURCES.items()}
+    trajectory = Trajectory(
+        t_s=t_s,
+        xyz_m=xyz - turn.apply(np.asarray(lever_m, np.float64)),
+        quaternion=same_hemisphere(turn.as_quat(scalar_first=True)),
+        speed_mps=np.where(standing, 0.0, speed),
+        motion=np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8),
+        fix=gated.fix[nearest],
+        sigma=sigma,
+        max_gap_s=longest_gap_s(t_s),
+        **words,
+    )
+    return AttitudeTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
+
+
+_SOURCES: Final = {
+    "heading_from": "attitude",
+    "position_from": "gnss",
+    "height_from": "gnss",
+    "level_from": "attitude",
+}
+
+
+def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The wanted times (m,) within stretches of positions; place and velocity of the antenna (m, 3) there."""
+    xyz = np.column_stack([en_m, track.height_m])
+    parts = []
+    for part in np.split(np.arange(len(track)), 1 + np.flatnonzero(np.diff(track.t_s) > longest_gap_s(track.t_s))):
+        first_s, last_s = track.t_s[part[0]], track.t_s[part[-1]]
+        t_s = wanted_s[(wanted_s >= first_s) & (wanted_s <= last_s)]
+        if len(part) < FEWEST or not len(t_s):
+            continue
+        origin = xyz[part[0]]
+        path, up = (smooth_path(track.t_s[part] - first_s, (xyz[part] - origin)[:, axes]) for axes in ([0, 1], [2]))
+        since = t_s - first_s
+        here, moving = (np.column_stack([path(since, order), up(since, order)]) for order in (0, 1))
+        parts.append((t_s, origin + here, moving))
+    if not parts:
+        return np.empty(0), np.empty((0, 3)), np.empty((0, 3))
+    t_s, places, velocities = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return t_s, places, velocities
+
+
+def _at(t_s: FloatArray, track: AttitudeTrack, name: str) -> FloatArray:
+    """An angle (n,) of a log at times (n,); nan outside the log and in its gaps."""
+    values: FloatArray = getattr(track, name)
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(len(t_s), np.nan)
+    known_s, angle = track.t_s[known], unwrap_deg(values[known])
+    after = np.clip(np.searchsorted(known_s, t_s), 1, len(known_s) - 1)
+    bridged = known_s[after] - known_s[after - 1] <= longest_gap_s(known_s)
+    inside = (t_s >= known_s[0]) & (t_s <= known_s[-1]) & bridged
+    return np.where(inside, np.interp(t_s, known_s, angle), np.nan)
+
+
+def _no_common(track: GnssTrack, logs: AttitudeLogs) -> InputError:
+    spans = ", ".join(
+        f"{name} from {iso_utc(float(t_s[0]))} to {iso_utc(float(t_s[-1]))}"
+        for name, t_s in (
+            ("positions", track.t_s),
+            ("roll and pitch", logs.roll_pitch.t_s),
+            ("headings", logs.heading.t_s),
+        )
+    )
+    return InputError(
+        f"Positions and attitude logs have no time in common ({spans}).",
+        "No trajectory can be computed from them.",
+        "Check that they were recorded together, times are UTC (`time_unix_s`) or GPS time (`time_gps_s`), and that "
+        "the logs hold roll and pitch, and headings.",
+        code="attitude-no-overlap",
+    )
