@@ -22,9 +22,9 @@ from furrowmap.core.values.errors import printable
 @click.option("--overwrite", is_flag=True, help="Replace files in DIR.")
 @common_options
 def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool) -> None:
-    """Simulate the recording of a tractor in SCENARIO, a TOML file or "demo".
+    """Simulate the recording of a tractor or an aircraft in SCENARIO: a TOML file, "demo" or "flight".
 
-    Writes the LiDAR recording, the GNSS log, a session file, the field boundary, and the ground truth in truth/.
+    Writes the recordings of LiDAR, GNSS and IMU, a session file, the field boundary, and the ground truth in truth/.
     """
     with console.work() as progress:
         simulated = furrowmap.simulate(scenario, output, overwrite=overwrite, progress=progress)

@@ -24,6 +24,11 @@ their units; see [frames and angles](../explanation/frames.md). Positions in the
 corner of the ground grid. The output folder contains a `scenario.toml` with all keys, which reproduces the recording
 exactly.
 
+With `[flight]`, an aircraft flies: `[drive]`, `[sway]`, `[tractor]`, `[implement]` and `[gnss.clas]` do not matter
+then, and `[lidar]` and `[antenna]` are to be stated, for their defaults are a tractor's. Its receiver is `[gnss.rtk]`.
+`[imu]` and `[mount]` may be in both kinds of scenario. `furrowmap simulate flight` shows an example. Beyond its edges
+the ground grid repeats itself.
+
 ```toml
 seed = 3
 
@@ -42,6 +47,7 @@ outage_s = [[40.0, 45.0]]
 OPEN = {
     "field": "around the drive",
     "drive": "from the drive",
+    "flight": "from the path",
     "soil": "by kind",
     "lidar": "as above",
     "clock": "as above",
@@ -71,8 +77,10 @@ def page() -> str:
 
 def tables(whole: msgspec.Struct, above: str = "") -> Iterator[tuple[str, msgspec.Struct]]:
     """The tables of a scenario with keys, by name."""
-    for name in whole.__struct_fields__:
+    for name, hint in typing.get_type_hints(type(whole)).items():
         value = getattr(whole, name)
+        if value is None:  # a table that may be left out
+            value = typing.get_args(hint)[0]()
         if isinstance(value, msgspec.Struct):
             deeper = list(tables(value, f"{above}{name}."))
             yield from deeper or [(above + name, value)]

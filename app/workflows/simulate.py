@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from furrowmap.core.simulator import simulate as simulator
-from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
+from furrowmap.core.simulator.scenario_file import PACKAGED, demo_scenario, load_scenario
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.progress import Progress, silent
 
@@ -13,11 +13,11 @@ from furrowmap.core.values.progress import Progress, silent
 def simulate(
     scenario: str | Path, out: str | Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> simulator.Simulated:
-    """Write the recording of a tractor in a scenario, and the truth beside it.
+    """Write the recording of a tractor or an aircraft in a scenario, and the truth beside it.
 
     Args:
-        scenario: a TOML file, or "demo".
-        out: folder for the recording, GNSS log, session file, boundary and truth.
+        scenario: a TOML file, or "demo" (a tractor) or "flight".
+        out: folder for the recording, GNSS log, IMU log, session file, boundary and truth.
         overwrite: replace files in the folder.
         progress: is called with each stage.
 
@@ -33,5 +33,5 @@ def simulate(
             "Give another folder with -o, or replace the files with --overwrite.",
             code="exists",
         )
-    described = demo_scenario() if str(scenario) == "demo" else load_scenario(Path(scenario))
+    described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
     return simulator.simulate(described, folder, progress)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.motion import Motion
 from furrowmap.core.simulator.noise import gauss_markov, random_for
-from furrowmap.core.simulator.scenario import Receiver, Scenario, Vector3
+from furrowmap.core.simulator.scenario import Receiver, Scenario
 from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.table import Vector3
 
 FloatArray = NDArray[np.float64]
 

@@ -31,6 +31,7 @@ class Motion:
         yaw_rad: (n,) counter-clockwise from east, without jumps.
         tool_m: (n,) height of the tool above its working position.
         dusty: (n,) 1 where the tool works and the machine moves, else 0.
+        scale: horizontal metres of the map for a metre on the ground.
     """
 
     t_s: FloatArray
@@ -40,12 +41,13 @@ class Motion:
     yaw_rad: FloatArray
     tool_m: FloatArray
     dusty: FloatArray
+    scale: float = 1.0
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(xyz_m (n, 3), rotation (n, 3, 3) from vehicle to local) at times within the motion."""
+        """(xyz_m (n, 3), axes (n, 3, 3)) at times within the motion: the axes take metres of the vehicle to local."""
         xyz = np.stack([np.interp(t_s, self.t_s, self.xyz_m[:, k]) for k in range(3)], axis=-1)
         angles = (np.interp(t_s, self.t_s, a) for a in (self.roll_rad, self.pitch_rad, self.yaw_rad))
-        return xyz, vehicle_rotation(*angles)
+        return xyz, np.array([[self.scale], [self.scale], [1.0]]) * vehicle_rotation(*angles)
 
     def of_point(self, t_s: FloatArray, xyz_m: tuple[float, float, float]) -> FloatArray:
         """(n, 3) local positions of a point of the vehicle frame."""

@@ -12,7 +12,7 @@ number generators), so that the result does not depend on how the firings are sh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Final, NamedTuple
 
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import CELL_M as CELL
-from furrowmap.core.simulator.soil import BLOCK, Ground, relief_at
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, LASERS, RANGE_STEP_M, VERTICAL_OFFSET_M
+from furrowmap.core.simulator.soil import BLOCK, Ground, ceiling_of, relief_at
+from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, RANGE_STEP_M, VERTICAL_OFFSET_M
 
 FloatArray = NDArray[np.float64]
 
@@ -74,6 +74,8 @@ class Scene(NamedTuple):
         body: (n, 6) boxes in the vehicle frame.
         tool: (n, 6) boxes in the vehicle frame, the tool in working position.
         dust: (6,) centre and radii of the dust cloud in the vehicle frame.
+        crop: (rows, cols) height of the crop on the ground's cells; (0, 0) where there is none.
+        extinction: of the crop, a metre of beam.
     """
 
     ground: Ground
@@ -83,6 +85,8 @@ class Scene(NamedTuple):
     body: FloatArray
     tool: FloatArray
     dust: FloatArray
+    crop: NDArray[np.float32]
+    extinction: float
 
 
 class Optics(NamedTuple):
@@ -90,7 +94,7 @@ class Optics(NamedTuple):
 
     Attributes:
         mount: (3, 4) rotation from sensor to vehicle, and origin.
-        lasers: (16, 4) cosine and sine of elevation, vertical offset, range error.
+        lasers: (k, 4) cosine and sine of elevation, vertical offset, range error.
         noise: range noise, its growth at grazing angles, dropout, dust a metre.
         reach: nearest and farthest range.
         seed: of the beams' chance.
@@ -116,6 +120,7 @@ class Firings:
         rotation: (n, 3, 3) vehicle to local.
         tool_m: (n,) height of the tool.
         dusty: (n,) 0 to 1.
+        mount: (n, 3, 4) as :attr:`Optics.mount`, where it moves; (0, 3, 4) where it does not.
     """
 
     number: int
@@ -126,17 +131,18 @@ class Firings:
     rotation: FloatArray
     tool_m: FloatArray
     dusty: FloatArray
+    mount: FloatArray = field(default_factory=lambda: np.empty((0, 3, 4)))
 
 
 @dataclass(frozen=True)
 class Returns:
-    """What came back, [strongest, last] of every firing and laser; the same twice where there is only one.
+    """What came back, [strongest, last] of every firing and laser of k; the same twice where there is only one.
 
     Attributes:
-        ticks: (2, n, 16) uint16, range in steps of 2 mm, 0 for none.
-        reflectivity: (2, n, 16) uint8.
-        met: (2, n, 16) uint8, :class:`Met`.
-        cell: (2, n, 16) int32, row * cols + col of the ground's cell, -1 elsewhere.
+        ticks: (2, n, k) uint16, range in steps of 2 mm, 0 for none.
+        reflectivity: (2, n, k) uint8.
+        met: (2, n, k) uint8, :class:`Met`.
+        cell: (2, n, k) int32, row * cols + col of the ground's cell, -1 elsewhere.
     """
 
     ticks: NDArray[np.uint16]
@@ -145,8 +151,8 @@ class Returns:
     cell: NDArray[np.int32]
 
 
-def make_scene(scenario: Scenario, ground: Ground) -> Scene:
-    """The scene of a scenario that is laid out."""
+def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | None = None) -> Scene:
+    """The scene of a scenario that is laid out; `crop` are heights on the ground's cells."""
 
     def plane(e_m: float, n_m: float) -> float:
         return ground.slope_e * e_m + ground.slope_n * n_m
@@ -161,15 +167,20 @@ def make_scene(scenario: Scenario, ground: Ground) -> Scene:
     posts = [(e, n, radius, plane(e, n) - 1.0, plane(e, n) + height) for e, n, radius, height in scenario.posts]
     x, y = scenario.implement.xy_m
     tool = np.array(scenario.implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
-    soil = scenario.soil
+    soil, flight = scenario.soil, scenario.flight
+    body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
+    if crop is not None:
+        ground = ground._replace(ceiling=ceiling_of(ground.before + crop))
     return Scene(
         ground,
         np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)]),
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
-        np.array(scenario.tractor.body_boxes_m, np.float64).reshape(-1, 6),
-        tool,
+        np.array(body, np.float64).reshape(-1, 6),
+        tool if flight is None else np.empty((0, 6)),
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
+        np.zeros((0, 0), np.float32) if crop is None else crop,
+        0.0 if flight is None else flight.extinction_per_m,
     )
 
 
@@ -187,11 +198,13 @@ def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
 def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
     """The sensor of a scenario; `mount` (3, 3) is its true rotation to the vehicle."""
     lidar, noise = scenario.lidar, scenario.noise
-    elevation = np.radians(ELEVATION_DEG)
-    bias = random_for(scenario.seed, "lasers").normal(0.0, lidar.laser_bias_m, LASERS)
+    elevation, offset = np.radians(ELEVATION_DEG), VERTICAL_OFFSET_M
+    if scenario.line is not None:
+        elevation = offset = np.zeros(1)
+    bias = random_for(scenario.seed, "lasers").normal(0.0, lidar.laser_bias_m, len(elevation))
     return Optics(
         np.column_stack([mount, lidar.true_xyz_m]),
-        np.column_stack([np.cos(elevation), np.sin(elevation), VERTICAL_OFFSET_M, bias]),
+        np.column_stack([np.cos(elevation), np.sin(elevation), offset, bias]),
         np.array([noise.range_m, noise.grazing, noise.dropout, noise.dust]),
         np.array([lidar.min_range_m, lidar.max_range_m]),
         int(random_for(scenario.seed, "beams").integers(2**62)),
@@ -200,11 +213,9 @@ def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
 
 def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     """The returns of `firings`."""
-    n = len(firings.t_s)
-    ticks = np.zeros((2, n, LASERS), np.uint16)
-    reflectivity = np.zeros((2, n, LASERS), np.uint8)
-    met = np.zeros((2, n, LASERS), np.uint8)
-    cell = np.full((2, n, LASERS), -1, np.int32)
+    shape = (2, len(firings.t_s), len(optics.lasers))
+    ticks, reflectivity, met = (np.zeros(shape, kind) for kind in (np.uint16, np.uint8, np.uint8))
+    cell = np.full(shape, -1, np.int32)
     moving = np.column_stack([firings.t_s, firings.azimuth_rad, firings.turn_radps, firings.tool_m, firings.dusty])
     _cast(
         scene,
@@ -213,6 +224,7 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
         moving,
         np.ascontiguousarray(firings.xyz_m),
         np.ascontiguousarray(firings.rotation),
+        np.ascontiguousarray(firings.mount),
         ticks,
         reflectivity,
         met,
@@ -292,8 +304,11 @@ def _wrapped(i, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _meet_ground(ground, straw, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
-    """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil or straw."""
+def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
+    """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil, straw or crop."""
+    ground, straw, crop = scene.ground, scene.straw, scene.crop
+    # the optical depth of crop at which the beam is stopped
+    depth = -math.log(_chance(seed, ray, 12)) if len(crop) else 0.0
     rows, cols = ground.before.shape
     block_rows, block_cols = ground.ceiling.shape
     block = BLOCK * CELL
@@ -327,6 +342,13 @@ def _meet_ground(ground, straw, seed, ray, x, y, z, dx, dy, dz, t, far):  # type
                 return 0.5 * (low + high), _SOIL
             row, col = math.floor(n / CELL), math.floor(e / CELL)
             place = _wrapped(row, rows) * cols + _wrapped(col, cols)
+            if len(crop) and height < ceiling:
+                stand = crop[_wrapped(row, rows), _wrapped(col, cols)]
+                within = (stand + relief_at(ground, e, n, t) - height) if stand > 0.0 else 0.0
+                if within > 0.0:
+                    depth -= scene.extinction * min(step, within / max(-dz, 1e-9))
+                    if depth <= 0.0:
+                        return ahead + depth / scene.extinction, _STRAW
             rows_of_crop = straw[3] != 0.0 or straw[4] != 0.0
             count = e * straw[3] + n * straw[4] + straw[5]
             stands = not rows_of_crop or abs(count - round(count)) < _CROP_SHARE
@@ -378,14 +400,16 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
 
 
 @njit(cache=True, nogil=True)
-def _cast(scene, optics, number, moving, xyz, rotation, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
-    ground, mount = scene.ground, optics.mount
+def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
+    ground, mount, lasers = scene.ground, optics.mount, len(optics.lasers)
     rows, cols = ground.before.shape
     for i in range(len(moving)):
         t, lift = moving[i, 0], moving[i, 3]
         turn = rotation[i]
-        for laser in range(LASERS):
-            ray = (number + i) * LASERS + laser
+        if len(mounts):
+            mount = mounts[i]
+        for laser in range(lasers):
+            ray = (number + i) * lasers + laser
             azimuth = moving[i, 1] + moving[i, 2] * LASER_S * laser
             cosine, sine, offset = optics.lasers[laser, 0], optics.lasers[laser, 1], optics.lasers[laser, 2]
             a, b, c = cosine * math.cos(azimuth), -cosine * math.sin(azimuth), sine
@@ -431,7 +455,7 @@ def _cast(scene, optics, number, moving, xyz, rotation, ticks, reflectivity, met
             sinking = dz - ground.slope_e * dx - ground.slope_n * dy
             if sinking < -1e-4:
                 height = z - ground.slope_e * x - ground.slope_n * y
-                r, kind = _meet_ground(ground, scene.straw, optics.seed, ray, x, y, height, dx, dy, sinking, t, best)
+                r, kind = _meet_ground(scene, optics.seed, ray, x, y, height, dx, dy, sinking, t, best)
                 if r < best:
                     best, what = r, kind
                     incidence = -sinking / math.sqrt(1.0 + ground.slope_e**2 + ground.slope_n**2)

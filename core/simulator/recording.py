@@ -5,9 +5,10 @@ from __future__ import annotations
 import gzip
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.capture import FILE_HEADER, records
 from furrowmap.core.simulator.gnss import gprmc
 from furrowmap.core.simulator.motion import Motion, mount_rotation
+from furrowmap.core.simulator.moving_mount import MountMotion
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
 from furrowmap.core.simulator.scenario import Scenario
@@ -31,6 +33,34 @@ _BATCH: Final = 400
 """Data packets cast together, half a second of recording."""
 _POSITION_PHASE_S: Final = 0.393
 """First position packet after the first firing."""
+
+
+@dataclass(frozen=True)
+class World:
+    """What there is to record, and from where.
+
+    Attributes:
+        scenario: laid out.
+        site: its georeference.
+        ground: the ground over time.
+        motion: of the vehicle.
+        crop: heights on the ground's cells; None without.
+        mount: that moves; None where it does not.
+    """
+
+    scenario: Scenario
+    site: Site
+    ground: Ground
+    motion: Motion
+    crop: NDArray[np.float32] | None = None
+    mount: MountMotion | None = None
+
+    def mounted(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n, 3, 4) from sensor to vehicle at times (n,); (0, 3, 4) where the mount does not move."""
+        if self.mount is None:
+            return np.empty((0, 3, 4))
+        lidar = self.scenario.lidar
+        return self.mount.mounted(t_s, mount_rotation(lidar.true_rpy_deg), lidar.true_xyz_m)
 
 
 class SupportsWrite(Protocol):
@@ -57,18 +87,17 @@ class _ReturnCounts:
             self.met += np.bincount(returns.met[1][two], minlength=len(Met))
 
 
-def record(
-    file: Path, scenario: Scenario, site: Site, spin: Spin, ground: Ground, motion: Motion, progress: Progress
-) -> tuple[dict[str, Any], NDArray[np.uint8]]:
+def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """Write the capture; the lidar's figures, and how often each worked cell was seen after its last working."""
+    scenario, site, ground, motion = world.scenario, world.site, world.ground, world.motion
     optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
-    scene = make_scene(scenario, ground)
+    scene = make_scene(scenario, ground, world.crop)
     rng = random_for(scenario.seed, "computer")
     counts, seen, clock_us, position_packets = _ReturnCounts(), SeenAfter(scenario, ground), 0, 0
     reported = 1 if scenario.lidar.return_mode == "last" else 0
     with _written(file, compress=scenario.lidar.gzip) as out:
         out.write(FILE_HEADER)
-        for first, firings, returns in _cast_in_order(scene, optics, spin, motion):
+        for first, firings, returns in _cast_packets(scene, optics, spin, world):
             counts.add(returns, scenario.lidar.return_mode)
             seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, LASERS))
             payload = data_packets(scenario, site, spin, first, returns)
@@ -89,14 +118,22 @@ def record(
     return _figures(site, spin, counts, optics, position_packets), seen.image
 
 
-def _cast_in_order(scene: Scene, optics: Optics, spin: Spin, motion: Motion) -> Iterator[tuple[int, Firings, Returns]]:
-    """(first packet, firings, returns) batch by batch; a few batches are cast ahead by other threads."""
+def _cast_packets(scene: Scene, optics: Optics, spin: Spin, world: World) -> Iterator[tuple[int, Firings, Returns]]:
+    """(first packet, firings, returns) batch by batch."""
+    firsts = range(0, spin.packets, _BATCH)
+    batches = ((first, _firings(spin, first, min(_BATCH, spin.packets - first), world)) for first in firsts)
+    yield from cast_in_order(scene, optics, batches)
+
+
+def cast_in_order(
+    scene: Scene, optics: Optics, batches: Iterable[tuple[int, Firings]]
+) -> Iterator[tuple[int, Firings, Returns]]:
+    """(number, firings, returns) of each batch, in order; a few batches are cast ahead by other threads."""
     workers = os.cpu_count() or 1
     ahead: deque[tuple[int, Firings, Future[Returns]]] = deque()
     with ThreadPoolExecutor(workers) as threads:
         try:
-            for first in range(0, spin.packets, _BATCH):
-                firings = _firings(spin, first, min(_BATCH, spin.packets - first), motion)
+            for first, firings in batches:
                 ahead.append((first, firings, threads.submit(cast, scene, optics, firings)))
                 if len(ahead) > workers + 1:
                     number, done, future = ahead.popleft()
@@ -108,8 +145,8 @@ def _cast_in_order(scene: Scene, optics: Optics, spin: Spin, motion: Motion) -> 
             threads.shutdown(wait=True, cancel_futures=True)
 
 
-def _firings(spin: Spin, first: int, packets: int, motion: Motion) -> Firings:
-    number = first * spin.firings_a_packet
+def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
+    number, motion = first * spin.firings_a_packet, world.motion
     t_s = spin.time_s(number + np.arange(packets * spin.firings_a_packet))
     xyz, rotation = motion.at(t_s)
     return Firings(
@@ -121,6 +158,7 @@ def _firings(spin: Spin, first: int, packets: int, motion: Motion) -> Firings:
         rotation,
         np.interp(t_s, motion.t_s, motion.tool_m),
         np.interp(t_s, motion.t_s, motion.dusty),
+        world.mounted(t_s),
     )
 
 

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import datetime as dt
-import math
 from collections.abc import Mapping
 from typing import Annotated, Final, Literal, TypeAlias
 
 import msgspec
 from msgspec import Meta
 
-Vector3: TypeAlias = tuple[float, float, float]
-Box: TypeAlias = tuple[float, float, float, float, float, float]
-SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
+from furrowmap.core.simulator.flight_scenario import Flight, Imu, Line, MovingMount
+from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
 
-_BY_KIND: Final = math.nan
-"""Placeholder for a default that depends on other values."""
+SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
 
 _SOIL_KEYS: Final = ("sigma", "corr", "row", "spacing", "straw", "height", "hit", "crop", "furrow")
 SOILS: Final[Mapping[str, Mapping[str, float]]] = {
@@ -72,24 +69,7 @@ TRACTOR: Final[tuple[Box, ...]] = (
 )
 
 
-def waits(value: object) -> bool:
-    """Whether `value` is, or contains, a placeholder."""
-    if isinstance(value, tuple):
-        return any(waits(v) for v in value)
-    return isinstance(value, float) and math.isnan(value)
-
-
-class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the scenario: frozen, without unknown keys."""
-
-    def _fill(self, **values: object) -> None:
-        """Replace placeholders by `values`."""
-        for name, value in values.items():
-            if waits(getattr(self, name)):
-                msgspec.structs.force_setattr(self, name, value)
-
-
-class Place(_Table, frozen=True):
+class Place(Table, frozen=True):
     """Location of the field."""
 
     lon_lat_deg: Annotated[
@@ -100,26 +80,26 @@ class Place(_Table, frozen=True):
     crs: Annotated[str, Meta(description="projected CRS")] = "EPSG:6677"
 
 
-class Field(_Table, frozen=True):
+class Field(Table, frozen=True):
     """Ground grid and field boundary."""
 
-    size_e_m: Annotated[float, Meta(gt=0, description="size of the grid, west to east")] = _BY_KIND
-    size_n_m: Annotated[float, Meta(gt=0, description="size of the grid, south to north")] = _BY_KIND
+    size_e_m: Annotated[float, Meta(gt=0, description="size of the grid, west to east")] = BY_KIND
+    size_n_m: Annotated[float, Meta(gt=0, description="size of the grid, south to north")] = BY_KIND
     margin_m: Annotated[float, Meta(ge=2, description="margin around the drive, if no size is given")] = 14.0
     boundary_uv_m: Annotated[
         tuple[float, float, float, float],
         Meta(description="[u min, u max, v min, v max]: along (u) and across (v, left) the lanes, from the start"),
-    ] = (_BY_KIND, _BY_KIND, _BY_KIND, _BY_KIND)
+    ] = (BY_KIND, BY_KIND, BY_KIND, BY_KIND)
 
 
-class Drive(_Table, frozen=True):
+class Drive(Table, frozen=True):
     """Path and speed."""
 
     turns: Annotated[Literal["loop", "fishtail"], Meta(description="fishtail turns include reversing")] = "loop"
     lane_heading_deg: Annotated[float, Meta(description="heading of the first pass, clockwise from grid north")] = 81.0
     start_xy_m: Annotated[tuple[float, float], Meta(description="start, from the south-western corner of the grid")] = (
-        _BY_KIND,
-        _BY_KIND,
+        BY_KIND,
+        BY_KIND,
     )
     passes: Annotated[int, Meta(ge=1, description="number of passes, without lanes_m")] = 3
     spacing_m: Annotated[float, Meta(description="distance between lanes, positive to the left, without lanes_m")] = 1.6
@@ -167,22 +147,22 @@ class Drive(_Table, frozen=True):
                 raise ValueError(f"the stop [{number}, {at_m}, {stand_s}] is on none of the {passes} passes")
 
 
-class Soil(_Table, frozen=True):
+class Soil(Table, frozen=True):
     """The ground before and after the pass of the implement."""
 
     kind: Annotated[SoilKind, Meta(description="ground before the pass; sets the defaults of the next eight keys")] = (
         "stubble"
     )
-    clod_sigma_m: Annotated[float, Meta(ge=0, description="random roughness, standard deviation")] = _BY_KIND
-    clod_corr_m: Annotated[float, Meta(gt=0, description="correlation length of the random roughness")] = _BY_KIND
-    row_amplitude_m: Annotated[float, Meta(ge=0, description="amplitude of the rows along the lanes")] = _BY_KIND
-    row_spacing_m: Annotated[float, Meta(gt=0, description="spacing of the rows")] = _BY_KIND
-    straw_share: Annotated[float, Meta(ge=0, le=1, description="share of the ground with straw")] = _BY_KIND
-    straw_hit: Annotated[float, Meta(ge=0, le=1, description="probability that straw stops a passing ray")] = _BY_KIND
-    straw_height_m: Annotated[float, Meta(ge=0, description="maximum height of the straw")] = _BY_KIND
+    clod_sigma_m: Annotated[float, Meta(ge=0, description="random roughness, standard deviation")] = BY_KIND
+    clod_corr_m: Annotated[float, Meta(gt=0, description="correlation length of the random roughness")] = BY_KIND
+    row_amplitude_m: Annotated[float, Meta(ge=0, description="amplitude of the rows along the lanes")] = BY_KIND
+    row_spacing_m: Annotated[float, Meta(gt=0, description="spacing of the rows")] = BY_KIND
+    straw_share: Annotated[float, Meta(ge=0, le=1, description="share of the ground with straw")] = BY_KIND
+    straw_hit: Annotated[float, Meta(ge=0, le=1, description="probability that straw stops a passing ray")] = BY_KIND
+    straw_height_m: Annotated[float, Meta(ge=0, description="maximum height of the straw")] = BY_KIND
     crop_rows_m: Annotated[
         float, Meta(ge=0, description="distance of the rows, along the lanes, in which straw stands; 0: everywhere")
-    ] = _BY_KIND
+    ] = BY_KIND
     slope_percent: Annotated[float, Meta(ge=0, le=60, description="slope of the field")] = 1.3
     slope_towards_deg: Annotated[float, Meta(description="upslope direction, clockwise from north")] = 200.0
     undulation_m: Annotated[float, Meta(ge=0, description="amplitude of waves of 5 to 40 m length")] = 0.05
@@ -190,16 +170,16 @@ class Soil(_Table, frozen=True):
         SoilKind | Literal["", "same"],
         Meta(description='ground after the pass; "": usual for the implement; "same": as before, without straw'),
     ] = ""
-    tilled_sigma_m: Annotated[float, Meta(ge=0, description="random roughness after the pass")] = _BY_KIND
-    tilled_corr_m: Annotated[float, Meta(gt=0, description="correlation length after the pass")] = _BY_KIND
+    tilled_sigma_m: Annotated[float, Meta(ge=0, description="random roughness after the pass")] = BY_KIND
+    tilled_corr_m: Annotated[float, Meta(gt=0, description="correlation length after the pass")] = BY_KIND
     swell_m: Annotated[float, Meta(description="mean rise of the ground by the pass")] = 0.026
     ridge_m: Annotated[float, Meta(description="height of the ridges at both edges of a pass")] = 0.022
-    furrow_m: Annotated[float, Meta(ge=0, description="amplitude of furrows after the pass")] = _BY_KIND
+    furrow_m: Annotated[float, Meta(ge=0, description="amplitude of furrows after the pass")] = BY_KIND
     furrow_spacing_m: Annotated[float, Meta(gt=0, description="spacing of the furrows")] = 0.35
 
     def __post_init__(self) -> None:
         found = SOILS[self.kind]
-        self._fill(
+        self.fill(
             clod_sigma_m=found["sigma"],
             clod_corr_m=found["corr"],
             row_amplitude_m=found["row"],
@@ -211,7 +191,7 @@ class Soil(_Table, frozen=True):
         )
 
 
-class Sway(_Table, frozen=True):
+class Sway(Table, frozen=True):
     """Motion of the machine on its tyres, in addition to that from the ground."""
 
     sway_deg: Annotated[float, Meta(ge=0, description="roll and pitch, 1 to 3 Hz, while driving")] = 0.25
@@ -219,7 +199,7 @@ class Sway(_Table, frozen=True):
     vibration_deg: Annotated[float, Meta(ge=0, description="roll and pitch from the engine, 12 to 18 Hz")] = 0.005
 
 
-class Tractor(_Table, frozen=True):
+class Tractor(Table, frozen=True):
     """Wheels and body. Boxes are [x min, x max, y min, y max, z min, z max] in the vehicle frame."""
 
     wheelbase_m: Annotated[float, Meta(gt=0.5, description="distance between the axles")] = 1.95
@@ -229,7 +209,7 @@ class Tractor(_Table, frozen=True):
     body_boxes_m: Annotated[tuple[Box, ...], Meta(description="parts of the tractor that the sensor may see")] = TRACTOR
 
 
-class Implement(_Table, frozen=True):
+class Implement(Table, frozen=True):
     """The implement."""
 
     shape: Annotated[Literal["tiller", "mower", "plow"], Meta(description="body, and effect on the ground")] = "tiller"
@@ -257,13 +237,13 @@ class Implement(_Table, frozen=True):
             msgspec.structs.force_setattr(self, "boxes_m", shaped)
 
 
-class Antenna(_Table, frozen=True):
+class Antenna(Table, frozen=True):
     """The GNSS antenna."""
 
     xyz_m: Annotated[Vector3, Meta(description="phase centre in the vehicle frame")] = (1.847, -0.052, 1.624)
 
 
-class Lidar(_Table, frozen=True):
+class Lidar(Table, frozen=True):
     """The VLP-16 and its mounting."""
 
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (
@@ -276,8 +256,8 @@ class Lidar(_Table, frozen=True):
         40.6,
         179.3,
     )
-    true_xyz_m: Annotated[Vector3, Meta(description="actual sensor origin")] = (_BY_KIND, _BY_KIND, _BY_KIND)
-    true_rpy_deg: Annotated[Vector3, Meta(description="actual mounting angles")] = (_BY_KIND, _BY_KIND, _BY_KIND)
+    true_xyz_m: Annotated[Vector3, Meta(description="actual sensor origin")] = (BY_KIND, BY_KIND, BY_KIND)
+    true_rpy_deg: Annotated[Vector3, Meta(description="actual mounting angles")] = (BY_KIND, BY_KIND, BY_KIND)
     rpm: Annotated[Literal[300, 600, 1200], Meta(description="revolutions per minute")] = 600
     rpm_wander: Annotated[float, Meta(ge=0, le=0.01, description="slow relative variation of the speed")] = 2e-5
     return_mode: Annotated[Literal["strongest", "last", "dual"], Meta(description="as in the packets")] = "strongest"
@@ -290,10 +270,10 @@ class Lidar(_Table, frozen=True):
     gzip: Annotated[bool, Meta(description="write recording.pcap.gz")] = False
 
     def __post_init__(self) -> None:
-        self._fill(true_xyz_m=self.xyz_m, true_rpy_deg=self.rpy_deg)
+        self.fill(true_xyz_m=self.xyz_m, true_rpy_deg=self.rpy_deg)
 
 
-class Noise(_Table, frozen=True):
+class Noise(Table, frozen=True):
     """Measurement errors."""
 
     range_m: Annotated[float, Meta(ge=0, description="range noise at normal incidence, standard deviation")] = 0.010
@@ -309,7 +289,7 @@ class Noise(_Table, frozen=True):
     dust: Annotated[float, Meta(ge=0, description="dust returns at the working implement, per metre")] = 0.030
 
 
-class Clock(_Table, frozen=True):
+class Clock(Table, frozen=True):
     """Clock errors."""
 
     computer_minus_utc_s: Annotated[float, Meta(description="offset of the recording computer")] = 0.83
@@ -317,22 +297,22 @@ class Clock(_Table, frozen=True):
     lidar_minus_gnss_s: Annotated[float, Meta(description="LiDAR clock minus GNSS clock, as stated in the session")] = (
         0.0
     )
-    true_lidar_minus_gnss_s: Annotated[float, Meta(description="actual offset")] = _BY_KIND
+    true_lidar_minus_gnss_s: Annotated[float, Meta(description="actual offset")] = BY_KIND
 
     def __post_init__(self) -> None:
-        self._fill(true_lidar_minus_gnss_s=self.lidar_minus_gnss_s)
+        self.fill(true_lidar_minus_gnss_s=self.lidar_minus_gnss_s)
 
 
-class Receiver(_Table, frozen=True):
+class Receiver(Table, frozen=True):
     """Errors of a GNSS receiver: white noise, first-order Gauss-Markov process, and bias."""
 
-    white_m: Annotated[float, Meta(ge=0, description="white noise on each horizontal axis")] = _BY_KIND
-    gm_m: Annotated[float, Meta(ge=0, description="Gauss-Markov process on each horizontal axis")] = _BY_KIND
-    tau_s: Annotated[float, Meta(gt=0, description="correlation time")] = _BY_KIND
-    white_h_m: Annotated[float, Meta(ge=0, description="white noise of the height")] = _BY_KIND
-    gm_h_m: Annotated[float, Meta(ge=0, description="Gauss-Markov process of the height")] = _BY_KIND
-    tau_h_s: Annotated[float, Meta(gt=0, description="correlation time")] = _BY_KIND
-    bias_h_m: Annotated[float, Meta(ge=0, description="standard deviation of the height bias")] = _BY_KIND
+    white_m: Annotated[float, Meta(ge=0, description="white noise on each horizontal axis")] = BY_KIND
+    gm_m: Annotated[float, Meta(ge=0, description="Gauss-Markov process on each horizontal axis")] = BY_KIND
+    tau_s: Annotated[float, Meta(gt=0, description="correlation time")] = BY_KIND
+    white_h_m: Annotated[float, Meta(ge=0, description="white noise of the height")] = BY_KIND
+    gm_h_m: Annotated[float, Meta(ge=0, description="Gauss-Markov process of the height")] = BY_KIND
+    tau_h_s: Annotated[float, Meta(gt=0, description="correlation time")] = BY_KIND
+    bias_h_m: Annotated[float, Meta(ge=0, description="standard deviation of the height bias")] = BY_KIND
     outage_s: Annotated[tuple[tuple[float, float], ...], Meta(description="outages, [from, to] after t0")] = ()
     float_s: Annotated[tuple[tuple[float, float], ...], Meta(description="float solutions, [from, to] after t0")] = ()
     float_error_m: Annotated[float, Meta(ge=0, description="constant horizontal error while float")] = 0.2
@@ -343,7 +323,7 @@ _CLAS: Final = {"white_m": 0.004, "gm_m": 0.010, "tau_s": 80.0, "white_h_m": 0.0
 _RTK: Final = {"white_m": 0.003, "gm_m": 0.003, "tau_s": 60.0, "white_h_m": 0.005, "gm_h_m": 0.005, "tau_h_s": 60.0}
 
 
-class Gnss(_Table, frozen=True):
+class Gnss(Table, frozen=True):
     """The receiver of the recording (`clas`) and a more accurate one on the same antenna (`rtk`)."""
 
     clas: Receiver = Receiver()
@@ -352,11 +332,11 @@ class Gnss(_Table, frozen=True):
     def __post_init__(self) -> None:
         for name, usual in (("clas", {**_CLAS, "bias_h_m": 0.030}), ("rtk", {**_RTK, "bias_h_m": 0.0})):
             receiver = msgspec.structs.replace(getattr(self, name))
-            receiver._fill(**usual)
+            receiver.fill(**usual)
             msgspec.structs.force_setattr(self, name, receiver)
 
 
-class Scenario(_Table, frozen=True):
+class Scenario(Table, frozen=True):
     """A recording to simulate; by default a session of about a minute."""
 
     name: Annotated[str, Meta(description="name of the recording")] = "simulated"
@@ -375,6 +355,10 @@ class Scenario(_Table, frozen=True):
         ),
     ] = ()
     place: Place = Place()
+    flight: Flight | None = None
+    imu: Imu | None = None
+    mount: MovingMount | None = None
+    line: Line | None = None
     field: Field = Field()
     drive: Drive = Drive()
     soil: Soil = Soil()
@@ -390,10 +374,12 @@ class Scenario(_Table, frozen=True):
     def __post_init__(self) -> None:
         if dt.datetime.fromisoformat(self.t0).tzinfo is None:
             raise ValueError("`t0` has no UTC offset")
+        if self.line is not None and self.flight is None:
+            raise ValueError("`line` needs a `flight`: the scanner of a tractor is a VLP-16")
         left = self.soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same"}[self.implement.shape]
         worked = SOILS[self.soil.kind if left == "same" else left]
         soil = msgspec.structs.replace(self.soil, worked=left)
-        soil._fill(tilled_sigma_m=worked["sigma"], tilled_corr_m=worked["corr"], furrow_m=worked["furrow"])
+        soil.fill(tilled_sigma_m=worked["sigma"], tilled_corr_m=worked["corr"], furrow_m=worked["furrow"])
         msgspec.structs.force_setattr(self, "soil", soil)
 
     @property

@@ -10,12 +10,16 @@ import typing
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
-from furrowmap.core.simulator.scenario import Scenario, waits
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.table import waits
 from furrowmap.core.values.errors import InputError
+
+PACKAGED: Final = ("demo", "flight")
+"""Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a flight of two minutes."""
 
 
 def load_scenario(path: Path) -> Scenario:
@@ -36,10 +40,10 @@ def load_scenario(path: Path) -> Scenario:
     return scenario_from(text, str(path))
 
 
-def demo_scenario() -> Scenario:
-    """The packaged scenario of ``make demo``: two passes and a turn, about 25 seconds."""
-    text = resources.files("furrowmap.core.simulator").joinpath("demo.toml").read_text(encoding="utf-8")
-    return scenario_from(text, "demo.toml")
+def demo_scenario(name: str = "demo") -> Scenario:
+    """One of :data:`PACKAGED`; ``make demo`` runs the first."""
+    text = resources.files("furrowmap.core.simulator").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return scenario_from(text, f"{name}.toml")
 
 
 def scenario_from(text: str, name: str) -> Scenario:
@@ -95,7 +99,7 @@ def _as_builtins(scenario: Scenario) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         if isinstance(value, msgspec.Struct):
             fields = {name: getattr(value, name) for name in value.__struct_fields__}
-            return {name: plain(field) for name, field in fields.items() if not waits(field)}
+            return {name: plain(field) for name, field in fields.items() if field is not None and not waits(field)}
         return [plain(v) for v in value] if isinstance(value, tuple) else value
 
     whole: dict[str, Any] = plain(scenario)
@@ -131,5 +135,6 @@ def _keys_of(table: str) -> list[str]:
     """The keys of a table named as in TOML ("gnss.clas")."""
     kind: Any = Scenario
     for part in filter(None, table.split(".")):
-        kind = typing.get_type_hints(kind)[part]
+        hint = typing.get_type_hints(kind)[part]
+        kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint)  # a table that may be left out
     return list(kind.__struct_fields__)

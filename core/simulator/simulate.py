@@ -19,10 +19,11 @@ from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.recording import record
+from furrowmap.core.simulator.recording import World, record
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.sensor import make_spin
+from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
 from furrowmap.core.simulator.site import Site, find_site, laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
@@ -58,15 +59,33 @@ class Simulated:
 
 
 def simulate(scenario: Scenario, out_dir: Path, progress: Progress = silent) -> Simulated:
-    """Write into `out_dir` what a recorder would have written on the drive of `scenario`, and the truth.
+    """Write into `out_dir` what recorders would have written on the drive or flight of `scenario`, and the truth.
 
     The files appear together when all of them are whole; files of the same names are replaced.
 
     Raises:
-        InputError: the scenario describes no possible drive or place, or `out_dir` is no folder that can be written.
+        InputError: the scenario describes nothing that is possible, or `out_dir` is no folder that can be written.
         Cancelled: `progress` asked to stop; nothing is left behind.
     """
-    progress("ground", 0.0)
+    with _appearing(out_dir) as folder:
+        (folder / "truth").mkdir()
+        progress("ground", 0.0)
+        if scenario.flight is not None:
+            written = write_flight(folder, scenario, scenario.flight, progress)
+        else:
+            written = _write_drive(folder, scenario, progress)
+        (folder / "scenario.toml").write_text(as_toml(written.scenario), encoding="utf-8")
+        (folder / "truth" / "figures.json").write_text(json.dumps(written.figures, indent=1) + "\n", encoding="utf-8")
+        progress("truth", 1.0)
+    return Simulated(out_dir, out_dir / "session.toml", out_dir / written.recording, written.scenario, written.figures)
+
+
+def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Written:
+    """The recording of a tractor, and its truth.
+
+    Raises:
+        InputError: the scenario describes no possible drive or place.
+    """
     path = plan_path(scenario.drive, random_for(scenario.seed, "driver"))
     scenario = laid_out(scenario, path)
     site = find_site(scenario)
@@ -74,66 +93,43 @@ def simulate(scenario: Scenario, out_dir: Path, progress: Progress = silent) -> 
     sweeps = find_sweeps(track, scenario.implement.xy_m)
     ground = make_ground(scenario, sweeps)
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
+    world = World(scenario, site, ground, motion, mount=moving(scenario))
     spin = make_spin(scenario, track.duration_s)
     capture = "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
-    with _appearing(out_dir) as folder:
-        truth = folder / "truth"
-        truth.mkdir()
-        (folder / "scenario.toml").write_text(as_toml(scenario), encoding="utf-8")
-        (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
-        (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")
-        gnss = receivers(scenario, site, motion, track.duration_s + scenario.lidar.stop_s)
-        for name, (fixes, station) in gnss.items():
-            (folder / name).write_text(sentences(fixes, site, station), encoding="ascii", newline="")
-        lidar, seen_after = record(folder / capture, scenario, site, spin, ground, motion, progress)
-        progress("truth", 0.0)
-        surface = coarse_surface(scenario, ground)
-        write_trajectory(truth / "trajectory.csv", motion, site)
-        write_implement(truth / "implement.csv", track, site)
-        write_surface(truth / "surface.npz", surface, seen_after, site)
-        worked = write_worked(truth / "worked.gpkg", sweeps, scenario.implement.width_m, site)
-        u0, u1, v0, v1 = scenario.field.boundary_uv_m
-        figures = {
-            "name": scenario.name,
-            "seed": scenario.seed,
-            "t0_unix_s": site.t0_s,
-            "duration_s": round(track.duration_s, 3),
-            **worked,
-            "field_area_m2": round((u1 - u0) * (v1 - v0), 2),
-            **ground_figures(surface, seen_after),
-            **drive_figures(track, motion),
-            **lidar,
-            "gnss": {name: report(fixes) for name, (fixes, _) in gnss.items()},
-        }
-        (truth / "figures.json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        progress("truth", 1.0)
-    return Simulated(out_dir, out_dir / "session.toml", out_dir / capture, scenario, figures)
+    truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
+    (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
+    (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")
+    gnss = receivers(scenario, site, motion, end_s)
+    for name, (fixes, station) in gnss.items():
+        (folder / name).write_text(sentences(fixes, site, station), encoding="ascii", newline="")
+    write_sensors(folder, world, end_s)
+    lidar, seen_after = record(folder / capture, world, spin, progress)
+    progress("truth", 0.0)
+    surface = coarse_surface(scenario, ground)
+    write_trajectory(truth / "trajectory.csv", motion, site)
+    write_implement(truth / "implement.csv", track, site)
+    write_surface(truth / "surface.npz", surface, seen_after, site)
+    worked = write_worked(truth / "worked.gpkg", sweeps, scenario.implement.width_m, site)
+    u0, u1, v0, v1 = scenario.field.boundary_uv_m
+    figures = {
+        "name": scenario.name,
+        "seed": scenario.seed,
+        "t0_unix_s": site.t0_s,
+        "duration_s": round(track.duration_s, 3),
+        **worked,
+        "field_area_m2": round((u1 - u0) * (v1 - v0), 2),
+        **ground_figures(surface, seen_after),
+        **drive_figures(track, motion),
+        **lidar,
+        "gnss": {name: report(fixes) for name, (fixes, _) in gnss.items()},
+    }
+    return Written(scenario, capture, figures)
 
 
 def _session(scenario: Scenario, capture: str) -> str:
-    lidar, implement = scenario.lidar, scenario.implement
+    implement = scenario.implement
     return f"""\
-furrowmap = 1
-name = {json.dumps(scenario.title, ensure_ascii=False)}
-
-[recording]
-lidar = ["{capture}"]
-gnss = ["gnss.nmea"]
-lidar_minus_gnss_s = {scenario.clock.lidar_minus_gnss_s!r}
-
-[crs]
-map = {json.dumps(scenario.place.crs)}
-heights = "ellipsoidal"
-coordinates = "as-recorded"
-
-[antenna]
-xyz_m = {list(scenario.antenna.xyz_m)}
-
-[lidar]
-model = "VLP-16"
-xyz_m = {list(lidar.xyz_m)}
-rpy_deg = {list(lidar.rpy_deg)}
-
+{session_head(scenario, capture)}
 [implement]
 kind = {json.dumps(implement.kind, ensure_ascii=False)}
 width_m = {implement.width_m!r}

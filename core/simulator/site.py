@@ -50,16 +50,25 @@ def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
         round(float(value), 1) if math.isnan(stated) else stated
         for value, stated in zip(round_the_drive, scenario.field.boundary_uv_m, strict=True)
     )
-    if size[0] * size[1] / CELL_M**2 > MOST_CELLS:
-        raise InputError(
-            f"scenario: the ground of {size[0]:.0f} m by {size[1]:.0f} m is too large.",
-            f"It is kept in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
-            "Choose shorter or fewer passes, or a smaller field.size_e_m and field.size_n_m.",
-            code="scenario-too-large",
-        )
+    check_size(size[0], size[1])
     replace = msgspec.structs.replace
     field = replace(scenario.field, size_e_m=size[0], size_n_m=size[1], boundary_uv_m=boundary)
     return replace(scenario, field=field, drive=replace(scenario.drive, start_xy_m=start))
+
+
+def check_size(east_m: float, north_m: float) -> None:
+    """Refuse a ground that cannot be held.
+
+    Raises:
+        InputError: it is too large.
+    """
+    if east_m * north_m / CELL_M**2 > MOST_CELLS:
+        raise InputError(
+            f"scenario: the ground of {east_m:.0f} m by {north_m:.0f} m is too large.",
+            f"It is kept in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
+            "Choose shorter or fewer passes or strips, or a smaller field.size_e_m and field.size_n_m.",
+            code="scenario-too-large",
+        )
 
 
 @dataclass(frozen=True)
@@ -91,11 +100,50 @@ class Site:
         lon, lat = _to_degrees(self.crs).transform(np.asarray(e_m) + self.e0_m, np.asarray(n_m) + self.n0_m)
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
+    def earth_m(self, xyz_m: FloatArray) -> FloatArray:
+        """(n, 3) earth-centred, earth-fixed coordinates of local positions (n, 3)."""
+        lon, lat = (np.radians(a) for a in self.geographic(xyz_m[:, 0], xyz_m[:, 1]))
+        a, square = _ellipsoid(self.crs)
+        height = xyz_m[:, 2] + self.h0_m
+        across = a / np.sqrt(1.0 - square * np.sin(lat) ** 2)
+        out: FloatArray = np.column_stack([
+            (across + height) * np.cos(lat) * np.cos(lon),
+            (across + height) * np.cos(lat) * np.sin(lon),
+            (across * (1.0 - square) + height) * np.sin(lat),
+        ])  # fmt: skip
+        return out
+
+    def earth_axes(self, xyz_m: FloatArray) -> FloatArray:
+        """(n, 3, 3) grid east, grid north and up at local positions (n, 3), as columns in earth-centred axes."""
+        lon, lat = (np.radians(a) for a in self.geographic(xyz_m[:, 0], xyz_m[:, 1]))
+        up = np.column_stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+        step = np.array([0.0, 50.0, 0.0])
+        north = self.earth_m(xyz_m + step) - self.earth_m(xyz_m - step)
+        north -= (north * up).sum(axis=1, keepdims=True) * up
+        north /= np.linalg.norm(north, axis=1, keepdims=True)
+        return np.stack([np.cross(north, up), north, up], axis=-1)
+
+    def map_scale(self, xyz_m: FloatArray) -> float:
+        """Metres of the map for a metre on the ground, at a local position (3,)."""
+        step = np.array([50.0, 0.0, 0.0])
+        ends = self.earth_m(np.stack([xyz_m - step, xyz_m + step]))
+        return float(100.0 / np.linalg.norm(ends[1] - ends[0]))
+
     def convergence_deg(self, e_m: FloatArray, n_m: FloatArray) -> FloatArray:
         """Direction of grid north seen from true north, clockwise positive, at local positions."""
         lon0, lat0 = self.geographic(e_m, n_m)
         lon1, lat1 = self.geographic(e_m, np.asarray(n_m) + 10.0)
         return np.degrees(np.arctan2((lon1 - lon0) * np.cos(np.radians(lat0)), lat1 - lat0))
+
+
+@functools.cache
+def _ellipsoid(crs: str) -> tuple[float, float]:
+    """Semi-major axis, and square of the first eccentricity."""
+    from pyproj import CRS
+
+    geod = CRS(crs).get_geod()
+    assert geod is not None
+    return geod.a, geod.es
 
 
 @functools.cache

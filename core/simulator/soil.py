@@ -106,9 +106,11 @@ def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
             math.cos(lane) * ((np.arange(rows) + 0.5) * CELL_M - drive.start_xy_m[1]) / soil.row_spacing_m
         )[:, None].astype(np.float32)
         before += np.float32(soil.row_amplitude_m) * np.cos(turns * (2.0 * np.pi), dtype=np.float32)
-    tilth = _field(random_for(scenario.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
-    tilth *= soil.tilled_sigma_m
-    middle, after = before.copy(), before.copy()
+    tilth = before
+    if sweeps:
+        tilth = _field(random_for(scenario.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
+        tilth *= soil.tilled_sigma_m
+    middle, after = (before.copy(), before.copy()) if sweeps else (before, before)
     first = np.full((rows, cols), np.inf, np.float32)
     last = first.copy()
     half = 0.5 * scenario.implement.width_m
@@ -128,7 +130,7 @@ def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
         last[row, col] = t_s
     slope = 0.01 * soil.slope_percent
     towards = math.radians(soil.slope_towards_deg)
-    ceiling = _ceiling(np.maximum(np.maximum(before, middle), after))
+    ceiling = ceiling_of(np.maximum(np.maximum(before, middle), after))
     return Ground(before, middle, after, first, last, ceiling, slope * math.sin(towards), slope * math.cos(towards))
 
 
@@ -203,7 +205,7 @@ def _field(
     return field * np.float32(1.0 / spread) if spread > 0.0 else field
 
 
-def _ceiling(highest: Float32Array) -> Float32Array:
+def ceiling_of(highest: Float32Array) -> Float32Array:
     """Highest value of every block of BLOCK by BLOCK cells and of the cells round it."""
     rows, cols = highest.shape
     wide = highest.copy()

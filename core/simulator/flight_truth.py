@@ -1,0 +1,142 @@
+"""The ground truth of a flight: trajectory, mounting, ground and crop, points to check."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from furrowmap.core.simulator.flight_scenario import Flight
+from furrowmap.core.simulator.motion import Motion, mount_rotation
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.recording import World
+from furrowmap.core.simulator.scenario import Lidar, Scenario
+from furrowmap.core.simulator.site import CELL_M, Site
+from furrowmap.core.simulator.soil import Ground
+from furrowmap.core.simulator.truth import TRUTH_CELL_M
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+EAR_M: Final = 0.03
+"""Standard deviation of the crop's height from cell to cell."""
+GAPS: Final = 0.02
+"""Share of a plot's cells without crop."""
+CHECKS: Final = 6
+CLEAR_M: Final = 0.4
+"""Check points lie this far from crop and walls."""
+SURVEY_M: Final = (0.003, 0.005)
+"""Standard deviation of surveyed points, horizontal and vertical."""
+
+
+def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float32Array, NDArray[np.int16]] | None:
+    """Height of the crop on the ground's cells, and the plot of each (from 1; 0: none); None without plots."""
+    if not flight.plots_m:
+        return None
+    rng, shape = random_for(scenario.seed, "crop"), ground.before.shape
+    crop, plot = np.zeros(shape, np.float32), np.zeros(shape, np.int16)
+    e, n = ((np.arange(k) + 0.5) * CELL_M for k in (shape[1], shape[0]))
+    for number, (e0, n0, direction, length, width, height) in enumerate(flight.plots_m, 1):
+        c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
+        along = c * (e[None, :] - e0) + s * (n[:, None] - n0)
+        across = c * (n[:, None] - n0) - s * (e[None, :] - e0)
+        inside = (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * width)
+        tall = height + EAR_M * rng.standard_normal(int(inside.sum()))
+        tall[rng.uniform(size=len(tall)) < GAPS] = 0.0
+        crop[inside], plot[inside] = np.maximum(tall, 0.0), number
+    return crop, plot
+
+
+def write_flight_trajectory(file: Path, motion: Motion, site: Site) -> None:
+    """The vehicle frame at the rate of the motion, in map coordinates and in the angles of files."""
+    columns = [
+        site.t0_s + motion.t_s,
+        *(motion.xyz_m + np.array([site.e0_m, site.n0_m, site.h0_m])).T,
+        np.degrees(motion.roll_rad),
+        np.degrees(motion.pitch_rad),
+        (90.0 - np.degrees(motion.yaw_rad)) % 360.0,
+    ]
+    names = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
+    np.savetxt(file, np.column_stack(columns), fmt="%.4f" + ",%.6f" * 3 + ",%.5f" * 3, header=names, comments="")
+
+
+def write_mounting(file: Path, lidar: Lidar) -> None:
+    """The true mounting, and its rotation from the stated one about the vehicle's axes."""
+    left = mount_rotation(lidar.true_rpy_deg) @ mount_rotation(lidar.rpy_deg).T
+    boresight = np.degrees([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]]) / 2.0
+    file.write_text(
+        f"[lidar]\nxyz_m = {list(lidar.true_xyz_m)}\nrpy_deg = {list(lidar.true_rpy_deg)}\n"
+        f"boresight_rpy_deg = {[round(float(b), 6) for b in boresight]}\n",
+        encoding="utf-8",
+    )
+
+
+def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) -> dict[str, Any]:
+    """surface.npz, parcels_truth.csv and the check points; their figures."""
+    scenario, site, ground = world.scenario, world.site, world.ground
+    rows, cols = (2 * round(m / TRUTH_CELL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
+
+    def quarters(fine: NDArray[Any]) -> NDArray[Any]:
+        return fine[:rows, :cols].reshape(rows // 2, 2, cols // 2, 2).swapaxes(1, 2).reshape(rows // 2, cols // 2, 4)
+
+    e, n = ((np.arange(k // 2) + 0.5) * TRUTH_CELL_M for k in (cols, rows))
+    soil = quarters(ground.before).mean(axis=2, dtype=np.float64)
+    soil += ground.slope_e * e[None, :] + ground.slope_n * n[:, None]
+    canopy, parcel = np.zeros(soil.shape, np.float32), np.zeros(soil.shape, np.int16)
+    if world.crop is not None and plots is not None:
+        canopy, parcel = quarters(world.crop).max(axis=2), quarters(plots).max(axis=2)
+    np.savez_compressed(
+        folder / "truth" / "surface.npz",
+        soil=soil.astype(np.float32), canopy_height=canopy.astype(np.float32), parcel=parcel,
+        e0=site.e0_m, n0=site.n0_m, cell_m=TRUTH_CELL_M, h0_m=site.h0_m, t0_unix_s=site.t0_s,
+    )  # fmt: skip
+    _write_parcels(folder / "truth" / "parcels_truth.csv", canopy, parcel, world.motion.scale)
+    _write_checks(folder, scenario, site, soil, canopy)
+    return {"parcels": int(parcel.max()), "map_scale": round(world.motion.scale, 8)}
+
+
+def _write_parcels(file: Path, canopy: Float32Array, parcel: NDArray[np.int16], scale: float) -> None:
+    """Heights and volumes of the plots (volumes on the ground, not on the map)."""
+    lines = ["id,mean_height_m,mean_height_crop_m,p50_m,p95_m,sd_m,cover,volume_m3,area_m2\n"]
+    area = (TRUTH_CELL_M / scale) ** 2
+    for number in range(1, int(parcel.max()) + 1):
+        here = canopy[parcel == number].astype(np.float64)
+        stands = here >= 0.10
+        crop = float(here[stands].mean()) if stands.any() else 0.0
+        quantiles = ",".join(f"{q:.5f}" for q in np.quantile(here, (0.5, 0.95)))
+        lines.append(
+            f"{number},{here.mean():.5f},{crop:.5f},{quantiles},{here.std():.5f},{stands.mean():.5f},"
+            f"{here.sum() * area:.5f},{len(here) * area:.5f}\n"
+        )
+    file.write_text("".join(lines), encoding="ascii")
+
+
+def _write_checks(folder: Path, scenario: Scenario, site: Site, soil: FloatArray, canopy: Float32Array) -> None:
+    """Points on open ground: as surveyed, and in truth/."""
+    rng = random_for(scenario.seed, "survey")
+    taken = canopy > 0
+    e, n = ((np.arange(k) + 0.5) * TRUTH_CELL_M for k in (soil.shape[1], soil.shape[0]))
+    for e0, n0, direction, length, thick, *_ in scenario.walls:
+        c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
+        along, across = c * (e - e0)[None, :] + s * (n - n0)[:, None], c * (n - n0)[:, None] - s * (e - e0)[None, :]
+        taken |= (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * thick)
+    margin = min(scenario.field.margin_m, 0.25 * min(scenario.field.size_e_m, scenario.field.size_n_m))
+    inner = (e > margin) & (e < e[-1] - margin), (n > margin) & (n < n[-1] - margin)
+    taken = maximum_filter(taken, 2 * round(CLEAR_M / TRUTH_CELL_M) + 1)
+    row, col = np.nonzero(~taken & inner[1][:, None] & inner[0][None, :])
+    chosen = rng.choice(len(row), min(CHECKS, len(row)), replace=False)
+    true: list[str] = []
+    surveyed: list[str] = []
+    for number, k in enumerate(chosen, 1):
+        near = soil[max(row[k] - 3, 0) : row[k] + 4, max(col[k] - 3, 0) : col[k] + 4]
+        place = np.array([e[col[k]] + site.e0_m, n[row[k]] + site.n0_m, near.mean() + site.h0_m])
+        seen = place + rng.standard_normal(3) * (SURVEY_M[0], SURVEY_M[0], SURVEY_M[1])
+        for lines, point in ((true, place), (surveyed, seen)):
+            lines.append(f"K{number},{point[0]:.4f},{point[1]:.4f},{point[2]:.4f}\n")
+    head = "name,e_m,n_m,h_m\n"
+    (folder / "truth" / "check_points.csv").write_text(head + "".join(true), encoding="ascii")
+    (folder / "check_points.csv").write_text(head + "".join(surveyed), encoding="ascii")

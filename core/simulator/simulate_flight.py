@@ -1,0 +1,163 @@
+"""The recording of a flight, and the files that a tractor with an IMU or a moving mount has as well."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight
+from furrowmap.core.simulator.flight_scenario import Flight, Imu
+from furrowmap.core.simulator.flight_truth import make_crop, write_flight_trajectory, write_ground, write_mounting
+from furrowmap.core.simulator.gnss import receive, report, sentences
+from furrowmap.core.simulator.inertial import measure, write_biases, write_imu
+from furrowmap.core.simulator.line_scanner import record_lines
+from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.moving_mount import MountMotion
+from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.recording import World, record
+from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.sensor import make_spin
+from furrowmap.core.simulator.site import find_site
+from furrowmap.core.simulator.soil import make_ground
+from furrowmap.core.values.progress import Progress
+
+
+@dataclass(frozen=True)
+class Written:
+    """A recording that was written.
+
+    Attributes:
+        scenario: laid out.
+        recording: name of the capture or table of scans.
+        figures: for figures.json.
+    """
+
+    scenario: Scenario
+    recording: str
+    figures: dict[str, Any]
+
+
+def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Progress) -> Written:
+    """The recording of an aircraft and its truth, into `folder` and its folder "truth".
+
+    Raises:
+        InputError: the scenario describes no possible place, or too much ground.
+    """
+    scenario = laid_out_flight(scenario, flight)
+    assert scenario.flight is not None
+    flight, site, ground = scenario.flight, find_site(scenario), make_ground(scenario, [])
+    middle = np.array([0.5 * scenario.field.size_e_m, 0.5 * scenario.field.size_n_m, flight.height_m])
+    motion = fly(scenario, flight, site.map_scale(middle), random_for(scenario.seed, "flight"))
+    crop = make_crop(scenario, flight, ground)
+    world = World(scenario, site, ground, motion, None if crop is None else crop[0], moving(scenario))
+    length_s = duration_s(flight)
+    end_s, truth = length_s + scenario.lidar.stop_s, folder / "truth"
+    capture = "scans.csv" if scenario.line else "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
+    (folder / "session.toml").write_text(session_head(scenario, capture), encoding="utf-8")
+    fixes = receive(scenario.gnss.rtk, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, "gnss.nmea")
+    (folder / "gnss.nmea").write_text(sentences(fixes, site, "0001"), encoding="ascii", newline="")
+    write_sensors(folder, world, end_s)
+    if scenario.line is not None:
+        lidar = record_lines(folder / capture, world, scenario.line, length_s, progress)
+    else:
+        lidar, _ = record(folder / capture, world, make_spin(scenario, length_s), progress)
+    progress("truth", 0.0)
+    write_flight_trajectory(truth / "trajectory.csv", motion, site)
+    write_mounting(truth / "mounting_truth.toml", scenario.lidar)
+    found = write_ground(folder, world, None if crop is None else crop[1])
+    figures = {
+        "name": scenario.name,
+        "seed": scenario.seed,
+        "t0_unix_s": site.t0_s,
+        "duration_s": round(length_s, 3),
+        **flight_figures(motion),
+        **found,
+        **lidar,
+        "gnss": {"gnss.nmea": report(fixes)},
+    }
+    return Written(scenario, capture, figures)
+
+
+def moving(scenario: Scenario) -> MountMotion | None:
+    """The motion of the mount; None where it is rigid."""
+    return MountMotion.of(scenario.mount, scenario.seed) if scenario.mount is not None else None
+
+
+def write_sensors(folder: Path, world: World, end_s: float) -> None:
+    """The log of the IMU and the file of the mount, and the truth of the biases, where there are such."""
+    scenario, site = world.scenario, world.site
+    if scenario.imu is not None:
+        log = measure(scenario.imu, world.motion, site, end_s, scenario.seed)
+        write_imu(folder / "imu.csv", log, scenario.imu, site)
+        write_biases(folder / "truth" / "imu_bias.csv", log, scenario.imu, site)
+    if world.mount is not None:
+        world.mount.write(folder / "mount.csv", site, end_s, scenario.seed)
+
+
+def flight_figures(motion: Motion) -> dict[str, Any]:
+    """Length and tilt of a flight."""
+    tilt = np.degrees(np.hypot(motion.roll_rad, motion.pitch_rad))
+    return {
+        "length_m": round(float(np.hypot(*np.diff(motion.xyz_m[:, :2], axis=0).T).sum()), 1),
+        "tilt_max_deg": round(float(tilt.max()), 2),
+        "tilt_rms_deg": round(float(np.sqrt((tilt**2).mean())), 2),
+    }
+
+
+def session_head(scenario: Scenario, capture: str) -> str:
+    """The session as its user states it, but for an implement and a field."""
+    lidar = scenario.lidar
+    model = "" if scenario.line else 'model = "VLP-16"\n'
+    parts = [
+        f"""\
+furrowmap = 1
+name = {json.dumps(scenario.title, ensure_ascii=False)}
+
+[recording]
+lidar = ["{capture}"]
+gnss = ["gnss.nmea"]
+lidar_minus_gnss_s = {scenario.clock.lidar_minus_gnss_s!r}
+
+[crs]
+map = {json.dumps(scenario.place.crs)}
+heights = "ellipsoidal"
+coordinates = "as-recorded"
+
+[antenna]
+xyz_m = {list(scenario.antenna.xyz_m)}
+
+[lidar]
+{model}xyz_m = {list(lidar.xyz_m)}
+rpy_deg = {list(lidar.rpy_deg)}
+"""
+    ]
+    if scenario.imu is not None:
+        parts.append(_imu_table(scenario.imu))
+    if scenario.mount is not None:
+        parts.append('\n[mount]\nattitude = "mount.csv"\n')
+    return "".join(parts)
+
+
+def _imu_table(imu: Imu) -> str:
+    """`[imu]` with the figures of its data sheet; those that are zero are left to the class."""
+    stated = {
+        "gyro_deg_s_rthz": imu.gyro_noise_deg_s_rthz,
+        "accel_mg_rthz": imu.accel_noise_mg_rthz,
+        "gyro_bias_deg_s": imu.gyro_bias_deg_s,
+        "accel_bias_mg": imu.accel_bias_mg,
+        "gyro_walk_deg_s_rts": imu.gyro_walk_deg_s_rts,
+        "accel_walk_mg_rts": imu.accel_walk_mg_rts,
+    }
+    noise = ", ".join(f"{key} = {value!r}" for key, value in stated.items() if value > 0.0)
+    return f"""
+[imu]
+files = ["imu.csv"]
+xyz_m = {list(imu.xyz_m)}
+rpy_deg = {list(imu.rpy_deg)}
+class = {json.dumps(imu.kind)}
+noise = {{ {noise} }}
+"""
