@@ -21,6 +21,7 @@ from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.scratch import scratch_in
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
@@ -86,7 +87,11 @@ def run(
     _refuse_original(folder, file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
     _expect_space(folder, opened)
-    with staged_folder(folder, resume=resume) as staging, using_threads(opened.session.run.threads, by_default=True):
+    with (
+        staged_folder(folder, resume=resume) as staging,
+        scratch_in(staging),
+        using_threads(opened.session.run.threads, by_default=True),
+    ):
         _write_products(opened, folder, staging, inputs, progress)
     return open_result(folder)
 

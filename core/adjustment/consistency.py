@@ -15,6 +15,7 @@ from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import GNSS_DRIFT, State
 from furrowmap.core.estimation.wheels import SLIP_EVERY_S, AxleSteps
 from furrowmap.core.session.examination import named_offset
+from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import Trajectory
@@ -187,12 +188,14 @@ def seen_in(knots: Knots, state: State, positions: Positions, constants: Antenna
         constants: between antenna and scanner.
         ground: how it lies in the vehicle frame.
     """
-    steps = AxleSteps.of(knots, state)
+    linked = knots.linked
+    steps = [(s.sideways_m, s.sigma_m) for s in (AxleSteps.of(linked[p], state) for p in scratch.parts(len(linked)))]
+    sideways_m, sigma_m = (np.concatenate(values) for values in zip(*steps, strict=True))
     many = round(SLIP_OVER_S / STEP_S)
-    whole = len(steps.sideways_m) // many * many
+    whole = len(sideways_m) // many * many
     # Slip is the same within SLIP_EVERY_S, and its sigma that of one step's share of it.
-    sideways = steps.sideways_m[:whole].reshape(-1, many).sum(axis=1)
-    stated = np.sqrt((steps.sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * STEP_S / SLIP_EVERY_S)
+    sideways = sideways_m[:whole].reshape(-1, many).sum(axis=1)
+    stated = np.sqrt((sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * STEP_S / SLIP_EVERY_S)
     stated = np.hypot(stated, SLIP_FLOOR_M)
     knot, _, inside = knots.at(positions.t_s)
     drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]

@@ -27,6 +27,7 @@ from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE
+from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.laser_ranges import LaserRanges
@@ -159,14 +160,16 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     problem, state, knots, last = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.last
     ground, walls = adjusted.ground.slices.normal, adjusted.walls.observation.sums.normal
     bow_sigma = range_bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
-    sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground + walls)
+    sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground, walls)
     sigma[:, :2] = np.hypot(sigma[:, :2], _sway_taken_for_noise_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
-    quaternion = Rotation.from_matrix(state.rotation).as_quat(scalar_first=True)
+    quaternion = scratch.zeros((len(knots), 4))
+    for part in scratch.parts(len(knots)):
+        quaternion[part] = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
     fix = _fix(problem.positions, knots.t_s)
     sources = sources_of(
         ground,
@@ -177,16 +180,16 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     )
     return Trajectory(
         t_s=knots.t_s,
-        xyz_m=state.xyz_m + problem.origin_m,
+        xyz_m=np.add(state.xyz_m, problem.origin_m, out=scratch.zeros(state.xyz_m.shape)),
         quaternion=same_hemisphere(quaternion),
         speed_mps=np.where(standing, 0.0, speed),
         motion=motion,
         fix=fix,
-        sigma=sigma,
-        heading_from=sources.heading,
-        position_from=sources.position,
-        height_from=sources.height,
-        level_from=sources.level,
+        sigma=scratch.copied(sigma),
+        heading_from=scratch.copied(sources.heading),
+        position_from=scratch.copied(sources.position),
+        height_from=scratch.copied(sources.height),
+        level_from=scratch.copied(sources.level),
         max_gap_s=1.5 * STEP_S,
     )
 

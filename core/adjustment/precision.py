@@ -15,6 +15,7 @@ from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.estimation.level import LEVEL_SIGMA
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.ground import CORRELATED
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ PLACED_M: Final = 0.05
 """Without GNSS, returns that determine the place less well leave it to wheels and motion prior."""
 
 
-def sigmas(state: State, last: Linearised, considered: Considered, normal: FloatArray) -> FloatArray:
+def sigmas(state: State, last: Linearised, considered: Considered, *normals: FloatArray) -> FloatArray:
     """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots.
 
     What is slow comes from the equations with free references, what is quick from those with fixed ones; their
@@ -36,13 +37,13 @@ def sigmas(state: State, last: Linearised, considered: Considered, normal: Float
         state: the solution.
         last: equations.
         considered: bow of the scanner's ranges.
-        normal: (n, 21) normal matrices of the returns between knots.
+        normals: (n, 21) normal matrices of the returns between knots, of each kind of returns.
     """
     with ThreadPoolExecutor(1) as pool:
         beside = pool.submit(quick_variances, last.held, state.layout.size)
         slow = slow_covariance(last.free, considered)
         quick = beside.result()
-    by_returns = np.minimum(information_of(normal).heading * quick[:, 5], 1.0)
+    by_returns = np.minimum(information_of(*normals).heading * quick[:, 5], 1.0)
     quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
     return pose_sigmas(state, last.coarse, last.centre_m, slow, quick)
 
@@ -62,25 +63,32 @@ class Information:
     level: NDArray[np.bool_]
 
 
-def information_of(normal: FloatArray) -> Information:
-    """The information in normal matrices (n, 21) of the slices between knots; zero where they hold no returns."""
-    half = round(AROUND_S / STEP_S)
-    total = np.cumsum(np.pad(normal, ((half + 1, half), (0, 0))), axis=0)
-    near = total[2 * half + 1 :] - total[: -2 * half - 1]
-    n = len(near)
-    square = np.zeros((n, 6, 6))
+def information_of(*normals: FloatArray) -> Information:
+    """The information in the sum of normal matrices (n, 21) of the slices between knots; zero where there are none."""
+    n, half = len(normals[0]), round(AROUND_S / STEP_S)
+    out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
+    for part in scratch.parts(n):
+        around = slice(max(0, part.start - half), part.stop + half)
+        normal = np.sum([one[around] for one in normals], axis=0)
+        before, after = half - (part.start - around.start), half - (min(n, around.stop) - part.stop)
+        total = np.cumsum(np.pad(normal, ((before + 1, after), (0, 0))), axis=0)
+        _inform(out, part, total[2 * half + 1 :] - total[: -2 * half - 1])
+    return out
+
+
+def _inform(out: Information, part: slice, near: FloatArray) -> None:
+    """Set a part of the information by the sums (m, 21) of normal matrices about each knot."""
+    square = np.zeros((len(near), 6, 6))
     row, column = np.triu_indices(6)
     square[:, row, column] = square[:, column, row] = near
     known = square[:, 2, 2] > 0
-    out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
     if not known.any():
-        return out
+        return
     m = square[known]
     m += np.eye(6) * (1e-9 * m[:, 2, 2])[:, None, None]
-    out.heading[known] = _reduced(m, [5])[:, 0, 0]
-    out.place[known] = np.linalg.eigvalsh(_reduced(m, [0, 1]))[:, 0]
-    out.level[known] = np.linalg.eigvalsh(_reduced(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
-    return out
+    out.heading[part][known] = _reduced(m, [5])[:, 0, 0]
+    out.place[part][known] = np.linalg.eigvalsh(_reduced(m, [0, 1]))[:, 0]
+    out.level[part][known] = np.linalg.eigvalsh(_reduced(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
 
 
 def _reduced(normal: FloatArray, kept: list[int]) -> FloatArray:
@@ -125,7 +133,7 @@ def sources_of(
         heading_label: (n,) what determined them.
         has_position: (n,) whether GNSS gave a position at the time.
     """
-    relief, both = information_of(ground), information_of(ground + walls)
+    relief, both = information_of(ground), information_of(ground, walls)
     by_walls = both.heading - relief.heading > relief.heading
     scans = np.where(by_walls, "walls", "relief")
     firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2

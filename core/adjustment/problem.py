@@ -21,6 +21,7 @@ from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.wall_registration import WallRegistration
+from furrowmap.core.values import scratch
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import Trajectory
@@ -146,7 +147,7 @@ class Iterate:
     @classmethod
     def of(cls, problem: Problem) -> Iterate:
         """The first one."""
-        weight = np.full(len(problem.returns), 255, np.uint8)
+        weight = scratch.full(len(problem.returns), 255, np.uint8)
         return cls(problem.start, problem.observations, weight, Sensor(problem.sensor_m, np.eye(3)))
 
     def placing(self, problem: Problem) -> Placing:

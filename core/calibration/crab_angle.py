@@ -12,6 +12,7 @@ from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import Knots
 from furrowmap.core.estimation.states import POSE, State
 from furrowmap.core.estimation.wheels import AxleSteps
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -35,12 +36,15 @@ class CrabAngle:
     @classmethod
     def of(cls, knots: Knots, state: State) -> CrabAngle:
         """At a state in which it is zero."""
-        steps, linked, size = AxleSteps.of(knots, state), knots.linked, state.layout.size
-        weighted = steps.along_m / steps.sigma_m**2
-        link = np.zeros((len(knots), size))
-        np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
-        np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
-        return cls(link, float(weighted @ steps.along_m), float(weighted @ steps.sideways_m))
+        every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
+        link = scratch.zeros((len(knots), size))
+        for part in scratch.parts(len(every)):
+            linked, steps = every[part], AxleSteps.of(every[part], state)
+            weighted = steps.along_m / steps.sigma_m**2
+            np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
+            np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
+            own, right = own + float(weighted @ steps.along_m), right + float(weighted @ steps.sideways_m)
+        return cls(link, own, right)
 
 
 def crab_angle_rad(

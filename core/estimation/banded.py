@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,6 +10,8 @@ import numba
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -27,8 +30,8 @@ class NormalEquations:
     """
 
     def __init__(self, unknowns: int, width: int) -> None:
-        self.band = np.zeros((width, unknowns), order="F")
-        self.right = np.zeros(unknowns)
+        self.band = scratch.zeros((width, unknowns), order="F")
+        self.right = scratch.zeros(unknowns)
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
         """Add observations.
@@ -39,9 +42,10 @@ class NormalEquations:
             residual: (m,) observed minus computed.
             sigma: (m,) standard deviations.
         """
-        scaled = np.ascontiguousarray(design / sigma[:, None])
-        right = np.ascontiguousarray(residual / sigma)
-        _add(self.band.T, self.right, np.ascontiguousarray(first, np.int64), scaled, right)
+        for part in scratch.parts(len(first)):
+            scaled = np.ascontiguousarray(design[part] / sigma[part, None])
+            right = np.ascontiguousarray(residual[part] / sigma[part])
+            _add(self.band.T, self.right, np.ascontiguousarray(first[part], np.int64), scaled, right)
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""
@@ -74,8 +78,14 @@ class NormalEquations:
         Raises:
             LinAlgError: if N is not positive definite.
         """
-        factor = scipy.linalg.cholesky_banded(self.band, lower=True)
-        return Solution(scipy.linalg.cho_solve_banded((factor, True), self.right), factor)
+        # LAPACK itself, since SciPy's functions look for numbers that are not finite in copies of the whole.
+        factor, fault = scipy.linalg.lapack.dpbtrf(scratch.copied(self.band), lower=1, overwrite_ab=1)
+        if fault:
+            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {fault}")
+        solution = Solution(_back(factor, self.right), factor)
+        if not np.isfinite(solution.values).all():
+            raise np.linalg.LinAlgError("the solution of the normal equations is not finite")
+        return solution
 
     def solve_damped(self, dampable: NDArray[np.bool_]) -> Solution:
         """The solution with the least damping that makes N positive definite (Levenberg 1944); N keeps it.
@@ -86,16 +96,16 @@ class NormalEquations:
         Raises:
             LinAlgError: if no damping makes N positive definite.
         """
+        with suppress(np.linalg.LinAlgError):
+            return self.solve()
         diagonal = self.band[0].copy()
         # An unknown without any equation has no diagonal to take a share of.
         most = np.maximum(diagonal, LEAST_DIAGONAL)
         for damped in (dampable * most, most):
-            for damping in (0.0, *DAMPINGS):
+            for damping in DAMPINGS:
                 self.band[0] = diagonal + damping * damped
-                try:
+                with suppress(np.linalg.LinAlgError):
                     return self.solve()
-                except np.linalg.LinAlgError:
-                    continue
         raise np.linalg.LinAlgError("the normal equations have no solution")
 
 
@@ -113,13 +123,20 @@ class Solution:
 
     def by(self, right: FloatArray) -> FloatArray:
         """(n,) the unknowns of the same normal matrix with another right-hand side."""
-        out: FloatArray = scipy.linalg.cho_solve_banded((self.factor, True), right)
-        return out
+        return _back(self.factor, right)
 
     def sigma(self) -> FloatArray:
         """(n,) standard deviations of the unknowns."""
         variance: FloatArray = _inverse_diagonal(np.ascontiguousarray(self.factor.T))
-        return np.sqrt(variance)
+        return np.sqrt(variance, out=variance)
+
+
+def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
+    """(n,) the unknowns by the banded Cholesky factor."""
+    solved: FloatArray
+    solved, fault = scipy.linalg.lapack.dpbtrs(factor, right, lower=1)
+    assert not fault
+    return solved
 
 
 @numba.njit("void(float64[:, ::1], float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True, nogil=True)
@@ -158,16 +175,19 @@ def _inverse_diagonal(factor):  # type: ignore[no-untyped-def]
     """Diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
 
     Only the entries of the inverse inside the band are computed, from the last column to the first (Takahashi, Fagan
-    and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18).
+    and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18). Of these columns only the last `width`
+    are kept, each in two places, so that they follow one another whichever is the newest.
     """
     n, width = factor.shape
-    inverse = np.zeros((n, width))
+    out = np.empty(n)
+    inverse = np.zeros((2 * width, width))
     for j in range(n - 1, -1, -1):
-        reach = min(width - 1, n - 1 - j)
+        reach, at = min(width - 1, n - 1 - j), j % width
         for i in range(reach, -1, -1):
             total = 1.0 / factor[j, 0] if i == 0 else 0.0
             for k in range(1, reach + 1):
                 low, high = min(i, k), max(i, k)
-                total -= factor[j, k] * inverse[j + low, high - low]
-            inverse[j, i] = total / factor[j, 0]
-    return inverse[:, 0].copy()
+                total -= factor[j, k] * inverse[at + low, high - low]
+            inverse[at, i] = inverse[at + width, i] = total / factor[j, 0]
+        out[j] = inverse[at, 0]
+    return out

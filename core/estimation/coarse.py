@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
 from furrowmap.core.estimation.states import State
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -117,23 +118,25 @@ def coarse_equations(
 def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: FloatArray) -> FloatArray:
     """The step (n, size) at all knots that a step (count · size,) at the coarse ones makes."""
     twist = step.reshape(coarse.count, -1)
-    out = np.zeros((len(state.xyz_m), twist.shape[1]))
-    after = np.minimum(coarse.before + 1, coarse.count - 1)
-    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
-        part = twist[knot].copy()
-        part[:, :3] += np.cross(part[:, 3:6], state.xyz_m - centre_m[knot])
-        out += weight[:, None] * part
+    out = scratch.zeros((len(state.xyz_m), twist.shape[1]))
+    for some in scratch.parts(len(out)):
+        before, share = coarse.before[some], coarse.share[some]
+        for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
+            part = twist[knot].copy()
+            part[:, :3] += np.cross(part[:, 3:6], state.xyz_m[some] - centre_m[knot])
+            out[some] += weight[:, None] * part
     return out
 
 
 def coarse_right(coarse: CoarseKnots, centre_m: FloatArray, state: State, right: FloatArray) -> FloatArray:
     """A right-hand side (count · size,) of the coarse knots from one (n, size): :func:`fine_step` transposed."""
     out = np.zeros((coarse.count, right.shape[1]))
-    after = np.minimum(coarse.before + 1, coarse.count - 1)
-    for knot, weight in ((coarse.before, 1.0 - coarse.share), (after, coarse.share)):
-        part = right.copy()
-        part[:, 3:6] += np.cross(state.xyz_m - centre_m[knot], right[:, :3])
-        np.add.at(out, knot, weight[:, None] * part)
+    for some in scratch.parts(len(right)):
+        before, share = coarse.before[some], coarse.share[some]
+        for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
+            part = right[some].copy()
+            part[:, 3:6] += np.cross(state.xyz_m[some] - centre_m[knot], right[some, :3])
+            np.add.at(out, knot, weight[:, None] * part)
     return out.ravel()
 
 

@@ -40,7 +40,8 @@ def slow_covariance(free: NormalEquations, considered: Considered) -> FloatArray
 
 def quick_variances(held: NormalEquations, size: int) -> FloatArray:
     """(n, 6) variances of the poses with fixed references."""
-    out: FloatArray = held.solve().sigma().reshape(-1, size)[:, :POSE] ** 2
+    out: FloatArray = held.solve().sigma().reshape(-1, size)[:, :POSE].copy()
+    out *= out
     return out
 
 
@@ -66,8 +67,9 @@ def pose_sigmas(
         np.ascontiguousarray(slow),
         quick,
     )
-    out: FloatArray = np.sqrt(np.maximum(variance, 0.0))
-    out[:, 3:] = np.degrees(out[:, 3:])
+    out: FloatArray = np.maximum(variance, 0.0, out=variance)
+    np.sqrt(out, out=out)
+    np.degrees(out[:, 3:], out=out[:, 3:])
     return out
 
 

@@ -32,8 +32,9 @@ class GnssDrift(Observation):
         same = linked[run[linked] == run[linked + 1]]
         starts = np.setdiff1d(np.arange(len(knots)), same + 1)
         kept = np.exp(-STEP_S / DRIFT_CORRELATION_S)
-        design = np.zeros((len(same), size + 1))
-        design[:, 0], design[:, size] = -kept, 1.0
+        row = np.zeros(size + 1)
+        row[0], row[size] = -kept, 1.0
+        design = np.broadcast_to(row, (len(same), len(row)))
         for axis in range(3):
             column, value = state.layout.column(GNSS_DRIFT) + axis, drift[:, axis]
             equations.add(starts * size + column, np.ones((len(starts), 1)), -value[starts], spread[starts, axis])

@@ -14,6 +14,7 @@ from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.preintegration import Increments, increments
 from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, POSITION, ROTATION, Block, Layout, State
+from furrowmap.core.values import scratch
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +26,8 @@ FORCE_BIAS: Final = Block("force_bias_mps2", 3)
 """Biases of the IMU in the axes of the vehicle: measured minus true."""
 INERTIAL: Final = Layout((GNSS_DRIFT, VELOCITY, RATE_BIAS, FORCE_BIAS))
 """Of a vehicle with GNSS and an IMU."""
+BESIDE: Final = 4
+"""Samples before an interval and after it that its integration may use."""
 LEAST_WAY_M: Final = 1e-5
 """Standard deviation of a way from knot to knot beside the noise: rates and forces are not linear between samples."""
 
@@ -87,8 +90,21 @@ class InertialLinks(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Nine equations for the increments and six for the biases of each two knots, and the biases of each chain."""
-        linked, size = knots.linked, state.layout.size
-        computed = predicted(self, knots, state)
+        linked = knots.linked
+        for part in scratch.parts(len(linked), scratch.PART // 2):
+            self._add_increments(equations, knots, state, linked[part])
+        n = self.noise
+        for block, walk, spread in (
+            (RATE_BIAS, n.rate_walk, n.rate_bias), (FORCE_BIAS, n.force_walk, n.force_bias)
+        ):  # fmt: skip
+            _add_walk(equations, knots, state, block, walk, spread)
+
+    def _add_increments(
+        self, equations: NormalEquations, knots: Knots, state: State, linked: NDArray[np.int64]
+    ) -> None:
+        """Nine equations from each of the knots (k,) to the next."""
+        size = state.layout.size
+        computed = predicted(self, knots, state, linked)
         velocity, rate, force = (state.layout.column(block) for block in (VELOCITY, RATE_BIAS, FORCE_BIAS))
         dt, rotation = STEP_S, state.rotation[linked]
         stretch = self.site.stretch
@@ -120,10 +136,6 @@ class InertialLinks(Observation):
         for rows, residual, one in zip(design, (-turned, -faster, -farther), sigma, strict=True):
             for axis in range(3):
                 equations.add(linked * size, rows[:, axis], residual[:, axis], np.full(len(linked), one))
-        for block, walk, spread in (
-            (RATE_BIAS, n.rate_walk, n.rate_bias), (FORCE_BIAS, n.force_walk, n.force_bias)
-        ):  # fmt: skip
-            _add_walk(equations, knots, state, block, walk, spread)
 
 
 @dataclass(frozen=True)
@@ -143,9 +155,9 @@ class Predicted:
     xyz_m: FloatArray
 
 
-def predicted(links: InertialLinks, knots: Knots, state: State) -> Predicted:
-    """The states that the IMU predicts from each linked knot for the next."""
-    linked, dt = knots.linked, STEP_S
+def predicted(links: InertialLinks, knots: Knots, state: State, linked: NDArray[np.int64]) -> Predicted:
+    """The states that the IMU predicts from each of some linked knots (k,), which increase, for the next."""
+    dt = STEP_S
     steps = unbiased_increments(links, knots, state, knots.t_s[linked], knots.t_s[linked] + dt)
     return carried_on(links, state, linked, steps, np.full(len(linked), dt))
 
@@ -170,6 +182,10 @@ def unbiased_increments(
 ) -> Increments:
     """Increments over intervals (k,), without the biases of the knots before the samples."""
     track = links.track
+    if len(begin_s):
+        # The samples within, and those beside the ends, between which they are interpolated there.
+        first, last = np.searchsorted(track.t_s, (begin_s[0], end_s.max()))
+        track = track.part(slice(max(0, int(first) - BESIDE), int(last) + BESIDE))
     bias = np.clip(np.searchsorted(knots.t_s, track.t_s, side="right") - 1, 0, len(knots) - 1)
     rate, force = track.rate_radps - state[RATE_BIAS][bias], track.force_mps2 - state[FORCE_BIAS][bias]
     return increments(track.t_s, rate, force, begin_s, end_s)
@@ -186,8 +202,9 @@ def _add_walk(equations: NormalEquations, knots: Knots, state: State, block: Blo
     """A random walk from knot to knot, and its spread at the begin of each chain."""
     linked, size, first = knots.linked, state.layout.size, state.layout.column(block)
     starts = np.array([chain.first for chain in knots.chains])
-    design = np.zeros((len(linked), size + 1))
-    design[:, 0], design[:, size] = -1.0, 1.0
+    row = np.zeros(size + 1)
+    row[0], row[size] = -1.0, 1.0
+    design = np.broadcast_to(row, (len(linked), len(row)))
     value = state[block]
     for axis in range(3):
         step = value[linked, axis] - value[linked + 1, axis]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.states import POSE, VEHICLE, Layout, State
+from furrowmap.core.values import scratch
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -114,8 +115,18 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layou
     Across a gap in which the vehicle keeps its direction of travel it follows the cubic that leaves and reaches the
     gap's ends with the speeds and headings there; across any other it goes straight.
     """
-    t = np.clip(knots.t_s, *trajectory.span_s)
-    added = np.zeros((len(t), layout.size - POSE))
+    n = len(knots)
+    state = State(
+        scratch.zeros((n, 3)), scratch.zeros((n, 3, 3)), scratch.zeros((n, layout.size - POSE)), layout
+    )  # fmt: skip
+    for part in scratch.parts(n):
+        xyz, state.rotation[part] = _guessed(trajectory, np.clip(knots.t_s[part], *trajectory.span_s))
+        state.xyz_m[part] = xyz - origin_m
+    return state
+
+
+def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 3) and rotations (n, 3, 3) at times within a trajectory, see :func:`start_from`."""
     xyz = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(3)])
     k = np.clip(np.searchsorted(trajectory.t_s, t, side="right") - 1, 0, len(trajectory) - 2)
     step = trajectory.t_s[k + 1] - trajectory.t_s[k]
@@ -126,10 +137,8 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layou
     driven = (step > trajectory.max_gap_s) & (motion != Motion.STANDING) & (motion == trajectory.motion[k + 1])
     if driven.any():
         k, share, step = k[driven], share[driven, None], step[driven, None]
-        forward = Rotation.from_quat(trajectory.quaternion, scalar_first=True).as_matrix()[:, :2, 0]
-        velocity = trajectory.speed_mps[:, None] * forward
         ends = trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]
-        curve = _hermite(*ends, step * velocity[k], step * velocity[k + 1], share)
+        curve = _hermite(*ends, step * _velocity(trajectory, k), step * _velocity(trajectory, k + 1), share)
         xyz[driven, :2] = curve[0]
         tangent = curve[1] * motion[driven, None]
         turned = np.arctan2(tangent[:, 1], tangent[:, 0])
@@ -137,8 +146,15 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layou
         back = Rotation.from_rotvec(np.column_stack([np.zeros((len(k), 2)), turned - np.arctan2(now[:, 1], now[:, 0])]))
         matrix = rotation.as_matrix()
         matrix[driven] = (back * rotation[driven]).as_matrix()
-        return State(xyz - origin_m, matrix, added, layout)
-    return State(xyz - origin_m, rotation.as_matrix(), added, layout)
+        return xyz, matrix
+    return xyz, rotation.as_matrix()
+
+
+def _velocity(trajectory: Trajectory, k: IntArray) -> FloatArray:
+    """(n, 2) velocity in plan at some knots of a trajectory."""
+    forward = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True).as_matrix()[:, :2, 0]
+    velocity: FloatArray = trajectory.speed_mps[k, None] * forward
+    return velocity
 
 
 def _hermite(

@@ -11,6 +11,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import ROTATION, State
+from furrowmap.core.values import scratch
 
 LEVEL_SIGMA: Final = np.radians(3.0)
 LEVEL_CORRELATION_S: Final = 20.0
@@ -24,8 +25,9 @@ class Level(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Two equations for each knot."""
-        first = np.arange(len(knots)) * state.layout.size + ROTATION
-        sigma = np.full(len(knots), LEVEL_SIGMA * np.sqrt(LEVEL_CORRELATION_S / STEP_S))
-        for axis in range(2):
-            along = state.rotation[:, :, axis]
-            equations.add(first, np.column_stack([along[:, 1], -along[:, 0]]), -along[:, 2], sigma)
+        for part in scratch.parts(len(knots)):
+            first = np.arange(part.start, part.stop) * state.layout.size + ROTATION
+            sigma = np.full(len(first), LEVEL_SIGMA * np.sqrt(LEVEL_CORRELATION_S / STEP_S))
+            for axis in range(2):
+                along = state.rotation[part, :, axis]
+                equations.add(first, np.column_stack([along[:, 1], -along[:, 0]]), -along[:, 2], sigma)

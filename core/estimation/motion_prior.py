@@ -11,6 +11,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots, turns
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import POSITION, ROTATION, State
+from furrowmap.core.values import scratch
 
 ACCELERATION: Final = 0.5
 """Of a tractor over ground, in m/s per square root of a second; heaving is a little less."""
@@ -35,13 +36,18 @@ class MotionPrior(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Six equations for each three knots."""
-        inner, size = knots.inner, state.layout.size
-        design = np.zeros((len(inner), 2 * size + 1))
-        design[:, 0], design[:, size], design[:, 2 * size] = 1.0, -2.0, 1.0
-        change = state.xyz_m[inner + 1] - 2.0 * state.xyz_m[inner] + state.xyz_m[inner - 1]
-        turn = np.einsum("kij,kj->ki", state.rotation, turns(np.ascontiguousarray(state.rotation)))
-        turned = turn[inner] - turn[inner - 1]
-        for first, values, spread in ((POSITION, change, self.acceleration), (ROTATION, turned, self.turning)):
-            for axis in range(3):
-                sigma = np.full(len(inner), spread[axis] * STEP_S**1.5)
-                equations.add((inner - 1) * size + first + axis, design, -values[:, axis], sigma)
+        every, size = knots.inner, state.layout.size
+        row = np.zeros(2 * size + 1)
+        row[0], row[size], row[2 * size] = 1.0, -2.0, 1.0
+        for part in scratch.parts(len(every)):
+            inner = every[part]
+            design = np.broadcast_to(row, (len(inner), len(row)))
+            change = state.xyz_m[inner + 1] - 2.0 * state.xyz_m[inner] + state.xyz_m[inner - 1]
+            around = slice(int(inner[0]) - 1, int(inner[-1]) + 2)
+            rotation = state.rotation[around]
+            turn = np.einsum("kij,kj->ki", rotation, turns(np.ascontiguousarray(rotation)))
+            turned = turn[inner - around.start] - turn[inner - 1 - around.start]
+            for first, values, spread in ((POSITION, change, self.acceleration), (ROTATION, turned, self.turning)):
+                for axis in range(3):
+                    sigma = np.full(len(inner), spread[axis] * STEP_S**1.5)
+                    equations.add((inner - 1) * size + first + axis, design, -values[:, axis], sigma)

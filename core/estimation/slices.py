@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -39,16 +40,20 @@ class SliceSums:
     @classmethod
     def of(cls, knots: int) -> SliceSums:
         """No returns yet, for a number of knots."""
-        return cls(np.zeros((knots, UPPER)), np.zeros((knots, 6)), np.zeros((knots, 6)), np.zeros(knots, np.int64))
-
-    def plus(self, other: SliceSums) -> SliceSums:
-        """Both together."""
-        return SliceSums(
-            self.normal + other.normal,
-            self.right + other.right,
-            self.right_free + other.right_free,
-            self.count + other.count,
+        return cls(
+            scratch.zeros((knots, UPPER)),
+            scratch.zeros((knots, 6)),
+            scratch.zeros((knots, 6)),
+            scratch.zeros(knots, np.int64),
         )
+
+    def take(self, other: SliceSums) -> None:
+        """Add the other's sums to these."""
+        for own, more in (
+            (self.normal, other.normal), (self.right, other.right), (self.right_free, other.right_free)
+        ):  # fmt: skip
+            own += more
+        self.count[:] += other.count
 
     def add_to(self, equations: NormalEquations, knots: Knots, *, free: bool) -> None:
         """Add the slices to the equations of all knots: a slice's pose is the mean of those of its two knots.

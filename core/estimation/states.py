@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.values import scratch
+
 FloatArray = NDArray[np.float64]
 
 POSITION: Final = 0
@@ -87,10 +89,13 @@ class State:
 
     def moved(self, step: FloatArray) -> State:
         """The state after a step (n, layout.size): position, rotation vector in the map's axes, added blocks."""
-        turn = Rotation.from_rotvec(step[:, ROTATION:POSE]) * Rotation.from_matrix(self.rotation)
-        return replace(
-            self, xyz_m=self.xyz_m + step[:, :ROTATION], rotation=turn.as_matrix(), added=self.added + step[:, POSE:]
-        )
+        xyz, rotation, added = (scratch.zeros(own.shape) for own in (self.xyz_m, self.rotation, self.added))
+        for part in scratch.parts(len(step)):
+            turn = Rotation.from_rotvec(step[part, ROTATION:POSE]) * Rotation.from_matrix(self.rotation[part])
+            xyz[part] = self.xyz_m[part] + step[part, :ROTATION]
+            rotation[part] = turn.as_matrix()
+            added[part] = self.added[part] + step[part, POSE:]
+        return replace(self, xyz_m=xyz, rotation=rotation, added=added)
 
     def part(self, chosen: slice) -> State:
         """The state at some knots."""

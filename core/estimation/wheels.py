@@ -12,6 +12,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import POSE, ROTATION, State
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -28,8 +29,10 @@ class Wheels(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """One equation for each two knots."""
-        steps = AxleSteps.of(knots, state)
-        equations.add(knots.linked * state.layout.size, steps.design, -steps.sideways_m, steps.sigma_m)
+        linked = knots.linked
+        for part in scratch.parts(len(linked)):
+            steps = AxleSteps.of(linked[part], state)
+            equations.add(linked[part] * state.layout.size, steps.design, -steps.sideways_m, steps.sigma_m)
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,9 @@ class AxleSteps:
     design: FloatArray
 
     @classmethod
-    def of(cls, knots: Knots, state: State) -> AxleSteps:
-        """Those between all linked knots."""
-        linked, size = knots.linked, state.layout.size
+    def of(cls, linked: NDArray[np.int64], state: State) -> AxleSteps:
+        """Those from the knots (k,) to the next."""
+        size = state.layout.size
         step = state.xyz_m[linked + 1] - state.xyz_m[linked]
         forward, left = (0.5 * (state.rotation[linked, :, a] + state.rotation[linked + 1, :, a]) for a in range(2))
         length = np.linalg.norm(step, axis=1)

@@ -80,9 +80,10 @@ class GroundSums:
         """No returns yet, for a number of knots."""
         return cls(SliceSums.of(knots), np.zeros(6))
 
-    def plus(self, other: GroundSums) -> GroundSums:
-        """Both together."""
-        return GroundSums(self.slices.plus(other.slices), self.tally + other.tally)
+    def take(self, other: GroundSums) -> None:
+        """Add the other's sums to these."""
+        self.slices.take(other.slices)
+        self.tally[:] += other.tally
 
     def relief(self) -> Relief:
         """The relief by these sums; the default where they count no slopes."""

@@ -16,7 +16,7 @@ from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
 from furrowmap.core.matching.returns import REACH_M
-from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, joined, tiles_over
+from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, joined, tiles_around, tiles_over
 
 WINDOW_CELL_M: Final = 0.3
 WINDOW_THIN: Final = 4
@@ -95,8 +95,7 @@ def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float
     path = placing.state.xyz_m[::20, :2]
     ring = np.arange(-REACH_M, REACH_M + 0.1, 2.0)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
-    around = (path[:, None] + aside[np.hypot(*aside.T) < REACH_M + 2.0]).reshape(-1, 2)
-    tiles = tiles_over(around, cell_m)
+    tiles = tiles_around(path, aside[np.hypot(*aside.T) < REACH_M + 2.0], cell_m)
 
     def work(share: Sequence[Portion]) -> Surface:
         surface = empty_surface(tiles)
@@ -111,5 +110,5 @@ def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float
 def _together(parts: Sequence[GroundSums]) -> GroundSums:
     whole = parts[0]
     for part in parts[1:]:
-        whole = whole.plus(part)
+        whole.take(part)
     return whole

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scratch import scratch_file
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -167,7 +167,7 @@ class _Scratch:
 
     def __enter__(self) -> Self:
         enter = self._stack.enter_context
-        self._files = [enter(tempfile.TemporaryFile(prefix="furrowmap-")) for _ in range(4)]  # noqa: SIM115
+        self._files = [enter(scratch_file()) for _ in range(4)]
         return self
 
     def __exit__(self, *_: object) -> None:

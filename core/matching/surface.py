@@ -7,13 +7,15 @@ either half of the scans are matched to the other half's surface, so that no ret
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -80,12 +82,25 @@ class Passage:
 
 def tiles_over(en_m: FloatArray, cell_m: float) -> Tiles:
     """Tiles that hold the points (n, 2) and the nodes round them."""
+    points = np.ascontiguousarray(en_m)
+    low, high = _bounds(points)
+    return _tiles(low, high, cell_m, lambda *grid: _touch(points, *grid))
+
+
+def tiles_around(path_m: FloatArray, aside_m: FloatArray, cell_m: float) -> Tiles:
+    """Tiles that hold the points (m, 2) about each of those of a path (n, 2), and the nodes round them."""
+    path, aside = np.ascontiguousarray(path_m), np.ascontiguousarray(aside_m)
+    bounds = np.array(_bounds(path)) + np.array(_bounds(aside))
+    return _tiles(bounds[0], bounds[1], cell_m, lambda *grid: _touch_around(path, aside, *grid))
+
+
+def _tiles(low_m: FloatArray, high_m: FloatArray, cell_m: float, touch: Callable[..., None]) -> Tiles:
+    """Tiles between two corners, of those that `touch` marks."""
     side = TILE * cell_m
-    low, high = _bounds(np.ascontiguousarray(en_m))
-    low = np.floor(low / side).astype(np.int64) - 1
-    high = np.floor(high / side).astype(np.int64) + 1
+    low = np.floor(low_m / side).astype(np.int64) - 1
+    high = np.floor(high_m / side).astype(np.int64) + 1
     used = np.zeros((high[1] - low[1] + 1, high[0] - low[0] + 1), np.bool_)
-    _touch(np.ascontiguousarray(en_m), cell_m, int(low[0]), int(low[1]), used)
+    touch(cell_m, int(low[0]), int(low[1]), used)
     number = np.where(used, np.cumsum(used).reshape(used.shape) - 1, -1).astype(np.int32)
     return Tiles(int(low[0]), int(low[1]), number, cell_m)
 
@@ -106,8 +121,8 @@ def passage_of(
     steps = int(np.ceil(reach_m / (TILE * cell_m)))
     across = reach_m * np.linspace(-1.0, 1.0, 2 * steps + 1)
     tiles = tiles_over(np.concatenate([tool_en_m + offset * left_en for offset in across]), cell_m)
-    first = np.full((tiles.count, TILE, TILE), np.inf)
-    last = np.full((tiles.count, TILE, TILE), -np.inf)
+    first = scratch.full((tiles.count, TILE, TILE), np.inf)
+    last = scratch.full((tiles.count, TILE, TILE), -np.inf)
     _sweep(
         np.ascontiguousarray(t_s),
         np.ascontiguousarray(tool_en_m),
@@ -143,8 +158,8 @@ def layers(t_s: FloatArray, en_m: FloatArray, passage: Passage | None, guard_s: 
 
 def empty_surface(tiles: Tiles) -> Surface:
     """A surface that nothing has been added to."""
-    height = np.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
-    weight = np.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    height = scratch.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    weight = scratch.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
     return Surface(tiles, height, weight)
 
 
@@ -183,9 +198,11 @@ def joined(parts: Sequence[Surface]) -> Surface:
     """One surface of the returns of several on the same tiles."""
     whole = parts[0]
     for part in parts[1:]:
-        whole.weight[...] += part.weight
-        share = np.divide(part.weight, whole.weight, out=np.zeros_like(part.weight), where=whole.weight > 0)
-        whole.height_m[...] += share * (part.height_m - whole.height_m)
+        for tile in range(whole.tiles.count):
+            weight, height = whole.weight[tile], whole.height_m[tile]
+            weight += part.weight[tile]
+            share = np.divide(part.weight[tile], weight, out=np.zeros_like(weight), where=weight > 0)
+            height += share * (part.height_m[tile] - height)
     return whole
 
 
@@ -223,6 +240,18 @@ def _touch(en_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
         for a in range(2):
             for b in range(2):
                 used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
+
+
+@numba.njit(cache=True, nogil=True)
+def _touch_around(path_m, aside_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
+    """Mark the tiles of the four nodes round each point about each place of a path."""
+    for i in range(len(path_m)):
+        for k in range(len(aside_m)):
+            x = int(np.floor((path_m[i, 0] + aside_m[k, 0]) / cell_m))
+            y = int(np.floor((path_m[i, 1] + aside_m[k, 1]) / cell_m))
+            for a in range(2):
+                for b in range(2):
+                    used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
 
 
 @numba.njit(cache=True, nogil=True)

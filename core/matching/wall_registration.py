@@ -100,7 +100,8 @@ _Part = tuple[SliceSums, Scatter, list[list[Patches]]]
 def _together(placing: Placing, parts: Sequence[_Part], coarse: CoarseKnots | None) -> WallRegistration:
     sums, scatter, references = SliceSums.of(len(placing.knots)), Scatter(), []
     for more_sums, more_scatter, more in parts:
-        sums, scatter = sums.plus(more_sums), scatter.plus(more_scatter)
+        sums.take(more_sums)
+        scatter = scatter.plus(more_scatter)
         references += more
     return WallRegistration(Registration(sums, coarse is not None, references, WALL_PATCH_M), scatter)
 

@@ -44,6 +44,7 @@ from furrowmap.core.trajectory.positions import (
     usable,
     white_noise_m,
 )
+from furrowmap.core.values import scratch
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -265,7 +266,10 @@ def _first_guess(problem: _Problem, notices: list[Notice]) -> tuple[_Problem, St
         first += guess.chain.count
     knots = Knots(tuple(chains), np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains]))
     xyz, rotation, added = (
-        np.concatenate([getattr(guess, name) for guess in guesses]) for name in ("xyz_m", "rotation", "added")
+        np.concatenate(
+            [getattr(g, name) for g in guesses], out=scratch.zeros((first, *getattr(guesses[0], name).shape[1:]))
+        )
+        for name in ("xyz_m", "rotation", "added")
     )
     state = State(xyz, rotation, added, INERTIAL)
     return replace(problem, knots=knots), state
@@ -372,38 +376,53 @@ def _adjusted(problem: _Problem, state: State) -> _Adjusted:
 
 def _trajectory(adjusted: _Adjusted) -> Trajectory:
     """Poses at the times of the IMU: carried on from the knot before, closing on the knot after."""
-    p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
+    p, knots = adjusted.problem, adjusted.problem.knots
     t_s = p.links.track.t_s
     knot, share, inside = knots.at(t_s)
     t_s, knot, share = t_s[inside], knot[inside], share[inside]
-    steps = unbiased_increments(p.links, knots, state, knots.t_s[knot], t_s)
-    here = carried_on(p.links, state, knot, steps, t_s - knots.t_s[knot])
-    ahead, link = predicted(p.links, knots, state), np.searchsorted(knots.linked, knot)
-    after = state.rotation[knots.linked + 1]
-    off_rad = Rotation.from_matrix(after @ ahead.rotation.transpose(0, 2, 1)).as_rotvec()
-    off_m = state.xyz_m[knots.linked + 1] + site.stretch * (after @ p.links.lever_m) - ahead.xyz_m
-    rotation = Rotation.from_rotvec(share[:, None] * off_rad[link]).as_matrix() @ here.rotation
-    xyz = here.xyz_m + share[:, None] * off_m[link] - site.stretch * (rotation @ p.links.lever_m) + p.origin_m
-    velocity = state[VELOCITY][knot] + share[:, None] * (state[VELOCITY][knot + 1] - state[VELOCITY][knot])
-    speed = np.einsum("ki,ki->k", velocity, rotation[:, :, 0])
-    standing = np.linalg.norm(velocity, axis=1) < STANDING_MPS
+    n = len(t_s)
+    xyz, quaternion, sigma = scratch.zeros((n, 3)), scratch.zeros((n, 4)), scratch.zeros((n, 6))
+    speed, standing, knot_sigma = np.empty(n), np.empty(n, np.bool_), _pose_sigmas(adjusted)
+    for part in scratch.parts(n):
+        xyz[part], rotation, velocity = _carried_poses(adjusted, t_s[part], knot[part], share[part])
+        quaternion[part] = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+        speed[part] = np.einsum("ki,ki->k", velocity, rotation[:, :, 0])
+        standing[part] = np.linalg.norm(velocity, axis=1) < STANDING_MPS
+        sigma[part] = knot_sigma[knot[part]]
     nearest = np.clip(np.searchsorted(p.positions.t_s, t_s), 0, len(p.positions.t_s) - 1)
     alone = _in_gaps(t_s, p.positions.t_s)
     source = np.where(alone, "imu", "gnss")
     return Trajectory(
         t_s=t_s,
         xyz_m=xyz,
-        quaternion=same_hemisphere(Rotation.from_matrix(rotation).as_quat(scalar_first=True)),
+        quaternion=same_hemisphere(quaternion),
         speed_mps=np.where(standing, 0.0, speed),
         motion=np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8),
         fix=np.where(alone, Fix.NONE, p.positions.fix[nearest]).astype(np.int8),
-        sigma=_pose_sigmas(adjusted)[knot],
+        sigma=sigma,
         heading_from=np.full(len(t_s), "imu"),
         position_from=source,
         height_from=source,
         level_from=np.full(len(t_s), "imu"),
         max_gap_s=PAUSE_S,
     )
+
+
+def _carried_poses(
+    adjusted: _Adjusted, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places (n, 3), rotations (n, 3, 3) and velocities (n, 3) at times between a knot and the next."""
+    p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
+    steps = unbiased_increments(p.links, knots, state, knots.t_s[knot], t_s)
+    here = carried_on(p.links, state, knot, steps, t_s - knots.t_s[knot])
+    linked, link = np.unique(knot, return_inverse=True)
+    ahead, after = predicted(p.links, knots, state, linked), state.rotation[linked + 1]
+    off_rad = Rotation.from_matrix(after @ ahead.rotation.transpose(0, 2, 1)).as_rotvec()
+    off_m = state.xyz_m[linked + 1] + site.stretch * (after @ p.links.lever_m) - ahead.xyz_m
+    rotation = Rotation.from_rotvec(share[:, None] * off_rad[link]).as_matrix() @ here.rotation
+    xyz = here.xyz_m + share[:, None] * off_m[link] - site.stretch * (rotation @ p.links.lever_m) + p.origin_m
+    velocity = state[VELOCITY][knot] + share[:, None] * (state[VELOCITY][knot + 1] - state[VELOCITY][knot])
+    return xyz, rotation, velocity
 
 
 def _pose_sigmas(adjusted: _Adjusted) -> FloatArray:

@@ -42,6 +42,10 @@ class InertialTrack:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    def part(self, chosen: slice) -> InertialTrack:
+        """Some of the measurements."""
+        return InertialTrack(self.t_s[chosen], self.rate_radps[chosen], self.force_mps2[chosen], self.source)
+
 
 @dataclass(frozen=True)
 class InertialNoise:

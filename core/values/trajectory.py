@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.values import scratch
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude
 
 FloatArray = NDArray[np.float64]
@@ -119,8 +120,10 @@ class Trajectory:
     @cached_property
     def turn_rad(self) -> FloatArray:
         """(n − 1, 3) rotation vector from each knot to the next, in the frame of the earlier one."""
-        rotation = Rotation.from_quat(self.quaternion, scalar_first=True)
-        turn: FloatArray = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
+        turn: FloatArray = scratch.zeros((max(len(self) - 1, 0), 3))
+        for part in scratch.parts(len(turn)):
+            rotation = Rotation.from_quat(self.quaternion[part.start : part.stop + 1], scalar_first=True)
+            turn[part] = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
         return turn
 
     def interval(self, t_s: ArrayLike) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:

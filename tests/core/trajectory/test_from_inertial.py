@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import Imu, InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.located import Companions, locate
+from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
@@ -59,6 +60,17 @@ def test_sigmas__hold_over_ten_flights() -> None:
     assert 0.7 < np.sqrt((rms[:3] ** 2).mean()) < 1.5
     assert 0.7 < np.sqrt((rms[3:] ** 2).mean()) < 1.5
     assert (rms < 2.0).all()
+
+
+def test_flight_worked_on_in_parts__is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = Flight(40.0, seed=6)
+    track, imu = flight.noisy_track(), flight.noisy_imu()
+    whole = found(track, imu).trajectory
+    monkeypatch.setattr(scratch, "PART", 210)
+    monkeypatch.setattr(scratch, "LARGE", 1)
+    parts = found(track, imu).trajectory
+    for name in ("t_s", "xyz_m", "quaternion", "speed_mps", "sigma"):
+        assert np.allclose(getattr(whole, name), getattr(parts, name), rtol=1e-6, atol=1e-8), name
 
 
 def test_outage__is_bridged_within_its_sigma() -> None:

@@ -1,0 +1,59 @@
+"""Arrays that grow with the recording lie in files: they hold what others do, and a full disk is an error."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furrowmap.core.values import scratch
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("least", [1, 1 << 40])
+def test_scratch_arrays_are_arrays(order: str, least: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(scratch, "LARGE", least)
+    with scratch.scratch_in(tmp_path):
+        made = scratch.zeros((300, 7), np.float32, order)
+        assert not made.any()
+        made += np.arange(7)
+        copy = scratch.copied(made)
+        assert list(tmp_path.iterdir()) == []  # no name, so nothing is left after a kill
+    made[:] = 0.0
+    assert copy.flags.f_contiguous == (order == "F")
+    assert copy.dtype == np.float32
+    assert np.array_equal(copy, np.tile(np.arange(7), (300, 1)))
+    assert np.array_equal(scratch.full(9, np.inf), np.full(9, np.inf))
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_large_arrays_take_no_memory_of_the_process() -> None:
+    def anonymous() -> int:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) << 10
+
+    before = anonymous()
+    made = scratch.zeros(32 * scratch.LARGE // 8)
+    made += 1.0
+    assert anonymous() - before < scratch.LARGE
+    assert made.sum() == len(made)
+
+
+def test_no_room_is_an_error_when_the_array_is_made() -> None:
+    """Else the process would end by a signal when it writes to the array."""
+    had = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (scratch.LARGE, had[1]))
+    try:
+        with pytest.raises(OSError, match=r"large|space"):
+            scratch.zeros(2 * scratch.LARGE, np.uint8)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, had)
+
+
+def test_parts_cover_all_rows_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scratch, "PART", 4)
+    assert [np.arange(10)[part].tolist() for part in scratch.parts(10)] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
+    assert list(scratch.parts(0)) == []
