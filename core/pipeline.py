@@ -29,6 +29,7 @@ from furrowmap.core.pointclouds.run_notices import (
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar
+from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.errors import Notice
@@ -118,12 +119,13 @@ def run(
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
-    located, matched, flown, implement = _match(opened, guess, lidar, progress, checkpoint)
+    carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
+    located, matched, flown, implement = _match(opened, guess, carrier, lidar, progress, checkpoint)
     lidar = _by_used_clock(lidar, matched)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    placer = placer_of(located, _mounting(session, matched, flown.boresight))
+    placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier)
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -134,7 +136,7 @@ def run(
     refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, states)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *lidar.notices]
+    notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
     notices += boresight_notices(flown.boresight) if located.source == "imu" and matched is None else []
@@ -158,7 +160,12 @@ def companions(opened: OpenSession) -> Companions:
 
 
 def _match(
-    opened: OpenSession, guess: Located, lidar: LidarRecording, progress: Progress, checkpoint: Checkpoint | None
+    opened: OpenSession,
+    guess: Located,
+    carrier: Trajectory | None,
+    lidar: LidarRecording,
+    progress: Progress,
+    checkpoint: Checkpoint | None,
 ) -> tuple[Located, Matched | None, _Flown, ImplementTracker]:
     """Read the scans once: match them to the ground or to each other, and collect those that show the implement.
 
@@ -168,7 +175,8 @@ def _match(
     if guess.source == "imu" and guess.antenna is None:
         implement = ImplementTracker(session, flying=True)
         scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
-        return guess, None, _flown(strip_returns(scans, guess.trajectory), guess.trajectory, session), implement
+        returns = strip_returns(scans, carrier if carrier is not None else guess.trajectory)
+        return guess, None, _flown(returns, guess.trajectory, session), implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -254,15 +262,17 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
     clocks: tuple[ClockReading, ...] = ()
     if session.recording.lidar:
         located = locate(positions, session, opened.frame, companions(opened))
+        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
         lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
-        placer = placer_of(located, session.lidar.mounting)
+        placer = placer_of(located, session.lidar.mounting, carrier)
         sink.begin(opened.frame, placer.origin_m)
         scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
         placement = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
         refuse_empty(placement, located.trajectory, session)
-        clocks, assumed = lidar.clocks, session_notices(session, located, matched=False)
+        clocks = lidar.clocks
+        assumed = [*mount_notices, *session_notices(session, located, matched=False)]
     else:
         located = located_without_lidar(positions, session, opened.frame, companions(opened))
         placement, assumed = Placement.without_scans(located.trajectory), []
@@ -285,11 +295,11 @@ def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
         yield scan
 
 
-def placer_of(located: Located, mounting: Mounting) -> Placer:
+def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None = None) -> Placer:
     """What places the points of a scanner mounted so, against a round local origin in the middle of the drive."""
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
-    return Placer(located.trajectory, mounting, (e, n, h))
+    return Placer(located.trajectory, mounting, (e, n, h), carrier)
 
 
 def _yaw_differs(used: Mounting, stated: Mounting) -> bool:

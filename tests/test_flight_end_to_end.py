@@ -14,6 +14,7 @@ import rasterio
 from scipy.spatial.transform import Rotation
 
 import furrowmap
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.point_classes import PointClass
 
@@ -131,6 +132,25 @@ def test_preview_and_positions_alone__work(result: furrowmap.Result, tmp_path: P
     assert alone.report["figures"]["points"] == 0
     assert len(alone.trajectory) > 20_000
     assert json.dumps(alone.report["inertial"]) == json.dumps(result.report["inertial"])
+
+
+def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, tmp_path: Path) -> None:
+    """Turned over by its mount, the scanner sees the ground where the sky is."""
+    folder = result.path.parent
+    times = 1_779_529_272.0 + np.arange(-10.0, 130.0, 0.1)
+    rows = np.column_stack([times, np.full(len(times), 180.0), np.zeros((len(times), 2))])
+    head = "time_unix_s,roll_deg,pitch_deg,yaw_deg"
+    np.savetxt(folder / "mount.csv", rows, "%.3f", ",", header=head, comments="")
+    text = (folder / "session.toml").read_text(encoding="utf-8") + '\n[mount]\nattitude = "mount.csv"\n'
+    (folder / "moving.toml").write_text(text, encoding="utf-8")
+    over = furrowmap.preview(folder / "moving.toml", tmp_path / "preview")["figures"]["bounds_m"]
+    flown = np.asarray(result.trajectory.geometry.z)
+    assert over[1][2] > flown.max() + 4.0
+    rigid = text.replace("[imu]", "[camera.imu]")
+    (folder / "rigid.toml").write_text(rigid, encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        furrowmap.preview(folder / "rigid.toml", tmp_path / "refused")
+    assert refused.value.code == "mount-moves"
 
 
 def test_calibrate__writes_the_boresight(result: furrowmap.Result) -> None:

@@ -14,12 +14,12 @@ from furrowmap.core.calibration.strips import strip_returns
 from furrowmap.core.pipeline import companions
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
-from furrowmap.core.trajectory.located import locate
+from furrowmap.core.trajectory.located import Located, locate
+from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.threads import using_threads
-from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.exporters.files.atomic import atomic_output
 
 
@@ -88,7 +88,7 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     session_file, session = opened.file, opened.session
     located = locate(opened.positions(), session, opened.frame, companions(opened))
     if located.source == "imu" and located.antenna is None:
-        return _by_strips(opened, located.trajectory, progress)
+        return _by_strips(opened, located, progress)
     if located.antenna is None:
         raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
     try:
@@ -114,11 +114,13 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     )
 
 
-def _by_strips(opened: OpenSession, trajectory: Trajectory, progress: Progress) -> Calibration:
+def _by_strips(opened: OpenSession, located: Located, progress: Progress) -> Calibration:
     """The boresight of a scanner on an aircraft, from ground that is seen at several times."""
-    stated = opened.session.lidar.mounting
+    stated, trajectory = opened.session.lidar.mounting, located.trajectory
+    carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
     lidar = opened.lidar(float(np.mean(trajectory.span_s)))
-    returns = strip_returns(watched(lidar.scans(), lidar, progress, "reading scans"), trajectory)
+    scans = watched(lidar.scans(), lidar, progress, "reading scans")
+    returns = strip_returns(scans, carrier if carrier is not None else trajectory)
     found = boresight(returns, trajectory, stated)
     if found is None or not found.certain:
         raise _not_shown(opened.file, "too little smooth ground is seen at several times")

@@ -25,16 +25,18 @@ class Placer:
         trajectory: of the vehicle frame.
         mounting: of the sensor.
         origin_m: local origin (easting, northing, height) that is taken off the coordinates given out.
+        carrier: trajectory of the frame that the mounting refers to, where that is not the vehicle: a moving mount.
     """
 
     trajectory: Trajectory
     mounting: Mounting
     origin_m: tuple[float, float, float]
+    carrier: Trajectory | None = None
 
     @cached_property
     def _knots(self) -> tuple[FloatArray, ...]:
         """Contiguous arrays of the trajectory as the kernel takes them, positions against the local origin."""
-        t = self.trajectory
+        t = self.trajectory if self.carrier is None else self.carrier
         return (
             np.ascontiguousarray(t.t_s),
             np.ascontiguousarray(t.xyz_m - np.asarray(self.origin_m)),

@@ -248,6 +248,8 @@ def _far_places(session: Session) -> Iterator[str]:
     places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.xyz_m}
     if session.imu is not None:
         places["imu.xyz_m"] = session.imu.xyz_m
+    if session.mount is not None and session.mount.xyz_m is not None:
+        places["mount.xyz_m"] = session.mount.xyz_m
     if session.antenna is not None:
         places["antenna.xyz_m"] = session.antenna.xyz_m
     if session.implement is not None:

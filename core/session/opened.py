@@ -50,6 +50,7 @@ class Inputs:
         positions: GNSS logs, or the files of a trajectory from elsewhere, in time order.
         inertial: recordings of the IMU, in time order.
         attitude: logs of roll and pitch, and of the heading.
+        mount: attitude of a moving mount.
         boundary: boundary of the field.
         states: tool states.
         learned: implement learned in an earlier session.
@@ -61,6 +62,7 @@ class Inputs:
     positions: tuple[Path, ...]
     inertial: tuple[Path, ...] = ()
     attitude: tuple[Path, ...] = ()
+    mount: Path | None = None
     boundary: Path | None = None
     states: tuple[Path, ...] = ()
     learned: Path | None = None
@@ -87,6 +89,7 @@ class Inputs:
             positions=several(stated.files if stated is not None else session.recording.gnss),
             inertial=several(session.imu.files if session.imu is not None else ()),
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
+            mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
             states=several(implement.states if implement is not None else ()),
             learned=one(implement.learned if implement is not None else None),
@@ -97,7 +100,7 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
+        single = (self.mount, self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(
                 [

@@ -204,6 +204,19 @@ class Attitude(_Part, frozen=True):
     heading_sigma_deg: _Positive | None = None
 
 
+class Mount(_Part, frozen=True):
+    """`[mount]`: a mount of the scanner that moves against the vehicle.
+
+    Attributes:
+        attitude: file with its roll, pitch and yaw in the vehicle frame over time; the scanner's mounting is stated for
+            all three zero.
+        xyz_m: the point about which it turns, in the vehicle frame; by default the scanner's origin.
+    """
+
+    attitude: str
+    xyz_m: Vector3 | None = None
+
+
 class Run(_Part, frozen=True):
     """`[run]`: processing options.
 
@@ -225,7 +238,7 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, attitude, implement, field, trajectory, run: the tables.
+        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, run: the tables.
         camera, parcels: tables of files that a run does not read.
     """
 
@@ -237,6 +250,7 @@ class Session(_Part, frozen=True):
     lidar: Lidar = Lidar()
     imu: Imu | None = None
     attitude: Attitude | None = None
+    mount: Mount | None = None
     implement: Implement | None = None
     field: Field = Field()
     trajectory: TrajectorySource | None = None
@@ -277,6 +291,8 @@ EXAMPLES: Final = {
     "attitude.heading_rpy_deg": "[0.0, 0.0, 90.0]",
     "attitude.roll_pitch_sigma_deg": "0.4",
     "attitude.heading_sigma_deg": "1.0",
+    "mount.attitude": '"mount.csv"',
+    "mount.xyz_m": "[0.0, 0.0, -0.2]",
     "implement.kind": '"rotary tiller"',
     "implement.width_m": "1.70",
     "implement.xy_m": "[-1.45, 0.0]",

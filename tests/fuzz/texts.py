@@ -15,6 +15,7 @@ from furrowmap import fields
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.session.opened import open_session
@@ -97,6 +98,16 @@ def read_par(path: Path) -> None:
     read_parameters(path).to_map(*here)
 
 
+def mounts(folder: Path) -> list[Files]:
+    """The attitude of a mount in UTC and in seconds of the GPS week."""
+    rows = "".join(f"{k / 10:.1f},{np.sin(k):.3f},{np.cos(k):.3f},0.5\n" for k in range(30))
+    utc = "".join(f"17795292{row}" for row in (f"{10 + k}.5,1.0,2.0,3.0\n" for k in range(30)))
+    return [
+        {"mount.csv": b"time_gps_s,roll_deg,pitch_deg,yaw_deg\n" + rows.encode()},
+        {"mount.csv": b"time_unix_s;yaw_deg;roll_deg;pitch_deg\n" + utc.replace(",", ";").encode()},
+    ]
+
+
 def sessions(folder: Path) -> list[Files]:
     others = {
         "gnss.nmea": nmea(),
@@ -146,6 +157,7 @@ def drive(path: Path) -> None:
 TEXTS = (
     Entry("boundary", boundaries, read_field, trials=150),
     Entry("parameters", parameters, read_par),
+    Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=150),
     Entry("session", sessions, read_session, trials=150),
     Entry("task-data-zip", archives, read_recording),
     Entry("fields", worked, lambda path: fields(path.parent), trials=80),

@@ -73,6 +73,7 @@ def test_keys__the_schema_has_all_tables() -> None:
         "lidar",
         "imu",
         "attitude",
+        "mount",
         "implement",
         "field",
         "trajectory",

@@ -1,0 +1,75 @@
+"""Attitude of a moving mount in CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.readers.csv_header import columns_of
+from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.mount_motion import MountMotion
+
+TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
+ANGLES: Final = ("roll_deg", "pitch_deg", "yaw_deg")
+LARGEST_DEG: Final = 720.0
+
+
+def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
+    """The motion of a mount from the columns `time_unix_s` (or `time_gps_s`), `roll_deg`, `pitch_deg`, `yaw_deg`.
+
+    Args:
+        path: of the file.
+        near_s: a time of the recording, for times that count from the start of a week.
+        notices: those about the file are added.
+
+    Raises:
+        InputError: if columns are missing, a field is no number, or the times do not increase.
+    """
+    with Source(path) as source:
+        lines = pieces(source, notices)
+        names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
+        time = next((name for name in TIMES if name in names), None)
+        missing = [name for name in (time or "time_unix_s", *ANGLES) if name not in names]
+        if time is None or missing:
+            raise InputError(
+                f"{path}, line 1: missing columns {', '.join(missing)}.",
+                "The attitude of a mount is a table of times and three angles in the vehicle frame.",
+                f"Name the columns time_unix_s (or time_gps_s), {', '.join(ANGLES)}.",
+                code="missing-column",
+            )
+        blocks, line = [np.empty((0, 4))], 2
+        for piece in lines:
+            blocks.append(numbers(piece, names, separator, (time, *ANGLES), path, line))
+            line += piece.count(b"\n")
+        if source.fault:
+            notices.append(cut_notice(path, source.fault))
+    rows = np.concatenate(blocks)
+    whole = np.isfinite(rows).all(axis=1)
+    if not whole.all():
+        text = f"{path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
+        notices.append(Notice("rows-incomplete", text))
+    rows = rows[whole]
+    if len(rows) < 2 or not bool(np.all(np.diff(rows[:, 0]) > 0)):
+        raise InputError(
+            f"{path}: {len(rows)} rows, whose times do not increase from each to the next.",
+            "The attitude of the mount cannot be interpolated.",
+            "Sort the rows by time and remove repeated ones; there must be two at least.",
+            code="time-disorder",
+        )
+    if float(np.abs(rows[:, 1:]).max()) > LARGEST_DEG:
+        raise InputError(
+            f"{path}: an angle of {float(np.abs(rows[:, 1:]).max()):g}.",
+            "Angles are degrees, up to two turns.",
+            "Write the angles in degrees.",
+            code="value-out-of-range",
+        )
+    turned = Rotation.from_euler("ZYX", rows[:, :0:-1], degrees=True)
+    t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s))
+    return MountMotion(t_s, turned.as_quat(scalar_first=True))

@@ -1,0 +1,92 @@
+"""The trajectory of a mount that turns against the vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.mount_motion import MountMotion
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
+
+NEAR_S: Final = 1e-4
+"""Knots nearer to each other than this are one."""
+
+
+def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[Trajectory | None, list[Notice]]:
+    """The trajectory of the frame that carries the scanner, and notices about its file; None for a rigid mount.
+
+    Args:
+        located: of the vehicle.
+        session: with the table of the mount.
+        file: that this names, if it does.
+
+    Raises:
+        InputError: if the file cannot be read, or the scans are to be matched to the ground.
+    """
+    if session.mount is None or file is None:
+        return None, []
+    if located.antenna is not None:
+        raise InputError(
+            f"{file}: `[mount] attitude` of a vehicle whose scans are matched to the ground.",
+            "Matching takes the scanner for rigidly mounted, and would explain its motion by that of the vehicle.",
+            "Measure the vehicle's attitude with an IMU ([imu]), or give its poses ([trajectory]).",
+            code="mount-moves",
+        )
+    notices: list[Notice] = []
+    motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
+    pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.xyz_m
+    return mount_trajectory(located.trajectory, motion, pivot_m), notices
+
+
+def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple[float, float, float]) -> Trajectory:
+    """The poses of the mount's frame: the vehicle's, turned about the pivot.
+
+    Its knots are those of the trajectory and the samples of the mount together, so that interpolation between knots
+    follows both. There is no pose before the first sample and after the last, nor in gaps of either.
+
+    Args:
+        trajectory: of the vehicle frame.
+        motion: of the mount.
+        pivot_m: the point about which the mount turns, in the vehicle frame.
+
+    Raises:
+        InputError: if they have no time in common.
+    """
+    begin_s, end_s = max(trajectory.t_s[0], motion.t_s[0]), min(trajectory.t_s[-1], motion.t_s[-1])
+    times = np.union1d(trajectory.t_s, motion.t_s)
+    times = times[(times >= begin_s) & (times <= end_s)]
+    times = times[np.diff(times, prepend=-np.inf) > NEAR_S]
+    before = np.clip(np.searchsorted(motion.t_s, times, side="right") - 1, 0, len(motion.t_s) - 2)
+    seldom = np.diff(motion.t_s)[before] > trajectory.max_gap_s
+    times = times[~seldom | np.isin(times, motion.t_s)]
+    poses = trajectory.at(times) if len(times) else None
+    known = np.isfinite(poses.quaternion[:, 0]) if poses is not None else np.zeros(0, bool)
+    if poses is None or known.sum() < 2:
+        raise InputError(
+            "The attitude of the mount and the trajectory have no time in common.",
+            "Without it the scanner's points cannot be placed.",
+            "Name the file of this recording under `[mount] attitude`; its times are UTC or GPS time.",
+            code="no-common-time",
+        )
+    times = times[known]
+    vehicle = Rotation.from_quat(poses.quaternion[known], scalar_first=True)
+    turned = Slerp(motion.t_s, Rotation.from_quat(motion.quaternion, scalar_first=True))(times)
+    pivot = np.asarray(pivot_m, np.float64)
+    nearest = trajectory.interval(times)
+    index = nearest[0] + (nearest[1] > 0.5)
+    columns = ("speed_mps", "motion", "fix", "sigma", "heading_from", "position_from", "height_from", "level_from")
+    return replace(
+        trajectory,
+        t_s=times,
+        xyz_m=poses.xyz_m[known] + vehicle.apply(pivot - turned.apply(pivot)),
+        quaternion=same_hemisphere((vehicle * turned).as_quat(scalar_first=True)),
+        **{name: getattr(trajectory, name)[index] for name in columns},
+    )
