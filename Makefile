@@ -11,7 +11,7 @@ TESTS ?= tests
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated mutants docs pages plugin clean
+.PHONY: help demo test fuzz setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated coverage mutants docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -71,6 +71,11 @@ bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions again
 
 bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
 	$(BIN)/python benchmarks/misstated.py
+
+coverage: $(INSTALLED)  ## branches of core and exporters that all tests run: takes twice as long as make test
+	@rm -rf build/coverage && mkdir -p build/coverage
+	nice $(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=
+	$(BIN)/python -m coverage report --skip-covered --show-missing --fail-under=95
 
 mutants: $(INSTALLED)  ## do the tests notice mistakes: make mutants N=100 SEED=1
 	nice $(BIN)/python scripts/mutants.py $(or $(N),20) $(or $(SEED),1)

@@ -3,6 +3,9 @@
 A mutant is a copy of the checkout with one change: a comparison flipped, a `raise` removed, two arguments swapped, a
 default or a constant changed. It is killed when a test fails. Those that survive are printed with their place: some are
 equivalent (they change nothing that anybody can see), the others need a test.
+
+The tests of each mutant run in a fork of this process, which has loaded the libraries already, and times are those of
+the processor, so that the result does not depend on what else the machine does.
 """
 
 from __future__ import annotations
@@ -13,20 +16,33 @@ import json
 import os
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, NoReturn
+
+import pytest
+from numba.core import caching, config
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 COPY: Final = CHECKOUT / "build" / "mutants" / "checkout"
+KERNELS: Final = COPY.parent / "kernels"
+"""Compiled kernels of the copy."""
+LIBRARIES: Final = (
+    "geopandas", "hypothesis", "laspy", "numba", "pandas", "pyogrio", "pyproj", "rasterio", "rosbags.typesys", "rich",
+    "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "scipy.spatial",
+    "shapely",
+)  # fmt: skip
 PARTS: Final = {
     "core": "furrowmap.core",
     "exporters": "furrowmap.exporters",
@@ -47,8 +63,13 @@ MOST_FILES: Final = 8
 """Test files that are run on a mutant, the nearest first."""
 FARTHEST: Final = 3
 """Imports between a test and the mutated module."""
-TEST_S: Final = 120
-ALL_TESTS_S: Final = 180
+TEST_S: Final = 60
+"""A test that takes longer hangs."""
+ALL_TESTS_S: Final = 40
+"""No further test is begun after this time."""
+TIME_OVER: Final = "the time for tests is over"
+PATIENCE_S: Final = 1200
+"""Time on the clock for all tests; who takes longer waits for something."""
 COMMUTATIVE: Final = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "logical_and", "logical_or")
 _FLIPPED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Lt: ast.Gt, ast.Gt: ast.Lt, ast.LtE: ast.GtE, ast.GtE: ast.LtE, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -183,9 +204,9 @@ def imports(path: Path, known: set[str]) -> set[str]:
     return names & known
 
 
-def words_of(path: Path) -> set[str]:
-    """The longer words of a file."""
-    return set(re.findall(r"[A-Za-z]{5,}", path.read_text(encoding="utf-8")))
+def words_of(text: str) -> set[str]:
+    """The longer words of a text, and its names."""
+    return set(re.findall(r"[A-Za-z]{5,}", text)) | set(re.findall(r"\b[a-z]+_[a-z_]+\b", text))
 
 
 class Tests:
@@ -204,74 +225,124 @@ class Tests:
             for path in sorted((COPY / "tests").rglob("test_*.py"))
             if not any(word in path.as_posix() for word in LONG)
         }
-        self._words = {path: words_of(path) for path in self._tests}
+        self._words = {path: words_of(path.read_text(encoding="utf-8")) for path in self._tests}
         self._common = Counter(word for words in self._words.values() for word in words)
 
-    def nearest(self, file: str) -> list[str]:
-        """At most :data:`MOST_FILES`: by the imports between, then by the rare words that they share with `file`."""
+    def _distances(self, file: str) -> dict[str, int]:
+        """The modules that import a file, with the number of imports between."""
         distance = {module_of(file): 0}
         front = [*distance]
         while front:
             above = {up for one in front for up in self._importers[one]} - set(distance)
             distance |= dict.fromkeys(above, distance[front[0]] + 1)
             front = [*above]
-        words = words_of(COPY / file)
+        return distance
+
+    def users(self, file: str) -> set[str]:
+        """The last part of the name of all modules that need a file, itself included."""
+        return {module.rpartition(".")[2] for module in self._distances(file)}
+
+    def nearest(self, file: str, line: int) -> list[str]:
+        """At most :data:`MOST_FILES`: by the imports between, then by the rare words that they share.
+
+        Those of the definition at `line` count more than those of the rest of `file`.
+        """
+        distance = self._distances(file)
+        source = (COPY / file).read_text(encoding="utf-8")
+        here = [node for node in ast.parse(source).body if node.lineno <= line <= (node.end_lineno or 0)]
+        words = words_of(source)
+        own = words_of("\n".join(ast.get_source_segment(source, node) or "" for node in here))
         ranked = [
-            (near, -sum(1.0 / self._common[word] for word in self._words[path] & words), path)
+            (near, -sum((1.0 + 4.0 * (word in own)) / self._common[word] for word in self._words[path] & words), path)
             for path, names in self._tests.items()
             if (near := min((distance.get(name, 99) for name in names), default=99)) <= FARTHEST
         ]
         return [path.relative_to(COPY).as_posix() for *_, path in sorted(ranked)[:MOST_FILES]]
 
 
-def run_tests(tests: Sequence[str], limit_s: float, **environment: str) -> tuple[bool, str]:
-    """Whether tests pass in the copy, or have not failed when the time is over; and the test that failed."""
-    options = ["-q", "-x", "-p", "no:cacheprovider", "-o", "faulthandler_exit_on_timeout=true"]
-    options += ["-o", f"faulthandler_timeout={TEST_S}"]
-    environment = os.environ | environment
-    environment |= {"PYTHONPATH": str(COPY / "build" / "typing"), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", *options, *tests]
-    try:
-        done = subprocess.run(
-            command, cwd=COPY, env=environment, capture_output=True, text=True, timeout=limit_s, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return True, ""
-    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
-    return done.returncode == 0, failed[1] if failed else ""
+class Limits:
+    """Ends a process whose test takes too long, and begins no further test when all have taken long enough."""
+
+    def pytest_runtest_logstart(self) -> None:
+        most = int(time.process_time()) + TEST_S
+        resource.setrlimit(resource.RLIMIT_CPU, (most, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+
+    def pytest_runtest_teardown(self, item: pytest.Item) -> None:
+        if sum(os.times()[:4]) > ALL_TESTS_S:  # with the processes that tests start
+            item.session.shouldstop = TIME_OVER
 
 
-@cache
-def passes_unchanged(test: str) -> bool:
-    """Whether a test passes in the copy without a mutant."""
-    return run_tests([test], ALL_TESTS_S)[0]
+def run_tests(tests: Sequence[str], kernels: Path, *options: str) -> tuple[bool, list[str]]:
+    """Whether tests pass in the copy, or have not failed when the time is over; and which of them failed.
 
-
-def fate(mutant: Mutant, tests: list[str]) -> str:
-    """What the tests in the copy make of a mutant.
-
-    It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "unclear" where the test
-    that fails does so without the mutant; "untested" where no test imports it.
+    Neither is so where a test or the process hung or crashed.
     """
-    if not tests:
-        return "untested"
+    with tempfile.TemporaryFile("w+", errors="replace") as output:
+        child = os.fork()
+        if not child:
+            tests_in_child([*options, *tests], kernels, output.fileno())
+        end_s = time.monotonic() + PATIENCE_S
+        while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end_s:
+            time.sleep(0.05)
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)  # what the tests started, too
+        status = ended[1] if ended[0] else os.waitpid(child, 0)[1]
+        output.seek(0)
+        said = output.read()
+    failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
+    return status == 0 or (TIME_OVER in said and not failed), failed
+
+
+def tests_in_child(arguments: Sequence[str], kernels: Path, output: int) -> NoReturn:
+    """Run tests in a process forked for it."""
+    os.setsid()
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.chdir(COPY)
+    os.environ |= {"PYTHONPATH": str(COPY / "build" / "typing"), "NUMBA_CACHE_DIR": str(kernels)}
+    config.reload_config()
+    sys.path[:0] = [os.environ["PYTHONPATH"]]
+    status = 1
+    with suppress(SystemExit):
+        usual = ["-q", "-p", "no:cacheprovider", f"--basetemp={COPY.parent / 'tmp'}"]
+        status = int(pytest.main([*usual, *arguments], [Limits()]))
+    sys.stdout.flush()
+    os._exit(status)
+
+
+def fate(mutant: Mutant, tests: Tests) -> tuple[str, list[str]]:
+    """What the nearest tests in the copy make of a mutant, and the test that failed.
+
+    It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "untested" where no test
+    imports it.
+    """
+    nearest = tests.nearest(mutant.file, mutant.line)
+    if not nearest:
+        return "untested", []
     path = COPY / mutant.file
     source, written = path.read_bytes(), path.stat()
     path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
     try:
-        if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
-            with tempfile.TemporaryDirectory() as kernels:
-                passed, failed = run_tests(tests, 2 * ALL_TESTS_S, NUMBA_CACHE_DIR=kernels)
-        else:
-            passed, failed = run_tests(tests, ALL_TESTS_S)
+        with tempfile.TemporaryDirectory(dir=COPY.parent) as folder:
+            kernels = KERNELS
+            if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
+                kernels = Path(folder) / "kernels"
+                shutil.copytree(KERNELS, kernels, copy_function=os.link)
+                for stem in tests.users(mutant.file):
+                    for cached in kernels.rglob(f"{stem}.*"):
+                        cached.unlink()
+            passed, failed = run_tests(nearest, kernels, "-x")
     finally:
         path.write_bytes(source)
         os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
-    if passed:
-        return "survived"
-    if not failed:
-        return "hung"
-    return "killed" if passes_unchanged(failed) else "unclear"
+    return "survived" if passed else "killed" if failed else "hung", failed
+
+
+def unclear(fates: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The mutants whose failing test fails without them, too."""
+    tests = sorted({test for one in fates for test in one["failed"]})
+    failing = {test for k in range(0, len(tests), 50) for test in run_tests(tests[k : k + 50], KERNELS)[1]}
+    return [one for one in fates if failing.intersection(one["failed"])]
 
 
 def copy_checkout() -> None:
@@ -287,6 +358,16 @@ def copy_checkout() -> None:
     data = COPY.parent / "shared"
     if not data.exists():
         data.symlink_to(CHECKOUT.parent / "shared")
+    layout = COPY / "build" / "typing"
+    asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.VARIABLE])"
+    compiled = subprocess.check_output([sys.executable, "-c", asked], cwd=CHECKOUT, text=True).strip()
+    place = caching.UserWideCacheLocator.get_suitable_cache_subpath
+    for part in ("core", "exporters"):
+        for folder in {path.parent.relative_to(COPY) for path in (COPY / part).rglob("*.py")}:
+            ours = Path(compiled) / place(str(CHECKOUT / folder / "a.py"))
+            if ours.is_dir():
+                there = KERNELS / place(str(layout / "furrowmap" / folder / "a.py"))
+                shutil.copytree(ours, there, dirs_exist_ok=True)
 
 
 def earlier(seed: int) -> Iterator[Mutant]:
@@ -307,18 +388,24 @@ def main() -> None:
     parser.add_argument("--within", default="", help="only files whose path begins so, such as core/work")
     parser.add_argument("--again", action="store_true", help="those of this seed that were not killed, once more")
     options = parser.parse_args()
+    for name in LIBRARIES:
+        import_module(name)
     copy_checkout()
-    tests, fates = Tests(), list[dict[str, object]]()
+    tests, fates = Tests(), list[dict[str, Any]]()
     mutants = earlier(options.seed) if options.again else chosen(options.number, options.seed, options.within)
     kept = COPY.parent / f"{options.seed}{'-again' * options.again}.json"
     for mutant in mutants:
-        begin = time.monotonic()
-        end = fate(mutant, tests.nearest(mutant.file))
-        took_s = time.monotonic() - begin
+        begin_s = time.monotonic()
+        end, failed = fate(mutant, tests)
+        took_s = round(time.monotonic() - begin_s)
         change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
-        print(f"{end:8} {took_s:4.0f} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
-        fates.append(asdict(mutant) | {"fate": end, "took_s": round(took_s)})
+        print(f"{end:8} {took_s:4} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
+        fates.append(asdict(mutant) | {"fate": end, "failed": failed, "took_s": took_s})
         kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
+    for one in unclear(fates):
+        one["fate"] = "unclear"
+        print(f"unclear: {one['file']}:{one['line']}: {one['failed'][0]} fails without it, too")
+    kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
     killed = sum(one["fate"] in ("killed", "hung") for one in fates)
     print(f"{killed} of {len(fates)} killed; those that survived are equivalent, or need a test.")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -180,6 +181,15 @@ def test_worker_page__messages_and_their_fields(simulated: furrowmap.Simulated, 
     assert [message["type"] for message in good[-2:]] == ["result", "done"]
     assert [message["type"] for message in bad[-2:]] == ["error", "done"]
     assert all(0.0 <= message["share"] <= 1.0 for message in good if message["type"] == "progress")
+
+
+def test_commands_page__folder_of_a_preview_by_default(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
+    stated("commands", "[default: SESSION_result beside SESSION, or SESSION_preview with --preview]")
+    shutil.copytree(simulated.folder, tmp_path / "drive")
+    furrowmap.preview(tmp_path / "drive" / simulated.session.name)
+    assert {path.name for path in (tmp_path / "drive").iterdir()} - {
+        path.name for path in simulated.folder.iterdir()
+    } == {f"{simulated.session.stem}_preview"}
 
 
 def test_worker_page__statuses_are_those_of_the_errors() -> None:

@@ -1,0 +1,108 @@
+"""What is not stated is nothing: defaults of functions and values are zero, false or unknown, or listed here with why.
+
+A default that changes from 0 to 1 fails nowhere near it, because callers that state a value do not notice. Those of
+scenarios and sessions are held by their pages.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/values/session.py")
+
+EVERY_ONE: Final = {
+    "core/pointclouds/cleaning.py Cleaning.every": 1,
+    "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
+    "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
+    "core/calibration/clock_search.py _Trial.agreement(every)": 1,
+    "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
+    "core/readers/framing.py find_frames(last)": True,
+    "core/readers/nmea/sentences.py scan_bytes(last)": True,
+    "core/readers/geotiff.py open_geotiff(with_heights)": True,
+    "core/values/scan.py Scan.whole": True,
+}
+"""Nothing is left out unasked."""
+FACTORS: Final = {
+    "core/readers/messages.py Messages.column(factor)": 1.0,
+    "core/matching/ground.py Relief.noise": 1.0,
+    "core/simulator/path.py _straight(gear)": 1,  # forward
+    "core/simulator/path.py _arc(gear)": 1,
+    "core/simulator/path.py _turn.arc(gear)": 1,
+    "core/geodesy/parameter_file.py ParameterFile.from_map": True,
+}
+"""Factors and directions."""
+POINTS: Final = {
+    "exporters/cloud/points.py PointBatch.return_number": 1,  # LAS counts returns from 1
+    "exporters/cloud/points.py PointBatch.returns": 1,
+    "exporters/cloud/points.py PointBatch.classification": 1,  # LAS: unclassified
+    "exporters/cloud/file.py CopcFormat.scale_m": 0.001,
+}
+"""A point of which nothing else is known."""
+PUBLISHED: Final = {
+    # Pingel et al. 2013, as PDAL and lidR use it, with cells of half a metre
+    "core/surfaces/smrf.py Smrf.cell_m": 0.5,
+    "core/surfaces/smrf.py Smrf.slope": 0.15,
+    "core/surfaces/smrf.py Smrf.window_m": 18.0,
+    "core/surfaces/smrf.py Smrf.threshold_m": 0.15,
+    "core/surfaces/smrf.py Smrf.scale": 1.25,
+    "core/surfaces/terrain.py hillshade(azimuth_deg)": 315.0,  # as gdaldem and QGIS
+    "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
+}
+OWN: Final = {
+    "app/workflows/check.py CheckSettings.diameter_m": 0.3,
+    "core/checking/check.py check_product(diameter_m)": 0.3,
+    "core/checking/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
+    "core/surfaces/outliers.py radius_outliers(radius_m)": 0.5,
+    "core/surfaces/outliers.py radius_outliers(fewest)": 3,
+    "core/surfaces/outliers.py mean_neighbour_distance(reach_m)": 5.0,
+    "core/estimation/registration.py Registration.patch_m": 1.0,
+    "core/matching/ground.py Relief.variance": 0.005,
+    "exporters/reports/evaluation_figures.py _rounded(digits)": 4,
+    "exporters/reports/svg.py TimeAxis.left": 74.0,
+}
+LISTED: Final = EVERY_ONE | FACTORS | POINTS | PUBLISHED | OWN
+
+Default = tuple[str, float]
+
+
+def stated(name: str, node: ast.expr | None) -> Iterator[Default]:
+    """The number or truth value of a default, if it is one."""
+    sign = -1 if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else 1
+    value = node.operand if isinstance(node, ast.UnaryOp) else node
+    if isinstance(value, ast.Constant) and isinstance(value.value, int | float):
+        yield name, sign * value.value
+
+
+def is_constant(field: ast.AnnAssign) -> bool:
+    return "ClassVar" in ast.unparse(field.annotation)
+
+
+def defaults(node: ast.AST, where: str) -> Iterator[Default]:
+    """Of the parameters of functions and the fields of classes below a node."""
+    for child in ast.iter_child_nodes(node):
+        inner = where
+        if isinstance(child, ast.FunctionDef | ast.ClassDef):
+            inner = f"{where}{child.name}."
+        if isinstance(child, ast.FunctionDef):
+            plain = [*child.args.posonlyargs, *child.args.args]
+            pairs = [*zip(reversed(plain), reversed(child.args.defaults), strict=False)]
+            for one, default in [*pairs, *zip(child.args.kwonlyargs, child.args.kw_defaults, strict=True)]:
+                yield from stated(f"{where}{child.name}({one.arg})", default)
+        if isinstance(node, ast.ClassDef) and isinstance(child, ast.AnnAssign) and not is_constant(child):
+            yield from stated(f"{where}{ast.unparse(child.target)}", child.value)
+        yield from defaults(child, inner)
+
+
+def test_defaults__are_neutral_or_listed() -> None:
+    found: dict[str, float] = {}
+    for part in ("app", "cli", "core", "exporters"):
+        for path in sorted((CHECKOUT / part).rglob("*.py")):
+            file = path.relative_to(CHECKOUT).as_posix()
+            if file not in HELD_BY_PAGES:
+                found |= defaults(ast.parse(path.read_bytes()), f"{file} ")
+    assert len(found) > 100
+    assert {name: value for name, value in found.items() if value} == LISTED
