@@ -23,7 +23,7 @@ TALLEST: Final = 640.0
 FINE: Final = 0.3
 """Tolerance of simplified lines in units."""
 _STEPS: Final = (1.0, 2.0, 5.0, 10.0)
-_TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400)
+_TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 21600, 43200)
 
 
 @dataclass(frozen=True)
