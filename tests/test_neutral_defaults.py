@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/values/session.py")
+HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_scenario.py", "core/values/session.py")
 
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning.py Cleaning.every": 1,
@@ -29,6 +29,7 @@ EVERY_ONE: Final = {
 FACTORS: Final = {
     "core/readers/messages.py Messages.column(factor)": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
+    "core/simulator/motion.py Motion.scale": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,
