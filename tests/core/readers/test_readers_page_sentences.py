@@ -106,7 +106,7 @@ def test_cloud__what_a_missing_field_means(field: str) -> None:
 
 
 def test_bag__packets_are_preferred_to_clouds(tmp_path: Path) -> None:
-    stated("the one with the most messages is read, packets in preference to clouds; a notice lists the others")
+    stated("packets in preference to clouds", "a notice lists the others")
     store, name = get_typestore(Stores.ROS2_HUMBLE), "velodyne_msgs/msg/Velodyne"
     several = "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n"
     store.register(get_types_from_msg("builtin_interfaces/Time stamp\nuint8[1206] data\n", f"{name}Packet"))
