@@ -37,6 +37,10 @@ def test_glossary__distances_of_knots_and_length_of_windows() -> None:
     stated("docs/reference/glossary.md", "A time at which the pose is estimated, every 25 ms")
     knots = knots_over(np.linspace(1.75e9, 1.75e9 + 4.0, 4000))
     np.testing.assert_allclose(np.diff(knots.t_s), 0.025, atol=1e-6)
+    few = knots_over(np.array([100.0, 100.4, 101.0, 120.0, 120.5]))  # a new chain after each longer pause
+    starts = [chain.begin_s for chain in few.chains]
+    np.testing.assert_allclose(starts, [100.0 - 0.0125, 120.0 - 0.0125])
+    assert all(0.0 < chain.end_s - end_s < 0.05 for chain, end_s in zip(few.chains, (101.0, 120.5), strict=True))
     stated("docs/reference/glossary.md", "*Coarse knots*, one second apart, carry slow corrections")
     assert pytest.approx(1.0) == COARSE_EVERY * STEP_S
     stated("docs/reference/glossary.md", "A part of three seconds of a chain that is matched to its own ground first")
