@@ -9,6 +9,9 @@ import numpy as np
 from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.calibration.clock_offset import AntennaConstants
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, MISALIGNMENT
+from furrowmap.core.estimation.inertial import RATE_BIAS
+from furrowmap.core.estimation.states import Block
 from furrowmap.core.matching.returns import PIXEL_M
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
@@ -99,6 +102,26 @@ def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstant
         "stance": _stance_figures(adjusted.calibration),
         "positions_doubted": int((adjusted.antenna.weight < 1.0).sum()),
         "lever_arm_m": _lever_figures(constants),
+        "imu": _imu_figures(adjusted),
+    }
+
+
+def _imu_figures(adjusted: Adjusted) -> dict[str, Any] | None:
+    """Of the IMU, each with its standard deviation against fixed ground; null without one."""
+    state = adjusted.state
+    if state.layout != AIDED:
+        return None
+    sigma = adjusted.last.held.solve().sigma().reshape(len(state.xyz_m), -1).min(axis=0)
+
+    def of(block: Block, factor: float) -> list[list[float]]:
+        first = state.layout.column(block)
+        spread = factor * sigma[first : first + block.size]
+        return np.column_stack([factor * state[block].mean(axis=0), spread]).round(5).tolist()
+
+    return {
+        "rate_bias_dps": of(RATE_BIAS, np.degrees(1.0)),
+        "misalignment_deg": of(MISALIGNMENT, np.degrees(1.0)),
+        "gyro_scale": of(GYRO_SCALE, 1.0)[0],
     }
 
 

@@ -21,6 +21,7 @@ from furrowmap.core.calibration.clock_search import Candidate, searched_clock_of
 from furrowmap.core.calibration.ground_plane import LEVEL, GroundTilt
 from furrowmap.core.calibration.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
 from furrowmap.core.calibration.range_bow import range_bow, range_bow_sigma
+from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.placing import Tool
@@ -99,6 +100,7 @@ def prepare(
     mounting: Mounting,
     tool: Tool | None,
     ground: GroundTilt = LEVEL,
+    aid: Aid | None = None,
 ) -> Prepared | None:
     """The input of the adjustment; None where there is too little ground in the scans, or no position in their time.
 
@@ -110,10 +112,11 @@ def prepare(
         mounting: of the sensor, as the session states it.
         tool: where an implement changes the soil; None if none is known.
         ground: how it lies in the vehicle frame.
+        aid: what an IMU adds; None without one.
     """
     if len(returns) < LEAST_RETURNS:
         return None
-    problem = Problem.of(returns, start, positions, lever_m, mounting, tool)
+    problem = Problem.of(returns, start, positions, lever_m, mounting, tool, aid)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
     first = resolve_yaw_ambiguity(problem, Iterate.of(problem))

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
 from furrowmap.core.calibration.yaw_ambiguity import Facing
+from furrowmap.core.estimation.aiding import AIDED, Aid
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import Knots, knots_over, start_from
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.states import VEHICLE, State
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.ground import GroundSums, Relief
 from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
@@ -64,12 +65,14 @@ class Problem:
         lever_m: tuple[float, float, float],
         mounting: Mounting,
         tool: Tool | None,
+        aid: Aid | None = None,
     ) -> Problem:
-        """Of a wheeled vehicle with GNSS, whose trajectory is the first guess."""
+        """Of a wheeled vehicle with GNSS, whose trajectory is the first guess, and perhaps an IMU."""
         knots, lever = knots_over(returns.t_s), np.asarray(lever_m, np.float64)
         origin = np.round(np.median(trajectory.xyz_m, axis=0))
-        start = start_from(trajectory, knots, origin)
-        observations = wheeled_vehicle(positions, origin, lever)
+        start = start_from(trajectory, knots, origin, VEHICLE if aid is None else AIDED)
+        aiding = aid.observations(knots) if aid is not None else ()
+        observations = wheeled_vehicle(positions, origin, lever, aiding)
         return cls(returns, positions, lever, mounting, tool, knots, origin, start, observations)
 
     @property

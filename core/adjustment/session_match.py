@@ -141,4 +141,4 @@ def _prepared(
     ground = ground_tilt(first, mounting)
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
     lever_m = lever_arm_m(session)
-    return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground), ground
+    return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid), ground

@@ -97,7 +97,7 @@ class InertialLinks(Observation):
         for block, walk, spread in (
             (RATE_BIAS, n.rate_walk, n.rate_bias), (FORCE_BIAS, n.force_walk, n.force_bias)
         ):  # fmt: skip
-            _add_walk(equations, knots, state, block, walk, spread)
+            add_walk(equations, knots, state, block, walk, spread)
 
     def _add_increments(
         self, equations: NormalEquations, knots: Knots, state: State, linked: NDArray[np.int64]
@@ -198,7 +198,7 @@ def cross_matrix(vectors: FloatArray) -> FloatArray:
     return np.stack([np.stack([o, -z, y], 1), np.stack([z, o, -x], 1), np.stack([-y, x, o], 1)], 1)
 
 
-def _add_walk(equations: NormalEquations, knots: Knots, state: State, block: Block, walk: float, spread: float) -> None:
+def add_walk(equations: NormalEquations, knots: Knots, state: State, block: Block, walk: float, spread: float) -> None:
     """A random walk from knot to knot, and its spread at the begin of each chain."""
     linked, size, first = knots.linked, state.layout.size, state.layout.column(block)
     starts = np.array([chain.first for chain in knots.chains])
@@ -206,7 +206,7 @@ def _add_walk(equations: NormalEquations, knots: Knots, state: State, block: Blo
     row[0], row[size] = -1.0, 1.0
     design = np.broadcast_to(row, (len(linked), len(row)))
     value = state[block]
-    for axis in range(3):
+    for axis in range(block.size):
         step = value[linked, axis] - value[linked + 1, axis]
         equations.add(linked * size + first + axis, design, step, np.full(len(linked), walk * np.sqrt(STEP_S)))
         begin = np.ones((len(starts), 1))

@@ -19,6 +19,9 @@ HEAVE: Final = 0.4
 SWAY: Final = np.radians(12.0)
 """Of roll and pitch, in rad/s per square root of a second: a quarter of a degree at 1 to 3 Hz has 15°/s^1.5."""
 TURNING: Final = np.radians(20.0)
+MEASURED: Final = 10.0
+"""By how much the prior of turns is wider where gyroscopes measure them: otherwise it would take their scale for too
+large, since less turning is likelier."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,11 @@ class MotionPrior(Observation):
     acceleration: tuple[float, float, float] = (ACCELERATION, ACCELERATION, HEAVE)
     turning: tuple[float, float, float] = (SWAY, SWAY, TURNING)
     linked: ClassVar[int] = 3
+
+    @classmethod
+    def with_measured_turns(cls) -> MotionPrior:
+        """The prior beside gyroscopes."""
+        return cls(turning=(MEASURED * SWAY, MEASURED * SWAY, MEASURED * TURNING))
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Six equations for each three knots."""

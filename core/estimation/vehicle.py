@@ -19,17 +19,22 @@ from furrowmap.core.values.positions import Positions
 
 
 def wheeled_vehicle(
-    positions: Positions, origin_m: NDArray[np.float64], lever_m: NDArray[np.float64]
+    positions: Positions,
+    origin_m: NDArray[np.float64],
+    lever_m: NDArray[np.float64],
+    aiding: tuple[Observation, ...] = (),
 ) -> tuple[Observation, ...]:
-    """Positions and headings of the antennas with their drift, the motion prior, wheels and level.
+    """Positions and headings of the antennas with their drift, the motion prior, wheels and level, and an IMU's.
 
     Args:
         positions: (m,) of the antenna.
         origin_m: (3,) local origin.
         lever_m: (3,) the antenna in the vehicle frame.
+        aiding: observations of an IMU; none without one.
     """
     antenna = AntennaPositions.of(positions, origin_m, lever_m)
-    return (antenna, AntennaHeadings(positions), GnssDrift(positions), MotionPrior(), Wheels(), Level())
+    motion = MotionPrior.with_measured_turns() if aiding else MotionPrior()
+    return (antenna, AntennaHeadings(positions), GnssDrift(positions), motion, Wheels(), Level(), *aiding)
 
 
 def with_positions(observations: Iterable[Observation], positions: Positions) -> tuple[Observation, ...]:

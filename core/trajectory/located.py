@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 import msgspec
 import numpy as np
 
+from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
@@ -20,10 +21,10 @@ from furrowmap.core.trajectory.from_attitude import (
 )
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
-from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, trajectory_from_inertial
+from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, site_of, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting
@@ -54,6 +55,7 @@ class Located:
         antenna: the positions themselves; None for a trajectory from a file, from the course alone, or of an aircraft.
         transformed: how the recorded coordinates were transformed to the map.
         inertial: figures of the IMU; None without one.
+        aid: what the IMU of a machine on the ground adds to scan matching; None without one.
         with_lever: gives the trajectory with another lever arm; None where it does not come from GNSS.
     """
 
@@ -64,6 +66,7 @@ class Located:
     antenna: Positions | None = None
     transformed: TransformSummary = UNCHANGED
     inertial: InertialFigures | None = None
+    aid: Aid | None = None
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
 
 
@@ -146,18 +149,31 @@ def _with_imu(
     fixes: tuple[Fix, ...] | None,
     inertial: InertialReader,
 ) -> Located:
-    """The trajectory from GNSS and an IMU."""
+    """The trajectory from GNSS and an IMU; of a machine on the ground whose motion shows no heading, from GNSS."""
     assert session.imu is not None
     table = session.imu
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
-    imu = Imu(inertial.inertial(), mounting, noise)
-    found = trajectory_from_inertial(track, imu, frame, lever_arm_m(session), fixes)
+    imu, lever_m = Imu(inertial.inertial(), mounting, noise), lever_arm_m(session)
+    # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
+    on_ground = session.implement is not None
+    aid = Aid(imu.in_vehicle_axes, noise, site_of(track, frame), None) if on_ground else None
+    try:
+        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes)
+    except RefusedError as refused:
+        if aid is None:
+            raise
+        by_course = trajectory_from_gnss(track, frame, lever_m, fixes)
+        used = {"used": by_course.used, "unused": by_course.unused}
+        notice = Notice("imu-not-aligned", f"{refused.what} The first guess of the trajectory is that of GNSS alone.")
+        notices = (*transformed.notices, *inertial.notices, *by_course.notices, notice)
+        return Located(by_course.trajectory, "gnss", used, notices, by_course.positions, transformed, aid=aid)
+    if aid is not None:
+        aid = replace(aid, trajectory=found.trajectory)
     notices = (*transformed.notices, *inertial.notices, *found.notices)
     used = {"used": found.used, "unused": found.unused}
-    # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
-    antenna = found.positions if session.implement is not None else None
-    return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures)
+    antenna = found.positions if on_ground else None
+    return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures, aid)
 
 
 def _with_attitude(

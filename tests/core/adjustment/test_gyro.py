@@ -1,16 +1,20 @@
-"""The adjustment with one sensor more than a tractor has today: a gyroscope, which nothing of the product knows."""
+"""The adjustment of a tractor with an IMU."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.problem import Iterate, Problem
 from furrowmap.core.adjustment.solve import solve
+from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, InertialAttitudes
+from furrowmap.core.estimation.aiding import MISALIGNMENT as IMU_ASKEW
 from furrowmap.core.estimation.banded import Solution
+from furrowmap.core.estimation.inertial import RATE_BIAS
 from furrowmap.core.estimation.knots import Knots, knots_over, start_from
 from furrowmap.core.estimation.observation import Observation, normal_equations
 from furrowmap.core.estimation.states import VEHICLE, Layout, State
@@ -23,10 +27,11 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
 from furrowmap.core.simulator.site import laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
+from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.positions import Positions
-from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, trajectory_from_attitude
 from tests.core.conftest import Recording
-from tests.core.estimation.gyro import BIAS_SIGMA, GYRO_BIAS, WITH_GYRO, gyro_on
+from tests.core.estimation.gyro import MISALIGNMENT, NOISE, SCALE, gyro_on
 
 FloatArray = NDArray[np.float64]
 
@@ -110,7 +115,8 @@ def test_a_gyro_holds_the_heading_through_an_outage_in_a_turn_and_its_bias_is_fo
 
     without, _ = adjusted(truth, knots, VEHICLE, usual, outage)
     gyro = gyro_on(truth, knots, BIAS, seed=8)
-    state, solution = adjusted(truth, knots, WITH_GYRO, (*usual, gyro), outage)
+    aided = wheeled_vehicle(positions_on(truth, outage), np.zeros(3), LEVER, (gyro,))
+    state, solution = adjusted(truth, knots, AIDED, aided, outage)
     before, after = (heading_errors(truth, knots, one)[within] for one in (without, state))
     rms_before, rms_after = (np.sqrt(np.mean(one**2)) for one in (before, after))
     assert rms_after < 0.25 * rms_before
@@ -118,14 +124,43 @@ def test_a_gyro_holds_the_heading_through_an_outage_in_a_turn_and_its_bias_is_fo
 
     sigma = solution.sigma().reshape(len(knots), -1)
     assert np.sqrt(np.mean((after / sigma[within, 5]) ** 2)) < 2.0
-    column = WITH_GYRO.column(GYRO_BIAS)
-    off = np.abs(state[GYRO_BIAS] - BIAS)
-    assert (off < 3.5 * sigma[:, column:]).all()
-    assert sigma[:, column + 2].max() < 0.1 * BIAS_SIGMA
+    bias, scale = AIDED.column(RATE_BIAS), AIDED.column(GYRO_SCALE)
+    off = np.abs(state[RATE_BIAS] - BIAS)
+    assert (off < 3.5 * sigma[:, bias : bias + 3]).all()
+    assert sigma[:, bias + 2].max() < 0.3 * NOISE.rate_bias
     assert off[:, 2].max() < 0.2 * BIAS[2]
+    assert abs(state[GYRO_SCALE][0, 0]) < 3.5 * sigma[0, scale] < 0.01
 
 
-def test_the_whole_schedule_takes_a_sensor_that_it_does_not_know(straight: Recording) -> None:
+def test_gyroscopes_and_attitudes_of_an_imu_mounted_askew_fit_the_truth_and_lead_back_to_it() -> None:
+    truth, askew = driven(), Rotation.from_rotvec(MISALIGNMENT)
+    knots = knots_over(np.arange(truth.span_s[0] + 0.1, truth.span_s[1] - 0.1, 0.1))
+    stated = Rotation.from_quat(truth.quaternion, scalar_first=True) * askew
+    sigma = np.column_stack([np.zeros((len(truth), 3)), np.full((len(truth), 3), (0.03, 0.03, 0.2))])
+    by_imu = replace(truth, quaternion=same_hemisphere(stated.as_quat(scalar_first=True)), sigma=sigma)
+    attitudes = InertialAttitudes.of(by_imu, inertial_noise("consumer"), knots)
+    level, headings = np.isfinite(attitudes.sigma_rad[:, [0, 2]]).sum(axis=0)
+    assert 1 <= headings < level < 20
+
+    start = start_from(truth, knots, np.zeros(3), AIDED)
+    added = np.zeros((len(knots), AIDED.size))
+    for block, value in ((RATE_BIAS, BIAS), (IMU_ASKEW, MISALIGNMENT), (GYRO_SCALE, SCALE)):
+        added[:, AIDED.column(block) : AIDED.column(block) + block.size] = value
+    true = start.moved(added)
+    axes = Rotation.from_quat(truth.at(knots.t_s).quaternion, scalar_first=True)
+    true = replace(true, rotation=axes.as_matrix())
+    gyro = gyro_on(truth, knots, BIAS, seed=8, share=1.0, noisy=False)
+    tiny = 1e-5 * np.random.default_rng(3).standard_normal((len(knots), AIDED.size))
+    tiny[:, AIDED.column(RATE_BIAS) :] = tiny[0, AIDED.column(RATE_BIAS) :]
+    for observation in (gyro, attitudes):
+        at_truth, beside = (normal_equations((observation,), knots, one) for one in (true, true.moved(tiny)))
+        back = scipy.sparse.dia_array((at_truth.band, -np.arange(len(at_truth.band))), shape=(tiny.size, tiny.size))
+        expected = -(back + scipy.sparse.tril(back, -1).T) @ tiny.ravel()
+        off = beside.right - at_truth.right - expected
+        assert np.abs(off).max() < 0.01 * np.abs(expected).max()  # half of the misalignment is not in the derivative
+
+
+def test_the_whole_schedule_takes_an_imu(straight: Recording) -> None:
     located, session = straight.located, straight.session
     assert located.antenna is not None
     assert session.antenna is not None
@@ -134,8 +169,9 @@ def test_the_whole_schedule_takes_a_sensor_that_it_does_not_know(straight: Recor
         returns, located.trajectory, located.antenna, session.antenna.xyz_m, session.lidar.mounting, None
     )
     gyro = gyro_on(straight.truth, usual.knots, BIAS, seed=9)
-    start = start_from(located.trajectory, usual.knots, usual.origin_m, WITH_GYRO)
-    more = replace(usual, start=start, observations=(*usual.observations, gyro))
+    start = start_from(located.trajectory, usual.knots, usual.origin_m, AIDED)
+    aided = wheeled_vehicle(usual.positions, usual.origin_m, usual.lever_m, (gyro,))
+    more = replace(usual, start=start, observations=aided)
     without, found = (solve(one, Iterate.of(one), lambda share: None) for one in (usual, more))
 
     inside = (usual.knots.t_s > straight.truth.span_s[0]) & (usual.knots.t_s < straight.truth.span_s[1])
@@ -143,7 +179,7 @@ def test_the_whole_schedule_takes_a_sensor_that_it_does_not_know(straight: Recor
     inside &= moves
     before, after = (heading_errors(straight.truth, usual.knots, one.state)[inside] for one in (without, found))
     assert np.std(after) < 0.7 * np.std(before)
-    column = WITH_GYRO.column(GYRO_BIAS)
-    sigma = found.last.held.solve().sigma().reshape(len(usual.knots), -1)[:, column:]
-    assert (np.abs(found.state[GYRO_BIAS] - BIAS) < 3.5 * sigma).all()
-    assert np.abs(found.state[GYRO_BIAS][:, 2] - BIAS[2]).max() < 0.2 * BIAS[2]
+    column = AIDED.column(RATE_BIAS)
+    sigma = found.last.held.solve().sigma().reshape(len(usual.knots), -1)[:, column : column + 3]
+    assert (np.abs(found.state[RATE_BIAS] - BIAS) < 3.5 * sigma).all()
+    assert np.abs(found.state[RATE_BIAS][:, 2] - BIAS[2]).max() < 0.2 * BIAS[2]

@@ -1,65 +1,36 @@
-"""A gyroscope as one more observation: what the interface takes to add a sensor."""
+"""What the gyroscopes of an IMU measure on a true drive."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, Knots, turns
-from furrowmap.core.estimation.observation import Observation
-from furrowmap.core.estimation.states import POSE, ROTATION, VEHICLE, Block, State
+from furrowmap.core.estimation.aiding import Gyroscopes
+from furrowmap.core.estimation.inertial import Site
+from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-GYRO_BIAS = Block("gyro_bias_radps", 3)
-WITH_GYRO = replace(VEHICLE, blocks=(*VEHICLE.blocks, GYRO_BIAS))
-WALK = np.radians(0.2) / 60.0
-"""Angular random walk in rad per √s: 0.2°/√h is a good MEMS gyroscope."""
-BIAS_SIGMA = np.radians(0.5)
-"""Of the bias in rad/s before anything is known."""
-BIAS_WALK = np.radians(0.001)
-"""In rad/s per √s."""
+NOISE = inertial_noise("industrial")
+SITE = Site(9.8, np.array([0.0, 5.9e-5, 4.3e-5]), 6.37e6, 1.0)
+MISALIGNMENT = np.radians([0.6, -0.9, 0.7])
+SCALE = 0.008
 
 
-@dataclass(frozen=True)
-class GyroIncrements(Observation):
-    """Rotation vectors from knot to knot in the earlier knot's vehicle frame, with a slowly varying bias.
+def gyro_on(
+    truth: Trajectory, knots: Knots, bias_radps: FloatArray, seed: int, share: float = 0.0, *, noisy: bool = True
+) -> Gyroscopes:
+    """Turns between knots inside the drive, by an IMU with a bias.
 
-    Attributes:
-        turn_rad: (n, 3) of each knot that has a next one in its chain, as `knots.linked` has them.
+    It is mounted askew by a share of MISALIGNMENT, and its gyroscopes measure too much by a share of SCALE.
     """
-
-    turn_rad: FloatArray
-
-    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
-        """Three equations of the increments and three of the bias for each two knots, and its start in each chain."""
-        linked, size, column = knots.linked, state.layout.size, state.layout.column(GYRO_BIAS)
-        bias, every = state[GYRO_BIAS], np.ones(len(linked))
-        computed = turns(np.ascontiguousarray(state.rotation))[linked] + STEP_S * bias[linked]
-        first = np.array([chain.first for chain in knots.chains])
-        for axis in range(3):
-            along = state.rotation[linked, :, axis]
-            design = np.zeros((len(linked), size + POSE - ROTATION))
-            design[:, : POSE - ROTATION], design[:, size:] = -along, along
-            design[:, column - ROTATION + axis] = STEP_S
-            residual = self.turn_rad[:, axis] - computed[:, axis]
-            equations.add(linked * size + ROTATION, design, residual, WALK * np.sqrt(STEP_S) * every)
-            pair = np.zeros((len(linked), size + 1))
-            pair[:, 0], pair[:, size] = -1.0, 1.0
-            step = bias[linked, axis] - bias[linked + 1, axis]
-            equations.add(linked * size + column + axis, pair, step, BIAS_WALK * np.sqrt(STEP_S) * every)
-            start = np.full(len(first), BIAS_SIGMA)
-            equations.add(first * size + column + axis, np.ones((len(first), 1)), -bias[first, axis], start)
-
-
-def gyro_on(truth: Trajectory, knots: Knots, bias_radps: FloatArray, seed: int) -> GyroIncrements:
-    """What a gyroscope with a bias measures on a true drive, between knots inside it."""
-    poses = truth.at(np.clip(knots.t_s, *truth.span_s))
-    rotation = Rotation.from_quat(poses.quaternion, scalar_first=True).as_matrix()
-    noise = WALK * np.sqrt(STEP_S) * np.random.default_rng(seed).standard_normal((len(knots.linked), 3))
-    return GyroIncrements(turns(rotation)[knots.linked] + STEP_S * bias_radps + noise)
+    t_s = knots.t_s[knots.linked]
+    axes = Rotation.from_quat(truth.at(np.clip(knots.t_s, *truth.span_s)).quaternion, scalar_first=True)
+    earth = Rotation.from_rotvec(STEP_S * SITE.earth_rate_radps)
+    true = (axes[knots.linked].inv() * earth * axes[knots.linked + 1]).as_rotvec()
+    noise = noisy * NOISE.rate * np.sqrt(STEP_S) * np.random.default_rng(seed).standard_normal(true.shape)
+    askew = Rotation.from_rotvec(share * MISALIGNMENT).inv().apply(true)
+    return Gyroscopes(t_s, (1.0 + share * SCALE) * askew + STEP_S * bias_radps + noise, NOISE, SITE)
