@@ -116,7 +116,8 @@ def _imu_figures(adjusted: Adjusted) -> dict[str, Any] | None:
     def of(block: Block, factor: float) -> list[list[float]]:
         first = state.layout.column(block)
         spread = factor * sigma[first : first + block.size]
-        return np.column_stack([factor * state[block].mean(axis=0), spread]).round(5).tolist()
+        pairs: list[list[float]] = np.column_stack([factor * state[block].mean(axis=0), spread]).round(5).tolist()
+        return pairs
 
     return {
         "rate_bias_dps": of(RATE_BIAS, np.degrees(1.0)),
