@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from pathlib import Path
 
 from furrowmap.cli.inspect import _value
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.values.json_text import plain
 from tests.core.readers.inertial_bags import sentences, turning_imu
-from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
+from tests.core.readers.small_bags import ROS1, T0_NS, write_bag1, write_bag2
+from tests.core.readers.test_line_scanners import laser_scan
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import nmea
 from tests.fuzz.reading import OPTIONS, read_recording
@@ -39,7 +41,28 @@ def ahrs() -> bytes:
     return "\n".join([head, *rows, ""]).encode()
 
 
+def line_seeds(folder: Path) -> list[Files]:
+    """Sweeps of a line scanner in a bag, and in CSV."""
+    recorded = [("/scan", T0_NS + 10**8 * k, laser_scan(T0_NS + 10**8 * k, range(1, 20))) for k in range(6)]
+    (bag,) = write_bag2(folder / "line", recorded).glob("*.mcap")
+    rows = [f"{194530.8 + k / 1000:.4f},{k % 20 - 10},{4 + k % 3},{k}" for k in range(60)]
+    return [
+        {"line.mcap": bag.read_bytes()},
+        {"line.csv": "\n".join(["time_gps_s,angle_deg,range_m,intensity", *rows, ""]).encode()},
+    ]
+
+
+def read_line(path: Path) -> None:
+    """The sweeps, and what `inspect` reports."""
+    found = Recognised.of(path)
+    json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
+    reader = found.open(OPTIONS)
+    if hasattr(reader, "scans"):
+        deque(reader.scans(), maxlen=0)
+
+
 INERTIAL = (
     Entry("rosbag-imu", bag_seeds, read_bag, trials=150),
+    Entry("line-scanner", line_seeds, read_line, trials=150),
     Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=150),
 )

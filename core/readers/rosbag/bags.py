@@ -13,6 +13,7 @@ from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
 from furrowmap.core.readers.rosbag.messages import (
     IMU,
+    LASER_SCAN,
     NAV_SAT_FIX,
     POINT_CLOUD,
     SENTENCE,
@@ -32,6 +33,7 @@ from furrowmap.core.values.scan import Clock, Scan
 if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.clouds import CloudScans
     from furrowmap.core.readers.rosbag.inertial import ImuLog
+    from furrowmap.core.readers.rosbag.lines import LineScans
     from furrowmap.core.readers.rosbag.packets import PacketScans
     from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
@@ -72,12 +74,12 @@ class _RosBag(FileReader):
         self._topics: list[_Topic] | None = None
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of the topic with the most packets, or if there are none, with the most point clouds.
+        """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner.
 
         Raises:
             InputError: if the bag has neither, or none that can be decoded.
         """
-        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
+        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -184,14 +186,17 @@ class _RosBag(FileReader):
             )
         return chosen
 
-    def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans:
+    def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans | LineScans:
         from furrowmap.core.readers.rosbag.clouds import CloudScans
+        from furrowmap.core.readers.rosbag.lines import LineScans
         from furrowmap.core.readers.rosbag.packets import PacketScans
 
         source = self._source(chosen)
-        return PacketScans(source, self.options) if chosen.type == VELODYNE_SCAN else CloudScans(source)
+        if chosen.type == VELODYNE_SCAN:
+            return PacketScans(source, self.options)
+        return CloudScans(source) if chosen.type == POINT_CLOUD else LineScans(source)
 
-    def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[Scan]:
+    def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
         for scans in self._batches(chosen, decoder):
             self.clock = decoder.clock
@@ -201,7 +206,7 @@ class _RosBag(FileReader):
         self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
         self._add_notices(*decoder.notices())
 
-    def _batches(self, chosen: _Topic, decoder: PacketScans | CloudScans) -> Iterator[list[Scan]]:
+    def _batches(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[list[Scan]]:
         yield from self._read(chosen, decoder.push)
         yield decoder.finish()
 
@@ -286,7 +291,7 @@ class _RosBag(FileReader):
             )
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD)
+        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
         decoder = self._decoder(chosen)
         scans = points = 0
         first_s, last_s = float("inf"), float("-inf")

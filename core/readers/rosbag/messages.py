@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 VELODYNE_SCAN: Final = "velodyne_msgs/msg/VelodyneScan"
+LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
 IMU: Final = "sensor_msgs/msg/Imu"

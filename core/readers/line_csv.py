@@ -1,0 +1,248 @@
+"""Line scanners in CSV: a time, an angle and a range in each row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.csv_header import columns_of, head_columns
+from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.facts import utc_facts
+from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.scan import Clock, Scan
+
+FloatArray = NDArray[np.float64]
+
+TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
+ANGLES: Final = {"angle_deg": np.pi / 180.0, "angle_rad": 1.0}
+RANGES: Final = {"range_m": 1.0, "range_mm": 1e-3}
+INTENSITY: Final = "intensity"
+"""Names of the columns, and their factors to radians and metres."""
+PAUSE_S: Final = 1.0
+"""A sweep does not last longer; after a longer pause a new one begins."""
+BACK_AND_FORTH: Final = 0.2
+"""Share of steps against the usual direction from which the mirror swings instead of turning."""
+MOST_RETURNS: Final = 65_535
+MOST_DISORDER: Final = 0.01
+
+
+class LineCsv(FileReader):
+    """A line scanner's returns from CSV files, in the order of time, cut into sweeps where the angle begins anew.
+
+    The columns are `time_unix_s` (UTC) or `time_gps_s`, `angle_deg` or `angle_rad` (counter-clockwise from the
+    scanner's x axis, about its z axis), `range_m` or `range_mm`, and optionally `intensity`. Rows without a range, or
+    with a range of 0, are firings without a return.
+    """
+
+    format: ClassVar[str] = "line-csv"
+    title: ClassVar[str] = "line scanner in CSV"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        super().__init__(paths, options)
+        self.clock = Clock.STATED
+        self.clocks: tuple[ClockReading, ...] = ()
+        self.share_read = 0.0
+        self.counts = _Counts()
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain with columns of time, angle and range."""
+        names = set(head_columns(head) or ())
+        found = [bool(names & kind.keys()) for kind in (TIMES, ANGLES, RANGES)]
+        return {3: 1.0, 2: 0.5 if found[2] and found[1] else 0.0}.get(sum(found), 0.0)
+
+    def scans(self) -> Iterator[Scan]:
+        """The sweeps of all files.
+
+        Raises:
+            InputError: if a file has no such columns, a field is no number, times do not increase, or most ranges are
+                not in the stated unit.
+        """
+        self.notices.clear()
+        self.counts = counts = _Counts()
+        for i, path in enumerate(self.paths):
+            with Source(path) as source:
+                lines = pieces(source, self.notices)
+                columns = _Columns.of(*columns_of(next(lines, b"").decode("utf-8", "replace")), path)
+                for scan in self._sweeps(lines, columns, path):
+                    self.share_read = (i + source.share_read) / len(self.paths)
+                    yield scan
+                if source.fault:
+                    self.notices.append(cut_notice(path, source.fault))
+        self._judge(counts)
+        if counts.scans:
+            self.clocks = (ClockReading(self.clock, counts.first_s, counts.last_s, "from its time column"),)
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report what it contains.
+
+        Raises:
+            InputError: as :meth:`scans`.
+        """
+        reader = LineCsv(self.paths[:1], self.options)
+        for _ in reader.scans():
+            pass
+        counts = reader.counts
+        facts: dict[str, Any] = {"scans": counts.scans or "none", "firings": counts.firings, "points": counts.points}
+        if counts.scans:
+            span_s = counts.last_s - counts.first_s
+            facts |= {**utc_facts(np.array([counts.first_s, counts.last_s])), "span_s": round(span_s, 3)}
+            facts["angles_deg"] = np.degrees(counts.angles_rad).round(2).tolist()
+            facts["sweeps_per_s"] = round((counts.scans - 1) / span_s, 2) if span_s > 0 else None
+        return Inspection(self.paths[0], self.format, self.title, facts, reader.clocks, tuple(reader.notices))
+
+    def _sweeps(self, lines: Iterator[bytes], columns: _Columns, path: Path) -> Iterator[Scan]:
+        """The sweeps of one file; the last one of each piece is continued in the next."""
+        rest, line, swings = np.empty((0, 4)), 2, None
+        for piece in lines:
+            rows = columns.read(piece, path, line)
+            line += piece.count(b"\n")
+            rows = rows[np.isfinite(rows[:, :2]).all(axis=1)]
+            if not len(rows):
+                continue
+            rows[:, 0] = utc_of(rows[:, 0], columns.scale, str(path), self.options)
+            rows = np.concatenate([rest, self._forward(rows)])
+            if len(rows) < 2:
+                rest = rows
+                continue
+            swings = _swings(rows[:, 1]) if swings is None else swings
+            begins = _begins(rows, swings=swings)
+            for first, last in pairwise(begins):
+                yield from self._sweep(rows[first:last])
+            rest = rows[begins[-1] :]
+        yield from self._sweep(rest)
+
+    def _forward(self, rows: FloatArray) -> FloatArray:
+        """The rows that are not earlier than those before."""
+        counts = self.counts
+        latest = np.maximum.accumulate(np.concatenate([[counts.latest_s], rows[:, 0]]))
+        forward = rows[:, 0] >= latest[:-1]
+        counts.latest_s, counts.late, counts.rows = (
+            latest[-1],
+            counts.late + int((~forward).sum()),
+            counts.rows + len(rows),
+        )
+        return rows[forward]
+
+    def _sweep(self, rows: FloatArray) -> Iterator[Scan]:
+        counts = self.counts
+        counts.firings += len(rows)
+        with np.errstate(invalid="ignore"):
+            far, returned = rows[:, 2] > FARTHEST_M, (rows[:, 2] > 0.0) & (rows[:, 2] <= FARTHEST_M)
+        counts.far += int(far.sum())
+        if not returned.any():
+            return
+        t_s, angle, distance, intensity = rows[returned].T
+        counts.take(t_s, angle)
+        yield sweep(counts.scans - 1, t_s, angle, distance, intensity, np.flatnonzero(returned))
+
+    def _judge(self, counts: _Counts) -> None:
+        name = str(self.paths[0])
+        if counts.far > counts.points:
+            raise mostly_invalid(name, counts.far, counts.far + counts.points)
+        if counts.late > MOST_DISORDER * counts.rows:
+            raise InputError(
+                f"{name}: {counts.late} of {counts.rows} rows are earlier than rows before.",
+                "A sweep is made of rows in the order of time.",
+                "Sort the rows by time; name the files in time order.",
+                code="time-disorder",
+            )
+        if counts.late:
+            text = f"{name}: {counts.late} of {counts.rows} rows are earlier than rows before and are dropped."
+            self.notices.append(Notice("time-runs-back", text))
+        if counts.far:
+            text = f"{name}: {counts.far} ranges beyond {FARTHEST_M:,.0f} m are left out."
+            self.notices.append(Notice("points-invalid", text))
+
+
+@dataclass
+class _Counts:
+    """What was read so far."""
+
+    scans: int = 0
+    firings: int = 0
+    points: int = 0
+    far: int = 0
+    rows: int = 0
+    late: int = 0
+    latest_s: float = -np.inf
+    first_s: float = np.inf
+    last_s: float = -np.inf
+    angles_rad: FloatArray = field(default_factory=lambda: np.array([np.inf, -np.inf]))
+
+    def take(self, t_s: FloatArray, angle_rad: FloatArray) -> None:
+        """Count the returns (n,) of a sweep."""
+        self.scans, self.points = self.scans + 1, self.points + len(t_s)
+        self.first_s, self.last_s = min(self.first_s, float(t_s[0])), max(self.last_s, float(t_s[-1]))
+        low, high = self.angles_rad
+        self.angles_rad = np.array([min(low, angle_rad.min()), max(high, angle_rad.max())])
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """The columns to read, and their factors."""
+
+    every: Sequence[str]
+    separator: str
+    names: tuple[str, ...]
+    scale: str
+    factors: FloatArray
+
+    @classmethod
+    def of(cls, every: Sequence[str], separator: str, path: Path) -> _Columns:
+        time, angle, distance = (next((n for n in kind if n in every), None) for kind in (TIMES, ANGLES, RANGES))
+        if time is None or angle is None or distance is None:
+            raise InputError(
+                f"{path}, line 1: no columns of a time, an angle and a range (there are: {', '.join(every)[:200]}).",
+                "A line scanner's return is these three, with units in the column names.",
+                f"Name the columns {' or '.join(TIMES)}, {' or '.join(ANGLES)}, {' or '.join(RANGES)}.",
+                code="missing-column",
+            )
+        names = (time, angle, distance, *((INTENSITY,) if INTENSITY in every else ()))
+        return cls(every, separator, names, TIMES[time], np.array([1.0, ANGLES[angle], RANGES[distance], 1.0]))
+
+    def read(self, piece: bytes, path: Path, line: int) -> FloatArray:
+        """Rows (n, 4) of time, angle in radians, range in metres, intensity."""
+        found = numbers(piece, self.every, self.separator, self.names, path, line)
+        rows = np.zeros((len(found), 4))
+        rows[:, : found.shape[1]] = found
+        return rows * self.factors
+
+
+def _swings(angle: FloatArray) -> bool:
+    """Whether the mirror swings back and forth instead of turning on."""
+    step = np.diff(angle)
+    step = step[step != 0.0]
+    against = min(np.mean(step > 0), np.mean(step < 0)) if len(step) else 0.0
+    return bool(against > BACK_AND_FORTH)
+
+
+def _begins(rows: FloatArray, *, swings: bool) -> list[int]:
+    """Indices of the rows with which sweeps begin, 0 first."""
+    step = np.diff(rows[:, 1])
+    usual = 1.0 if np.median(step[step != 0.0] if (step != 0.0).any() else [1.0]) > 0 else -1.0
+    if swings:
+        sign = np.sign(step)
+        known = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+        sign = sign[known]
+        new = np.concatenate([[False, False], sign[1:] * sign[:-1] < 0])
+    else:
+        new = np.concatenate([[False], step * usual < 0])
+    new[1:] |= np.diff(rows[:, 0]) > PAUSE_S
+    begins = [0]
+    for k in [*np.flatnonzero(new).tolist(), len(rows)]:
+        while k - begins[-1] > MOST_RETURNS:
+            begins.append(begins[-1] + MOST_RETURNS)
+        if k < len(rows) and k > begins[-1]:
+            begins.append(k)
+    return begins

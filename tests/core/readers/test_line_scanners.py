@@ -1,0 +1,200 @@
+"""Line scanners in bags and in CSV: each return at its time and place."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import furrowmap
+from furrowmap.core.readers.line_csv import LineCsv
+from furrowmap.core.readers.reader import ReadOptions, Recognised
+from furrowmap.core.readers.rosbag.bags import RosBag2
+from furrowmap.core.session.examination import Examined
+from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.proposal import propose_session
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.scan import Scan
+from tests.core.readers.small_bags import ROS2, T0_NS, header, write_bag2
+
+T0_S = 1_779_529_272.0
+
+
+def laser_scan(stamp_ns: int, ranges: Any, step: float = np.radians(0.5), each_s: float = 5e-5, **parts: Any) -> Any:
+    """Ranges from −135° on; limits of 0.1 and 30 m."""
+    return ROS2.types["sensor_msgs/msg/LaserScan"](
+        header=header(stamp_ns),
+        angle_min=parts.get("first", np.radians(-135.0)),
+        angle_max=0.0,
+        angle_increment=step,
+        time_increment=each_s,
+        scan_time=0.025,
+        range_min=0.1,
+        range_max=30.0,
+        ranges=np.asarray(ranges, np.float32),
+        intensities=np.asarray(parts.get("intensities", []), np.float32),
+    )
+
+
+def bag(tmp_path: Path, *messages: Any, apart_ns: int = 25_000_000) -> RosBag2:
+    recorded = [("/scan", T0_NS + apart_ns * k, message) for k, message in enumerate(messages)]
+    return RosBag2([write_bag2(tmp_path / "bag", recorded)], ReadOptions())
+
+
+def test_laser_scan__gives_each_return_its_time_and_place(tmp_path: Path) -> None:
+    ranges = np.linspace(1.0, 20.0, 540)
+    ranges[[3, 50, 51, 52, 539]] = (0.05, np.nan, np.inf, 31.0, 0.0)
+    message = laser_scan(T0_NS, ranges, intensities=np.arange(540))
+    reader = bag(tmp_path, message)
+    (scan,) = reader.scans()
+    kept = np.setdiff1d(np.arange(540), [3, 50, 51, 52, 539])
+    place = ranges[kept] * np.exp(1j * np.radians(-135.0 + 0.5 * kept))
+    np.testing.assert_allclose(scan.xyz_m, np.column_stack([place.real, place.imag, 0 * kept]), atol=1e-4)
+    np.testing.assert_allclose(scan.t_s, T0_NS * 1e-9 + 5e-5 * kept, atol=1e-6)
+    np.testing.assert_array_equal(scan.intensity, kept)
+    np.testing.assert_array_equal(scan.column, kept)
+    facts = reader.inspect().facts["scans"]
+    assert (facts["scans"], facts["points"], facts["angle_step_deg"]) == (1, 535, 0.5)
+
+
+def test_laser_scans__with_faults_are_left_out_or_noted(tmp_path: Path) -> None:
+    good = np.full(100, 4.0)
+    messages = (
+        laser_scan(T0_NS, good, each_s=0.0),
+        laser_scan(T0_NS, good),  # not later
+        laser_scan(T0_NS + 10**8, good, step=np.nan),
+        laser_scan(T0_NS + 2 * 10**8, good, step=1.0),
+        laser_scan(T0_NS + 3 * 10**8, good, each_s=-1e-3),
+        laser_scan(T0_NS + 4 * 10**8, np.full(100, np.inf)),
+        laser_scan(T0_NS + 5 * 10**8, good),
+    )
+    reader = bag(tmp_path, *messages)
+    assert [len(scan) for scan in reader.scans()] == [100, 100]
+    assert {n.code for n in reader.notices} == {"no-point-times", "clouds-late", "bag-messages-damaged"}
+
+
+def line_csv(tmp_path: Path, head: str, rows: list[str]) -> LineCsv:
+    path = tmp_path / "line.csv"
+    path.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    return LineCsv([path], ReadOptions())
+
+
+def rows_of(angles_deg: Any, each_s: float = 1e-4, range_m: float = 5.0) -> list[str]:
+    return [f"{T0_S + each_s * k:.6f},{angle:.3f},{range_m},{k % 7}" for k, angle in enumerate(angles_deg)]
+
+
+HEAD = "time_unix_s,angle_deg,range_m,intensity"
+
+
+@pytest.mark.parametrize(
+    ("angles", "sizes"),
+    [
+        (np.tile(np.arange(-90, 91, 1.0), 4), [181] * 4),
+        (np.tile(np.arange(90, -91, -1.0), 3), [181] * 3),
+        (np.arange(100, 900) % 360.0, [260, 360, 180]),
+        (np.concatenate([np.arange(0, 50), np.arange(50, 0, -1), np.arange(0, 50)]), [51, 50, 49]),
+    ],
+    ids=["line", "clockwise", "turning", "swinging"],
+)
+def test_csv__is_cut_into_sweeps(tmp_path: Path, angles: Any, sizes: list[int]) -> None:
+    scans = list(line_csv(tmp_path, HEAD, rows_of(angles)).scans())
+    assert [len(scan) for scan in scans] == sizes
+    place = 5.0 * np.exp(1j * np.radians(angles))
+    whole = Scan.joined(scans)
+    np.testing.assert_allclose(whole.xyz_m[:, 0] + 1j * whole.xyz_m[:, 1], place, atol=1e-5)
+    np.testing.assert_allclose(whole.t_s, T0_S + 1e-4 * np.arange(len(angles)), atol=1e-6)
+    np.testing.assert_array_equal(whole.intensity, np.arange(len(angles)) % 7)
+
+
+def test_csv__units_and_firings_without_return(tmp_path: Path) -> None:
+    rows = [f"{T0_S + 0.01 * k},{0.1 * k},{'' if k == 2 else 0 if k == 4 else 1500 + k}" for k in range(8)]
+    (scan,) = line_csv(tmp_path, "time_unix_s,angle_rad,range_mm", rows).scans()
+    assert scan.column.tolist() == [0, 1, 3, 5, 6, 7]
+    assert np.hypot(*scan.xyz_m[:, :2].T) == pytest.approx([1.5, 1.501, 1.503, 1.505, 1.506, 1.507])
+
+
+def test_csv__a_pause_begins_a_sweep_and_pieces_do_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = rows_of(np.tile(np.arange(0, 90.0), 6))
+    rows[200:] = [row.replace(str(int(T0_S)), str(int(T0_S) + 5)) for row in rows[200:]]
+    whole = [len(scan) for scan in line_csv(tmp_path, HEAD, rows).scans()]
+    assert whole == [90, 90, 20, 70, 90, 90, 90]
+    monkeypatch.setattr("furrowmap.core.readers.csv_numbers.CHUNK_BYTES", 700)
+    assert [len(scan) for scan in line_csv(tmp_path, HEAD, rows).scans()] == whole
+
+
+@pytest.mark.parametrize(
+    ("head", "change", "code"),
+    [
+        ("time_unix_s,angle,range_m,intensity", ("", ""), "missing-column"),
+        (HEAD, (",5.0,", ",5000.0,"), "points-mostly-invalid"),
+        (HEAD, (",5.0,", ",x,"), "not-a-number"),
+    ],
+)
+def test_csv__faults_are_errors(tmp_path: Path, head: str, change: tuple[str, str], code: str) -> None:
+    rows = [row.replace(*change) for row in rows_of(np.arange(50.0))]
+    with pytest.raises(InputError) as caught:
+        list(line_csv(tmp_path, head, rows).scans())
+    assert caught.value.code == code
+
+
+def test_csv__rows_out_of_order(tmp_path: Path) -> None:
+    rows = rows_of(np.arange(300.0))
+    reader = line_csv(tmp_path, HEAD, [*rows[:200], rows[100], *rows[200:]])
+    assert sum(map(len, reader.scans())) == 300
+    assert [notice.code for notice in reader.notices] == ["time-runs-back"]
+    with pytest.raises(InputError) as caught:
+        list(line_csv(tmp_path, HEAD, rows[::-1]).scans())
+    assert caught.value.code == "time-disorder"
+
+
+def flight(folder: Path) -> None:
+    """A line scanner 2 m above the ground of a vehicle that rolls and pitches, across its track; ground at 30 m."""
+    t = np.arange(0.0, 20.0, 0.02)
+    angles = np.stack([8 * np.sin(t), 5 * np.cos(1.3 * t)])
+    rows = [
+        f"{T0_S + a:.4f},{500_000 + 1.5 * a:.4f},6134000.0,30.0,{r:.6f},{p:.6f},90.0"
+        for a, r, p in zip(t, *angles, strict=True)
+    ]
+    head = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
+    (folder / "trajectory.csv").write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    fired = np.arange(1.0, 18.0, 0.0005)
+    beam = np.radians(-60.0 + 120.0 * (fired * 10.0 % 1.0))
+    roll, pitch = (np.interp(fired, t, angle) for angle in angles)
+    turn = Rotation.from_euler("ZYX", np.column_stack([0 * roll, -pitch, roll]), degrees=True)
+    down = turn.apply(np.column_stack([0 * beam, np.sin(beam), -np.cos(beam)]))
+    height = turn.apply([0.0, 0.0, 2.0])[:, 2]
+    rows = [f"{T0_S + a:.6f},{b:.6f},{r:.5f}" for a, b, r in zip(fired, beam, -height / down[:, 2], strict=True)]
+    (folder / "line.csv").write_text("\n".join(["time_unix_s,angle_rad,range_m", *rows, ""]), encoding="utf-8")
+
+
+def test_run__places_a_line_scanner(tmp_path: Path) -> None:
+    flight(tmp_path)
+    (tmp_path / "session.toml").write_text(
+        'furrowmap = 1\n[recording]\nlidar = ["line.csv"]\n[crs]\nmap = "EPSG:25832"\n[lidar]\nxyz_m = [0, 0, 2]\n'
+        'rpy_deg = [0, 90, 0]\n[trajectory]\nfiles = ["trajectory.csv"]\n'.replace(
+            "[0, 0, 2]", "[0.0, 0.0, 2.0]"
+        ).replace("[0, 90, 0]", "[0.0, 90.0, 0.0]"),
+        encoding="utf-8",
+    )
+    furrowmap.run(tmp_path / "session.toml", tmp_path / "result")
+    cloud = laspy.read(tmp_path / "result" / "cloud.copc.laz")
+    assert len(cloud.z) == 34_000
+    assert np.abs(cloud.z - 30.0).max() < 0.004
+    assert np.ptp(cloud.y) > 6.5
+    report = json.loads((tmp_path / "result" / "report.json").read_text(encoding="utf-8"))
+    assert report["figures"]["scans"] == pytest.approx(170, abs=2)
+
+
+def test_init__names_a_line_scanner_as_lidar(tmp_path: Path) -> None:
+    flight(tmp_path)
+    assert Recognised.of(tmp_path / "line.csv").reader is LineCsv
+    recordings = [Examined.of(tmp_path / name) for name in ("line.csv", "trajectory.csv")]
+    assert recordings[0].inspection.facts["sweeps_per_s"] == pytest.approx(10.0, abs=0.1)
+    proposal = propose_session(recordings, tmp_path)
+    assert parse_session(proposal.text).recording.lidar == ("line.csv",)
+    assert "time-overlap" in {notice.code for notice in proposal.found}
