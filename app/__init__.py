@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.reader import Inspection as Inspection
     from furrowmap.core.session.examination import Examined as Examined
     from furrowmap.core.session.examination import time_matches as time_matches
+    from furrowmap.core.session.frames import Frame as Frame
+    from furrowmap.core.session.frames import FrameTree as FrameTree
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.farm import remove_from_farm_map as remove_from_farm_map
     from furrowmap.workflows.fields import Fields as Fields
     from furrowmap.workflows.fields import fields as fields
+    from furrowmap.workflows.frames import frames as frames
     from furrowmap.workflows.inspect import inspect as inspect
     from furrowmap.workflows.mosaic import mosaic as mosaic
     from furrowmap.workflows.preview import preview as preview
@@ -72,6 +75,9 @@ if TYPE_CHECKING:
     from furrowmap.workflows.propose import propose_session as propose_session
     from furrowmap.workflows.run import run as run
     from furrowmap.workflows.simulate import simulate as simulate
+    from furrowmap.workflows.solve_gnss import SolvedPositions as SolvedPositions
+    from furrowmap.workflows.solve_gnss import SolveSettings as SolveSettings
+    from furrowmap.workflows.solve_gnss import solve_gnss as solve_gnss
     from furrowmap.workflows.surface import surface as surface
 
     __version__ = version("furrowmap")
@@ -95,6 +101,8 @@ _HOMES = {
     "Mosaic": "exporters.farm.mosaic",
     "MosaicSettings": "exporters.farm.mosaic",
     "Notice": "core.values.errors",
+    "Frame": "core.session.frames",
+    "FrameTree": "core.session.frames",
     "POINT": "points",
     "Points": "points",
     "ProposedSession": "workflows.propose",
@@ -117,6 +125,7 @@ _HOMES = {
     "export": "workflows.export",
     "farm_map_sessions": "workflows.farm",
     "fields": "workflows.fields",
+    "frames": "workflows.frames",
     "inspect": "workflows.inspect",
     "mosaic": "workflows.mosaic",
     "open_points": "points",
@@ -129,6 +138,9 @@ _HOMES = {
     "run": "workflows.run",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",
+    "SolveSettings": "workflows.solve_gnss",
+    "SolvedPositions": "workflows.solve_gnss",
+    "solve_gnss": "workflows.solve_gnss",
     "surface": "workflows.surface",
     "time_matches": "core.session.examination",
     "using_threads": "core.values.threads",

@@ -1,4 +1,4 @@
-"""`furrowmap gnss`: evaluation of GNSS logs."""
+"""`furrowmap gnss`: evaluation of GNSS logs, and positions from raw observations."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 @click.group(
     cls=CommandGroup,
-    short_help="Evaluate GNSS logs.",
+    short_help="Evaluate GNSS logs, or solve positions.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
     epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx -o accuracy",
 )
 def gnss() -> None:
-    """Evaluate the accuracy and continuity of GNSS positions."""
+    """Evaluate GNSS positions, or compute them from raw observations."""
 
 
 @gnss.command(
@@ -93,6 +93,80 @@ def evaluate(
     for notice in found.notices:
         console.warn(notice)
     console.answer(furrowmap.evaluation_figures(found) | {"output": output}, _words(found))
+
+
+@gnss.command(
+    short_help="Compute positions from RINEX files with RTKLIB.",
+    epilog="\b\nExample:\n  furrowmap gnss solve rover.obs base.obs base.nav --base-position 43.0645,141.3503,46.2",
+)
+@click.argument("rover", type=FILE)
+@click.argument("base", type=FILE)
+@click.argument("nav", type=FILE, nargs=-1, required=True)
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="The .pos file [default: name of ROVER with .pos].")
+@click.option(
+    "--base-position",
+    "place",
+    metavar="LAT,LON,HEIGHT",
+    help="Antenna of the base in degrees and metres above the ellipsoid [default: approximate, from its file].",
+)
+@click.option("--static", is_flag=True, help="The rover stands still.")
+@click.option(
+    "--mask",
+    type=click.FloatRange(0.0, 90.0),
+    default=15.0,
+    show_default=True,
+    metavar="DEGREES",
+    help="Leave out satellites below this elevation.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace an existing solution.")
+@common_options
+def solve(
+    console: Console,
+    rover: Path,
+    base: Path,
+    nav: tuple[Path, ...],
+    *,
+    output: Path | None,
+    place: str | None,
+    static: bool,
+    mask: float,
+    overwrite: bool,
+) -> None:
+    """Compute the positions of ROVER relative to BASE, with the ephemerides of NAV: RINEX files.
+
+    RTKLIB's program rnx2rtkp does it (Debian: rtklib). A session names the result under [recording] gnss.
+    """
+    settings = furrowmap.SolveSettings(_place(place) if place is not None else None, static, mask)
+    with console.work(passing=True) as progress:
+        found = furrowmap.solve_gnss(rover, base, nav, output, settings, overwrite=overwrite, progress=progress)
+    for notice in found.notices:
+        console.warn(notice)
+    fixes = ", ".join(f"{label} {count}" for label, count in found.by_fix.items())
+    name = printable(str(found.path))
+    rows = [("epochs", f"{found.epochs} ({fixes})"), ("from", found.first), ("to", found.last)]
+    answer = {
+        "path": found.path,
+        "epochs": found.epochs,
+        "by_fix": found.by_fix,
+        "first": found.first,
+        "last": found.last,
+    }
+    console.answer(answer, f"Wrote {name}\n{table(rows)}")
+
+
+def _place(text: str) -> tuple[float, float, float]:
+    try:
+        lat, lon, height = (float(part) for part in text.split(","))
+    except ValueError:
+        lat = lon = height = float("nan")
+    if not (abs(lat) <= 90.0 and abs(lon) <= 360.0 and isfinite(height)):
+        raise UsageError(
+            f"--base-position {text!r} is not LAT,LON,HEIGHT.",
+            "Nothing was done.",
+            "Give degrees and metres, latitude first: --base-position 43.0645,141.3503,46.2",
+            code="invalid-position",
+        )
+    return lat, lon, height
 
 
 def _offset(text: str) -> tuple[float, float, float]:

@@ -30,6 +30,7 @@ COMMANDS: Final = (
     "farm",
     "calibrate",
     "crs",
+    "frames",
     "gnss",
     "check",
     "simulate",

@@ -13,6 +13,7 @@ import furrowmap
 FLAGS = {
     "calibrate": {"write"},
     "add_to_farm_map": {"same_crs"},
+    "solve_gnss": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
     **{name: {"overwrite"} for name in ("propose_session", "simulate", "surface")},
@@ -24,6 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,
                            "ground": "none", "voxel_m": None}},
     "evaluate_log": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
+    "solve_gnss": {"static": False, "mask_deg": 15.0},
     "mosaic": {"mean": False},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
 }  # fmt: skip

@@ -121,8 +121,8 @@ def test_session_page__limits(inside: str, outside: str, words: str) -> None:
 def test_session_page__required_keys(missing: str, other: str | None) -> None:
     stated(
         "session",
-        "Required are `furrowmap`, `[crs] map`, `[recording] lidar` (or `[implement] states`, or `[imu] files`), and "
-        "`[recording] gnss` (or `[trajectory]`).",
+        "Required are `furrowmap`, `[crs] map`, `[recording] lidar` (or `[implement] states`, or `[imu] files`, or "
+        "`[attitude]`), and `[recording] gnss` (or `[trajectory]`).",
     )
     assert refusal(LEAST.replace(missing, ""))
     if other is not None:

@@ -61,6 +61,7 @@ class LineScans:
         self._far += int(np.count_nonzero(returned & (ranges > FARTHEST_M)))
         column = np.flatnonzero(returned & (ranges <= FARTHEST_M))
         self._points += len(column)
+        firing = column.astype(np.float64)
         if not len(column):
             return []
         intensity = np.asarray(content.intensities, np.float64)
@@ -68,8 +69,8 @@ class LineScans:
         return [
             sweep(
                 self._scans - 1,
-                at_s + each_s * column,
-                first + step * column,
+                np.asarray(at_s + each_s * firing, np.float64),
+                np.asarray(first + step * firing, np.float64),
                 ranges[column],
                 intensity[column] if len(intensity) == n else np.zeros(len(column)),
                 column,

@@ -1,0 +1,185 @@
+"""Post-processed GNSS positions by RTKLIB's `rnx2rtkp`."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.source import look
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+
+PROGRAM: Final = "rnx2rtkp"
+SYSTEMS: Final = "G,R,E,J,C"
+"""GPS, GLONASS, Galileo, QZSS, BeiDou."""
+_KINEMATIC, _STATIC = "2", "3"
+_APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
+LEAST_RADIUS_M: Final = 6_000_000.0
+"""Nearer to the earth's centre no antenna stands: the header was left at 0."""
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """How positions are computed.
+
+    Attributes:
+        base: latitude, longitude (degrees) and ellipsoidal height (m) of the base's antenna; None for the approximate
+            position in its file.
+        static: whether the rover stands still.
+        mask_deg: satellites below this elevation are left out.
+    """
+
+    base: tuple[float, float, float] | None = None
+    static: bool = False
+    mask_deg: float = 15.0
+
+
+@dataclass(frozen=True)
+class SolvedPositions:
+    """A solution.
+
+    Attributes:
+        path: the `.pos` file.
+        epochs: number of positions.
+        by_fix: number of them by kind of fix.
+        first, last: UTC of the first and last one.
+        notices: what is uncertain.
+    """
+
+    path: Path
+    epochs: int
+    by_fix: dict[str, int]
+    first: str
+    last: str
+    notices: tuple[Notice, ...]
+
+
+def solve_gnss(
+    rover: str | Path,
+    base: str | Path,
+    navigation: Sequence[str | Path],
+    out: str | Path | None = None,
+    settings: SolveSettings = SolveSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> SolvedPositions:
+    """Positions of a rover relative to a base, from RINEX files of both, by RTKLIB's `rnx2rtkp`.
+
+    Ambiguities are solved forwards and backwards in time, and both solutions combined.
+
+    Args:
+        rover: observations of the rover.
+        base: observations of the base.
+        navigation: broadcast ephemerides.
+        out: the `.pos` file; None for the name of the rover's file with that suffix.
+        settings: position of the base, mode, elevation mask.
+        overwrite: replace an earlier solution.
+        progress: is called with each stage.
+
+    Raises:
+        InputError: if a file is not RINEX of its kind, or nothing can be solved.
+        RefusedError: if the solution exists.
+        FurrowmapError: if RTKLIB is not installed.
+    """
+    program = shutil.which(PROGRAM)
+    if program is None:
+        raise FurrowmapError(
+            f"{PROGRAM} is not installed: no such program in PATH.",
+            "RTKLIB computes positions from raw observations; furrowmap does not.",
+            "Install RTKLIB (Debian, Ubuntu: `apt install rtklib`), or post-process elsewhere and use the .pos file.",
+            code="no-rtklib",
+        )
+    rover, base = Path(rover), Path(base)
+    for path, kind in ((rover, "O"), (base, "O"), *((Path(name), "NGLHPJC") for name in navigation)):
+        _expect_rinex(path, kind)
+    target = Path(out) if out is not None else rover.with_suffix(".pos")
+    refuse_existing(target, overwrite=overwrite)
+    place, notices = _base_position(base, settings)
+    mode = _STATIC if settings.static else _KINEMATIC
+    options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS, *place]
+    files = [str(path.resolve()) for path in (rover, base, *map(Path, navigation))]
+    progress("solving positions", 0.0)
+    with atomic_output(target) as unfinished:
+        # The program was found in PATH, and every path is absolute: none is read as an option.
+        done = subprocess.run(  # noqa: S603
+            [program, *options, "-o", str(unfinished.resolve()), *files], capture_output=True, check=False
+        )
+        track = _solution(unfinished, done, rover)
+    progress("solving positions", 1.0)
+    by_fix = {fix.label: int((track.fix == fix).sum()) for fix in Fix}
+    return SolvedPositions(
+        target,
+        len(track),
+        {label: count for label, count in by_fix.items() if count},
+        iso_utc(float(track.t_s[0])),
+        iso_utc(float(track.t_s[-1])),
+        notices,
+    )
+
+
+def _expect_rinex(path: Path, kinds: str) -> None:
+    """Raise InputError if a file is not RINEX of one of the kinds (letters of its first line)."""
+    line = look(path).data.partition(b"\n")[0].decode("latin-1").rstrip("\r")
+    wanted = "observations" if kinds == "O" else "navigation messages"
+    if line[60:].startswith("CRINEX VERS"):
+        what, remedy = "is compressed by Hatanaka's method", f"Unpack it with `crx2rnx {path.name}`."
+    elif not line[60:].startswith("RINEX VERSION"):
+        what = "is not a RINEX file"
+        remedy = "Convert the receiver's own log to RINEX, as with RTKLIB's `convbin`, and give that file."
+    elif line[20:21].upper() not in kinds:
+        what, remedy = f"is a RINEX file, but not of {wanted}", "Give the files in the order ROVER BASE NAV."
+    else:
+        return
+    raise InputError(f"{path} {what}.", f"{PROGRAM} needs {wanted} there.", remedy, code="not-rinex")
+
+
+def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tuple[Notice, ...]]:
+    """Options with the position of the base, and what is uncertain about it."""
+    if settings.base is not None:
+        return ["-l", *(f"{value:.10f}" for value in settings.base)], ()
+    advice = "Positions are off by as much as it is: state the base's own with --base-position."
+    found = _APPROXIMATE.search(look(base).data)
+    try:
+        xyz = [float(part) for part in found.groups()] if found is not None else [0.0]
+    except ValueError:
+        xyz = [0.0]
+    if sum(value**2 for value in xyz) < LEAST_RADIUS_M**2:
+        text = (
+            f"{base.name} states no position: the mean of the base's own single positions is used, to metres. {advice}"
+        )
+        return [], (Notice("base-position-assumed", text),)
+    text = f"The base's position is the approximate one in {base.name}, to decimetres or metres. {advice}"
+    return ["-r", *(f"{value:.4f}" for value in xyz)], (Notice("base-position-assumed", text),)
+
+
+def _solution(path: Path, done: subprocess.CompletedProcess[bytes], rover: Path) -> GnssTrack:
+    """The positions that were written; the program's status is 0 also without any.
+
+    Raises:
+        InputError: if there are none.
+    """
+    fault = ""
+    if path.is_file() and path.stat().st_size:
+        try:
+            return RtklibPos([path], ReadOptions()).track()
+        except InputError:
+            fault = "it wrote no position"
+    said = [line for line in re.split(r"[\r\n]+", done.stderr.decode("utf-8", "replace")) if line.strip()]
+    words = fault or (said[-1].strip()[:200] if said else f"it ended with status {done.returncode}")
+    raise InputError(
+        f"{rover}: {PROGRAM} solved no position ({words}).",
+        "Rover, base and navigation messages have no time or no satellites in common, or too few for a solution.",
+        "Check with `rnx2rtkp` or RTKPLOT that the three files cover the same hours.",
+        code="gnss-unsolved",
+    )

@@ -1,0 +1,207 @@
+"""The frames of a session as a tree, as REP-103 and REP-105 name and order them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.session import Session
+
+FloatArray = NDArray[np.float64]
+
+EARTH: Final = "earth"
+MAP: Final = "map"
+BASE: Final = "base_link"
+"""Names of REP-105; base_link is the vehicle frame."""
+_NAMED: Final = {
+    "forward": (1.0, 0.0, 0.0),
+    "backward": (-1.0, 0.0, 0.0),
+    "left": (0.0, 1.0, 0.0),
+    "right": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, 1.0),
+    "down": (0.0, 0.0, -1.0),
+}
+"""Directions in the vehicle frame."""
+EXACT_DEG: Final = 0.05
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A coordinate frame, and how it lies in the one above it.
+
+    Attributes:
+        name: such as "lidar_link".
+        parent: name of the frame above; "" for the first.
+        pose: of its origin and axes in the parent; None where it changes with time, or is no rigid motion.
+        words: what it is.
+        has_axes: whether it has axes; an antenna is a point.
+    """
+
+    name: str
+    parent: str
+    pose: Mounting | None
+    words: str
+    has_axes: bool = True
+
+
+@dataclass(frozen=True)
+class FrameTree:
+    """The frames of a session, each after its parent."""
+
+    frames: tuple[Frame, ...]
+
+    def __getitem__(self, name: str) -> Frame:
+        """The frame of a name.
+
+        Raises:
+            KeyError: if there is none.
+        """
+        found = next((frame for frame in self.frames if frame.name == name), None)
+        if found is None:
+            raise KeyError(f"no frame {name!r}; there are {', '.join(frame.name for frame in self.frames)}")
+        return found
+
+    def between(self, source: str, target: str) -> Mounting:
+        """Origin and axes of the frame `source` in the frame `target`.
+
+        Raises:
+            KeyError: if there is no such frame.
+            ValueError: if a frame between them moves.
+        """
+        relative = np.linalg.inv(self._in_root(target)) @ self._in_root(source)
+        x, y, z = relative[:3, 3].tolist()
+        return Mounting.from_rotation((x, y, z), relative[:3, :3])
+
+    def _in_root(self, name: str) -> FloatArray:
+        """(4, 4) from a frame to the vehicle frame.
+
+        Raises:
+            ValueError: if it moves against it.
+        """
+        whole, frame = np.eye(4), self[name]
+        while frame.name != BASE:
+            if frame.pose is None:
+                raise ValueError(f"{frame.name} moves against {BASE}, or lies above it: a transform needs a time")
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = frame.pose.rotation, frame.pose.xyz_m
+            whole, frame = step @ whole, self[frame.parent]
+        return whole
+
+    @property
+    def text(self) -> str:
+        """The tree with translations and rotations, a line for each frame."""
+        return "\n".join(self._lines("", ""))
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON: each frame with its parent, translation, angles and quaternion (x, y, z, w, as in ROS)."""
+        return {"frames": [_plain(frame) for frame in self.frames]}
+
+    def _lines(self, parent: str, before: str) -> list[str]:
+        children = [frame for frame in self.frames if frame.parent == parent]
+        lines = []
+        for k, frame in enumerate(children):
+            is_last = k == len(children) - 1
+            joint, below = ("", "") if not parent else ("└─ ", "   ") if is_last else ("├─ ", "│  ")
+            lines.append(f"{before}{joint}{frame.name}: {'; '.join(filter(None, (frame.words, pose_words(frame))))}")
+            lines += self._lines(frame.name, before + below)
+        return lines
+
+
+def frame_tree(session: Session, frame: MapFrame) -> FrameTree:
+    """The frames of a session.
+
+    Args:
+        session: the session.
+        frame: its map frame.
+    """
+    source = (
+        "[trajectory]"
+        if session.trajectory is not None
+        else "positions"
+        + (" and IMU" if session.imu is not None else " and attitude logs" if session.attitude is not None else "")
+    )
+    place = "the middle of the rear axle, on the ground" if session.implement is not None else "the vehicle's origin"
+    frames = [
+        Frame(EARTH, "", None, "longitude, latitude and ellipsoidal height of the positions"),
+        Frame(MAP, EARTH, None, f"{frame.name}, {frame.heights.name} heights; x east, y north, z up"),
+        Frame(BASE, MAP, None, f"{place}; x forward, y left, z up; moves as {source} show"),
+    ]
+    if session.trajectory is None:
+        stated = session.antenna is not None
+        place_m = session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
+        words = "phase centre of the GNSS antenna" + ("" if stated else ", not stated")
+        frames.append(Frame("gnss_link", BASE, Mounting(place_m), words, has_axes=False))
+    if session.imu is not None:
+        pose = Mounting(session.imu.xyz_m, session.imu.rpy_deg)
+        frames.append(Frame("imu_link", BASE, pose, f"IMU ({session.imu.kind})"))
+    if session.attitude is not None:
+        devices = {"ahrs_link": session.attitude.roll_pitch_rpy_deg, "compass_link": session.attitude.heading_rpy_deg}
+        purpose = {"ahrs_link": "device of roll and pitch", "compass_link": "device of the heading"}
+        frames += [Frame(name, BASE, Mounting(rpy_deg=rpy), purpose[name]) for name, rpy in devices.items()]
+    if session.recording.lidar:
+        model = f" ({session.lidar.model})" if session.lidar.model else ""
+        frames.append(Frame("lidar_link", BASE, session.lidar.mounting, f"scanner{model}"))
+    camera = _camera(session)
+    if camera is not None:
+        frames.append(
+            Frame("camera_optical_frame", BASE, camera, "camera: x right in the image, y down, z along the view")
+        )
+    if session.implement is not None:
+        x, y = session.implement.xy_m
+        words = f"middle of the working line, {session.implement.width_m:g} m wide"
+        frames.append(Frame("implement_link", BASE, Mounting((x, y, 0.0)), words, has_axes=False))
+    return FrameTree(tuple(frames))
+
+
+def _camera(session: Session) -> Mounting | None:
+    """The mounting of the camera, where the session states it in numbers."""
+    table = session.camera or {}
+    parts = [table.get(name) for name in ("xyz_m", "rpy_deg")]
+    numbers = [
+        tuple(float(v) for v in part)
+        for part in parts
+        if isinstance(part, list | tuple) and len(part) == 3 and all(isinstance(v, int | float) for v in part)
+    ]
+    if len(numbers) < 2 or not np.isfinite(numbers).all():
+        return None
+    (x, y, z), (roll, pitch, yaw) = numbers
+    return Mounting((x, y, z), (roll, pitch, yaw))
+
+
+def pose_words(frame: Frame) -> str:
+    """Translation, angles and directions of the axes of a frame; empty where it has none."""
+    if frame.pose is None:
+        return ""
+    place = f"xyz {_numbers(frame.pose.xyz_m, 3)} m"
+    if not frame.has_axes:
+        return place
+    axes = ", ".join(f"{axis} {direction_words(frame.pose.rotation[:, k])}" for k, axis in enumerate("xyz"))
+    return f"{place}, rpy {_numbers(frame.pose.rpy_deg, 2)}° ({axes})"
+
+
+def direction_words(direction: FloatArray) -> str:
+    """A direction (3,) in the vehicle frame in words, such as "down" or "34° from down towards forward"."""
+    shares = {name: float(direction @ np.array(axis)) for name, axis in _NAMED.items()}
+    first, second = sorted(shares, key=lambda name: -shares[name])[:2]
+    off_deg = float(np.degrees(np.arccos(np.clip(shares[first], -1.0, 1.0))))
+    return first if off_deg < EXACT_DEG else f"{off_deg:.1f}° from {first} towards {second}"
+
+
+def _numbers(values: tuple[float, float, float], digits: int) -> str:
+    return " ".join(f"{value + 0.0:.{digits}f}" for value in values)
+
+
+def _plain(frame: Frame) -> dict[str, Any]:
+    out: dict[str, Any] = {"name": frame.name, "parent": frame.parent or None, "description": frame.words}
+    if frame.pose is None:
+        return out | {"xyz_m": None, "rpy_deg": None, "quaternion_xyzw": None}
+    turn = Rotation.from_matrix(frame.pose.rotation).as_quat().tolist()
+    has = frame.has_axes
+    rpy, quaternion = (list(frame.pose.rpy_deg), turn) if has else (None, None)
+    return out | {"xyz_m": list(frame.pose.xyz_m), "rpy_deg": rpy, "quaternion_xyzw": quaternion}
