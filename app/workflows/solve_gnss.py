@@ -106,15 +106,9 @@ def solve_gnss(
     target = Path(out) if out is not None else rover.with_suffix(".pos")
     refuse_existing(target, overwrite=overwrite)
     place, notices = _base_position(base, settings)
-    mode = _STATIC if settings.static else _KINEMATIC
-    options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS, *place]
-    files = [str(path.resolve()) for path in (rover, base, *map(Path, navigation))]
     progress("solving positions", 0.0)
     with atomic_output(target) as unfinished:
-        # The program was found in PATH, and every path is absolute: none is read as an option.
-        done = subprocess.run(  # noqa: S603
-            [program, *options, "-o", str(unfinished.resolve()), *files], capture_output=True, check=False
-        )
+        done = _run([program, *_options(settings), *place], unfinished, [rover, base, *map(Path, navigation)])
         track = _solution(unfinished, done, rover)
     progress("solving positions", 1.0)
     by_fix = {fix.label: int((track.fix == fix).sum()) for fix in Fix}
@@ -126,6 +120,17 @@ def solve_gnss(
         iso_utc(float(track.t_s[-1])),
         notices,
     )
+
+
+def _options(settings: SolveSettings) -> list[str]:
+    mode = _STATIC if settings.static else _KINEMATIC
+    return ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
+
+
+def _run(command: list[str], out: Path, files: Sequence[Path]) -> subprocess.CompletedProcess[bytes]:
+    """Run RTKLIB; it was found in PATH, and every path is absolute, so that none is read as an option."""
+    paths = [str(path.resolve()) for path in (out, *files)]
+    return subprocess.run([*command, "-o", *paths], capture_output=True, check=False)  # noqa: S603
 
 
 def _expect_rinex(path: Path, kinds: str) -> None:
