@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ from furrowmap.core.simulator.gnss import FLOAT, receive
 from furrowmap.core.simulator.motion import Motion
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Drive, Receiver
+from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.site import Site
+from furrowmap.core.values.errors import InputError
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
 
@@ -67,3 +70,28 @@ def test_receivers__outages_and_floats_are_from_and_to_after_the_start() -> None
     assert np.round(fixes.t_s[floating]).astype(int).tolist() == list(range(30, 40))
     assert np.hypot(*fixes.error_m[:, :2].T) == pytest.approx(0.5 * floating)
     assert np.ptp(fixes.error_m[floating], axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("good", "bad", "words"),
+    [
+        ("[drive]\nramp_m = 3.0\nradius_m = 2.0", "[drive]\nramp_m = 3.1\nradius_m = 2.0", "1.5 times `radius_m`"),
+        ("[drive]\npass_m = [3.0, 4.0]\npasses = 2", "[drive]\npass_m = [3.0, 4.0]\npasses = 3", "2 entries for 3"),
+        ("[drive]\nspeed_factors = [0.5, 1, 1]", "[drive]\nspeed_factors = [0.0, 1, 1]", "must be positive"),
+        ("[drive]\nstops = [[2, 8.0, 1]]", "[drive]\nstops = [[2, 8.1, 1]]", "is on none of the 3 passes"),
+        ("[drive]\nstops = [[2, 1.0, 1]]", "[drive]\nstops = [[3, 1.0, 1]]", "is on none of the 3 passes"),
+        ("[drive]\nstops = [[0, 1.0, 0]]", "[drive]\nstops = [[0, 1.0, -1]]", "is on none of the 3 passes"),
+        (
+            "[implement]\nlift_m = 0.2\nworking_depth_m = 0.1",
+            "[implement]\nlift_m = 0.1\nworking_depth_m = 0.1",
+            "lift_m",
+        ),
+        ('t0 = "2026-06-11T01:00:00+09:00"', 't0 = "2026-06-11T01:00:00"', "no UTC offset"),
+        ("[lidar]\nrpm = 1200", "[lidar]\nrpm = 900", "rpm"),
+        ("[lidar]\nmax_range_m = 130.0", "[lidar]\nmax_range_m = 131.0", "max_range_m"),
+    ],
+)
+def test_scenario__that_cannot_be_driven_is_refused(good: str, bad: str, words: str) -> None:
+    scenario_from(good, "scenario.toml")
+    with pytest.raises(InputError, match=re.escape(words)):
+        scenario_from(bad, "scenario.toml")
