@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from furrowmap.core.simulator import simulate as simulator
 from furrowmap.core.simulator.scenario_file import PACKAGED, demo_scenario, load_scenario
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.progress import Progress, silent
+from furrowmap.exporters.files.atomic import naming
+from furrowmap.exporters.files.staging import recover, staged_folder
 
 
 def simulate(
     scenario: str | Path, out: str | Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> simulator.Simulated:
     """Write the recording of a tractor or an aircraft in a scenario, and the truth beside it.
+
+    The files appear together when all of them are whole.
 
     Args:
         scenario: a TOML file, or "demo" (a tractor) or "flight".
@@ -22,10 +27,12 @@ def simulate(
         progress: is called with each stage.
 
     Raises:
-        InputError: if the scenario cannot be read, or has a value out of its range.
-        RefusedError: if the folder is not empty.
+        InputError: if the scenario cannot be read, has a value out of its range, or the folder cannot be written to.
+        RefusedError: if the folder is not empty, or another process is writing to it.
+        Cancelled: if `progress` asks to stop; nothing is left behind.
     """
     folder = Path(out)
+    recover(folder)
     if not overwrite and folder.is_dir() and any(folder.iterdir()):
         raise RefusedError(
             f"{folder} is not empty.",
@@ -34,4 +41,7 @@ def simulate(
             code="exists",
         )
     described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
-    return simulator.simulate(described, folder, progress)
+    with staged_folder(folder) as staging, naming(folder):
+        made = simulator.simulate(described, staging, progress)
+    session, recording = folder / made.session.name, folder / made.recording.name
+    return replace(made, folder=folder, session=session, recording=recording)

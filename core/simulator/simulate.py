@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +30,6 @@ from furrowmap.core.simulator.truth import (
     write_trajectory,
     write_worked,
 )
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.progress import Progress, silent
 
 
@@ -58,26 +52,24 @@ class Simulated:
     figures: dict[str, Any]
 
 
-def simulate(scenario: Scenario, out_dir: Path, progress: Progress = silent) -> Simulated:
-    """Write into `out_dir` what recorders would have written on the drive or flight of `scenario`, and the truth.
-
-    The files appear together when all of them are whole; files of the same names are replaced.
+def simulate(scenario: Scenario, folder: Path, progress: Progress = silent) -> Simulated:
+    """Write into `folder` what recorders would have written on the drive or flight of `scenario`, and the truth.
 
     Raises:
-        InputError: the scenario describes nothing that is possible, or `out_dir` is no folder that can be written.
-        Cancelled: `progress` asked to stop; nothing is left behind.
+        InputError: the scenario describes nothing that is possible.
+        OSError: `folder` is no folder that can be written.
+        Cancelled: `progress` asked to stop.
     """
-    with _appearing(out_dir) as folder:
-        (folder / "truth").mkdir()
-        progress("ground", 0.0)
-        if scenario.flight is not None:
-            written = write_flight(folder, scenario, scenario.flight, progress)
-        else:
-            written = _write_drive(folder, scenario, progress)
-        (folder / "scenario.toml").write_text(as_toml(written.scenario), encoding="utf-8")
-        (folder / "truth" / "figures.json").write_text(json.dumps(written.figures, indent=1) + "\n", encoding="utf-8")
-        progress("truth", 1.0)
-    return Simulated(out_dir, out_dir / "session.toml", out_dir / written.recording, written.scenario, written.figures)
+    (folder / "truth").mkdir(parents=True, exist_ok=True)
+    progress("ground", 0.0)
+    if scenario.flight is not None:
+        written = write_flight(folder, scenario, scenario.flight, progress)
+    else:
+        written = _write_drive(folder, scenario, progress)
+    (folder / "scenario.toml").write_text(as_toml(written.scenario), encoding="utf-8")
+    (folder / "truth" / "figures.json").write_text(json.dumps(written.figures, indent=1) + "\n", encoding="utf-8")
+    progress("truth", 1.0)
+    return Simulated(folder, folder / "session.toml", folder / written.recording, written.scenario, written.figures)
 
 
 def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Written:
@@ -155,32 +147,3 @@ def _boundary(scenario: Scenario, site: Site) -> str:
         "geometry": {"type": "Polygon", "coordinates": [ring]},
     }
     return json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False) + "\n"
-
-
-@contextmanager
-def _appearing(out_dir: Path) -> Iterator[Path]:
-    """A folder beside `out_dir` whose files move there when all went well, and vanish otherwise."""
-    part = out_dir.with_name(f".{out_dir.name}.part")
-    try:
-        if out_dir.exists() and not out_dir.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(out_dir))
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
-        try:
-            yield part
-            if not out_dir.exists():
-                part.rename(out_dir)
-                return
-            for file in sorted(f for f in part.rglob("*") if f.is_file()):
-                there = out_dir / file.relative_to(part)
-                there.parent.mkdir(parents=True, exist_ok=True)
-                file.replace(there)
-        finally:
-            shutil.rmtree(part, ignore_errors=True)
-    except OSError as error:
-        raise InputError(
-            f"{error.filename or out_dir}: {error.strerror or error}.",
-            "The simulated recording was not written.",
-            "Choose a writable folder on a disk with about 60 MB for each minute of recording.",
-            code="simulate-not-written",
-        ) from error

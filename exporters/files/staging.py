@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator
@@ -49,7 +50,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
         resume: take over the file :func:`kept` of a run that was killed.
 
     Yields:
-        The folder to write to; every file in it becomes a product under its own name.
+        The folder to write to; every file in it, and in the folders in it, becomes a product under its own name.
 
     Raises:
         InputError: if `folder` cannot be written to.
@@ -117,22 +118,16 @@ def _commit(lease: Path, folder: Path) -> None:
     From the moment that the file `complete.json` exists the new products are valid, even if the process is killed.
 
     Raises:
-        InputError: if a folder has the name of a product.
+        InputError: if a folder has the name of a product, or a file that of a folder of products.
         RefusedError: if another run has taken over the folder.
         OSError: if the disk is full or the folder read-only.
     """
-    products = _regular_files(lease / _PRODUCTS)
-    names = {path.name for path in products}
-    taken = sorted(name for name in names if (folder / name).is_dir())
-    if taken:
-        raise InputError(
-            f"{folder / taken[0]} is a folder.",
-            "The product of that name cannot be written.",
-            "Choose another folder with -o, or rename that one.",
-            code="output-is-folder",
-        )
+    staging = lease / _PRODUCTS
+    products = _products(staging)
+    names = {path.as_posix() for path in products}
+    _refuse_taken(folder, products)
     for path in products:
-        flush(path)
+        flush(staging / path)
     content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - names)})
     unfinished = lease / f"{_COMPLETE}.part"
     unfinished.write_text(content, encoding="utf-8")
@@ -160,10 +155,34 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
         if isinstance(name, str) and is_file_name(name) and (folder / name).is_file():
             with suppress(FileNotFoundError):
                 (folder / name).replace(leaving / name)
-    for path in _regular_files(lease / _PRODUCTS):
-        with suppress(FileNotFoundError):  # another process completes the same
-            path.replace(folder / path.name)
+    staging = lease / _PRODUCTS
+    for path in _products(staging):
+        inner = folder / path.parent
+        with suppress(FileExistsError):
+            inner.mkdir()
+        if inner == folder or is_real_folder(inner):
+            with suppress(FileNotFoundError):  # another process completes the same
+                (staging / path).replace(folder / path)
     return True
+
+
+def _refuse_taken(folder: Path, products: Iterable[Path]) -> None:
+    for path in products:
+        inner, place = folder / path.parent, folder / path
+        if place.is_dir():
+            raise InputError(
+                f"{place} is a folder.",
+                "The product of that name cannot be written.",
+                "Choose another folder with -o, or rename that one.",
+                code="output-is-folder",
+            )
+        if inner != folder and os.path.lexists(inner) and not is_real_folder(inner):
+            raise InputError(
+                f"{inner} is no folder.",
+                "The products in the folder of that name cannot be written.",
+                "Choose another folder with -o, or rename that file or link.",
+                code="output-no-folder",
+            )
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
@@ -174,8 +193,11 @@ def _earlier(folder: Path, names: set[str]) -> set[str]:
     return {name for name in found if isinstance(name, str) and is_file_name(name) and (folder / name).is_file()}
 
 
-def _regular_files(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if _is_regular_file(path))
+def _products(staging: Path) -> list[Path]:
+    """The regular files in a folder and in the folders in it, relative to it."""
+    inner = [path for path in staging.iterdir() if is_real_folder(path)]
+    files = [path for place in (staging, *inner) for path in place.iterdir() if _is_regular_file(path)]
+    return sorted(path.relative_to(staging) for path in files)
 
 
 def _is_regular_file(path: Path) -> bool:

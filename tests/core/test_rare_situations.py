@@ -114,8 +114,6 @@ def test_a_scenario__that_cannot_be_read_or_simulated(tmp_path: Path) -> None:
         place = msgspec.structs.replace(scenario.place, crs=crs)
         moved = msgspec.structs.replace(scenario, place=place)
         assert code_of(lambda moved=moved: simulate(moved, tmp_path / "b")) == "scenario-crs"
-    (tmp_path / "file").touch()
-    assert code_of(lambda: simulate(scenario, tmp_path / "file" / "c")) == "simulate-not-written"
 
 
 def test_a_command__that_does_not_exist(capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,7 +23,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario import Drive, Lidar, Noise, Scenario
 from furrowmap.core.simulator.scenario_file import load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
-from furrowmap.core.values.errors import Cancelled, InputError
+from furrowmap.core.values.errors import InputError
 from tests.core.simulator.conftest import SHORT
 
 
@@ -163,24 +163,6 @@ def test_simulate__another_seed_without_a_receiver_packed(short_drive: Simulated
     assert len(raw) == 24 + packets * (16 + 1248)
     assert raw[:24] == first[:24]
     assert raw[24 + 16 :][:1248] != first[24 + 16 :][:1248]
-
-
-def test_simulate__stopped_half_way_leaves_nothing(tmp_path: Path) -> None:
-    def impatient(stage: str, share: float) -> None:
-        if stage == "lidar" and share > 0.2:
-            raise Cancelled
-
-    with pytest.raises(Cancelled):
-        simulate(SHORT, tmp_path / "stopped", impatient)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_simulate__refuses_a_folder_that_is_a_file(tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("mine")
-    with pytest.raises(InputError):
-        simulate(SHORT, tmp_path / "taken")
-    assert [f.name for f in tmp_path.iterdir()] == ["taken"]
-    assert (tmp_path / "taken").read_text() == "mine"
 
 
 def test_simulate__refuses_a_place_outside_its_map(tmp_path: Path) -> None:
