@@ -8,10 +8,11 @@ PARTS := core exporters cli
 QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers session surfaces trajectory values) \
   tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
+POSTGIS_KILL := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated coverage mutants docs pages plugin clean
+.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated coverage mutants docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -24,6 +25,9 @@ test: lint typecheck  ## everything that must hold: style, types, tests
 
 fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) $(if $(ONLY),--only $(ONLY)) $(if $(FIRST),--first $(FIRST))
+
+kills: $(INSTALLED)  ## writers killed at random moments, full disks: make kills KILLS=200 ONLY=farm
+	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k $(ONLY)) tests/app/test_killed.py $(POSTGIS_KILL)
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<

@@ -78,10 +78,19 @@ def calibrate(session: str | Path, *, write: bool = False, progress: Progress = 
     with using_threads(opened.session.run.threads, by_default=True):
         found = _estimate(opened, progress)
     if write and found.differs:
-        text = calibrated_text(file.read_bytes().decode("utf-8"), found)
-        with atomic_output(file) as unfinished:
-            unfinished.write_bytes(text.encode("utf-8"))
+        write_calibration(file, found)
     return found
+
+
+def write_calibration(session_file: Path, calibration: Calibration) -> None:
+    """Write what differs from a session into its file; its other lines and comments stay.
+
+    Raises:
+        RefusedError: if the file's tables are written in a way that cannot be edited.
+    """
+    text = calibrated_text(session_file.read_bytes().decode("utf-8"), calibration)
+    with atomic_output(session_file) as unfinished:
+        unfinished.write_bytes(text.encode("utf-8"))
 
 
 def _estimate(opened: OpenSession, progress: Progress) -> Calibration:

@@ -7,11 +7,14 @@ Everything is imported once.
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import resource
 import signal
 import sys
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -44,20 +47,32 @@ def mortal(task: dict[str, Any]) -> int:
     if task.get("seconds"):
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
         signal.setitimer(signal.ITIMER_REAL, task["seconds"])
+    if task.get("temporary"):
+        tempfile.tempdir = task["temporary"]
     if task.get("bytes"):  # as on a full disk; Python ignores the signal
         resource.setrlimit(resource.RLIMIT_FSIZE, (task["bytes"], task["bytes"]))
-    WRITERS[task["deed"]].write(Path(task["source"]), Path(task["target"]))
+    WRITERS[task["deed"]].write(begun(task), Path(task["target"]))
     return done
+
+
+def begun(task: dict[str, Any]) -> Path:
+    """The source, after what a writer does before it touches its target."""
+    source = Path(task["source"])
+    WRITERS[task["deed"]].begin(source)
+    return source
 
 
 if __name__ == "__main__":
     for line in sys.stdin:
+        begun(json.loads(line))
+        known = set(sys.modules)
         reading, writing = os.pipe()
         process = os.fork()
         if process == 0:
             said: dict[str, Any] = {}
             try:
                 said["operations"] = mortal(json.loads(line))
+                said["modules"] = [name for name in sys.modules if name not in known]
             except (FurrowmapError, OSError) as error:
                 said["error"] = [line[:1000] for line in _in_three_lines(error, []).lines]
             except BaseException as error:  # noqa: BLE001
@@ -66,8 +81,12 @@ if __name__ == "__main__":
                 os.write(writing, json.dumps(said, ensure_ascii=False).encode())
                 os._exit(0)
         os.close(writing)
+        with os.fdopen(reading, "rb") as answered:
+            words = answered.read()
         _, ended = os.waitpid(process, 0)
-        answer = {"status": os.waitstatus_to_exitcode(ended), **json.loads(os.read(reading, 1 << 16) or "{}")}
-        os.close(reading)
+        answer = {"status": os.waitstatus_to_exitcode(ended), **json.loads(words or "{}")}
+        for name in answer.pop("modules", ()):  # so that the next process need not import them
+            with suppress(Exception):
+                importlib.import_module(name)
         sys.stdout.write(json.dumps(answer) + "\n")
         sys.stdout.flush()

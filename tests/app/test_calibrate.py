@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import furrowmap
+from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.workflows.calibrate import Calibration, calibrated_text
 
@@ -68,3 +72,15 @@ def test_a_mounting_comes_back_from_its_rotation() -> None:
     mounting = Mounting((0.1, 0.2, 0.3), (3.0, 40.0, 170.0))
     again = Mounting.from_rotation(mounting.xyz_m, mounting.rotation)
     assert np.allclose(again.rpy_deg, mounting.rpy_deg, atol=1e-9)
+
+
+def test_a_trajectory_from_a_file_is_nothing_to_calibrate_with(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
+    drive = tmp_path / "drive"
+    shutil.copytree(simulated.folder, drive)
+    text = (drive / "session.toml").read_text()
+    text = text.replace('gnss = ["gnss.nmea"]\n', "") + '\n[trajectory]\nfiles = ["truth/trajectory.csv"]\n'
+    (drive / "session.toml").write_text(text)
+    with pytest.raises(RefusedError) as caught:
+        furrowmap.calibrate(drive / "session.toml", write=True)
+    assert caught.value.code == "calibration-refused"
+    assert (drive / "session.toml").read_text() == text

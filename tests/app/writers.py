@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import sqlite3
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import laspy
@@ -25,18 +27,34 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.workflows.calibrate import write_calibration
 from furrowmap.workflows.evaluate_gnss import evaluate_log
 from furrowmap.workflows.export import export
 from tests.exporters.farm.result_folders import write_result
+from tests.fuzz.texts import worked
 
+_SECOND = """seed = {seed}
+[field]
+size_e_m = 12.0
+size_n_m = 12.0
+[drive]
+passes = 1
+pass_m = [0.5]
+accel_mps2 = 1.5
+stand_start_s = 0.2
+stand_end_s = 0.2
+lead_in_m = 0.1
+"""
+"""A scenario of about a second."""
 UTM33 = pyproj.CRS.from_epsg(32633)
 
 
 def hashes(target: Path) -> dict[str, str]:
     """The digest of each file by its name; hidden ones are not products."""
-    paths = sorted(target.iterdir()) if target.is_dir() else [target]
-    paths = [path for path in paths if path.is_file() and not path.name.startswith(".")]
-    return {path.name: hashlib.sha256(_bytes(path)).hexdigest() for path in paths}
+    if not target.is_dir():
+        return {target.name: hashlib.sha256(_bytes(target)).hexdigest()}
+    files = {path.relative_to(target).as_posix(): path for path in target.rglob("*") if path.is_file()}
+    return {name: hashlib.sha256(_bytes(files[name])).hexdigest() for name in sorted(files) if name[0] != "."}
 
 
 def _bytes(path: Path) -> bytes:
@@ -98,8 +116,50 @@ def _session(folder: Path, number: int) -> Path:
     return simulated.recording.parent / "session.toml"
 
 
+def _misstated(folder: Path, number: int) -> Path:
+    """A session whose scanner is mounted otherwise than it states."""
+    scenario = demo_scenario()
+    lidar = msgspec.structs.replace(scenario.lidar, true_rpy_deg=(0.0, 30.0 + 2.0 * number, 90.0))
+    return simulate(msgspec.structs.replace(scenario, lidar=lidar), folder / str(number)).session
+
+
+@cache
+def _calibration(session: Path) -> furrowmap.Calibration:
+    return furrowmap.calibrate(session)
+
+
+def _calibrate(session: Path, out: Path) -> None:
+    if not out.exists():
+        shutil.copy(session, out)
+    write_calibration(out, _calibration(session))
+
+
+def _propose(log: Path, out: Path) -> None:
+    """A session beside its recording, whose name it states."""
+    shutil.copy(log, out.parent)
+    furrowmap.propose_session([out.with_name(log.name)], out, overwrite=True)
+
+
+def _scenario(folder: Path, number: int) -> Path:
+    path = folder / f"{number}.toml"
+    path.write_text(_SECOND.format(seed=number))
+    return path
+
+
+def _tasks(folder: Path, number: int) -> Path:
+    (folder / str(number)).mkdir()
+    worked(folder / str(number), 1500 + 100 * number)
+    return folder / str(number) / "TASKDATA"
+
+
 def _result(folder: Path, number: int) -> Path:
-    return write_result(folder / str(number), name=f"Field {number}", day=number)
+    made = write_result(folder / str(number), name=f"Field {number}", day=number)
+    report = json.loads((made / "report.json").read_bytes())
+    report["session"]["implement"]["xy_m"] = [-1.45, 0.0]
+    report["figures"] |= {"distance_m": 76.0, "hours": dict.fromkeys(("working_s", "turning_s", "idle_s"), 20.0)}
+    report["figures"] |= {"worked_area_ellipsoid_m2": 75.5, "worked_length_m": 44.0}
+    (made / "report.json").write_text(json.dumps(report))
+    return made
 
 
 def _same_session(folder: Path, number: int) -> Path:
@@ -135,12 +195,14 @@ class Writer:
         write: writes the product of a source, in place of an earlier one.
         target: name of the file or folder that is written.
         content: what must be old or new.
+        begin: what can be done once for a source, because it changes no file.
     """
 
     make: Callable[[Path, int], Path]
     write: Callable[[Path, Path], object]
     target: str
     content: Callable[[Path], dict[str, str]] = hashes
+    begin: Callable[[Path], object] = str
 
 
 def _exporter(to: str, target: str) -> Writer:
@@ -165,6 +227,14 @@ WRITERS: Mapping[str, Writer] = {
     "gpkg": _exporter("gpkg", "exported.gpkg"),
     "kml": _exporter("kml", "exported.kml"),
     "stac": _exporter("stac", "catalogue"),
+    "geojson": _exporter("geojson", "exported"),
+    "flatgeobuf": _exporter("flatgeobuf", "exported"),
+    "isoxml": _exporter("isoxml", "TASKDATA"),
+    "isoxml-zip": _exporter("isoxml", "tasks.zip"),
+    "fields": Writer(_tasks, lambda tasks, out: furrowmap.fields(tasks, out, overwrite=True), "fields.gpkg"),
+    "init": Writer(_log, _propose, "session.toml"),
+    "calibrate": Writer(_misstated, _calibrate, "session.toml", begin=_calibration),
+    "simulate": Writer(_scenario, lambda scenario, out: furrowmap.simulate(scenario, out, overwrite=True), "simulated"),
     "farm": Writer(
         _same_session, lambda result, out: furrowmap.add_to_farm_map(out, [result]), "farm.gpkg", content=sessions
     ),

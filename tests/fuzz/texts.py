@@ -122,13 +122,13 @@ def read_session(path: Path) -> None:
     opened.positions().track()  # type: ignore[attr-defined]
 
 
-def worked(folder: Path) -> list[Files]:
+def worked(folder: Path, width_mm: int = 1700) -> list[Files]:
     """Task data of three passes, as a folder."""
     place = np.array([43.05, 141.34])
     rows, values = [], {}
     for k in range(120):
         place += np.array([1e-5 * (1 - 2 * (k // 40 % 2)), 2e-5 * (k % 40 == 39)])
-        values = {0: int(k % 40 < 30), 1: 1700}
+        values = {0: int(k % 40 < 30), 1: width_mm}
         degrees = {"A": int(place[0] * 1e7), "B": int(place[1] * 1e7), "D": 4}
         rows.append(Record(29_000_000 + 1000 * k, 16967, degrees, values))
     body = (

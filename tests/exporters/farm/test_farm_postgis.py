@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 HOSTILE = "'; DROP TABLE furrowmap.sessions; --\t\\N圃場"
-KILLS = 5
+KILLS = int(os.environ.get("KILLS", "5"))
 DETAILS = ("events", "tool_path", "misses", "overlaps", "passes", "coverage", "zones")
 
 
@@ -275,3 +275,20 @@ def test_qgis__opens_the_project_in_the_database(two: str, server: Server, qgis:
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert (layer["time"] is not None) == layer["own_time"] == (name not in ("misses", "zones"))
     assert told["layers"]["coverage"]["features"] == 1
+
+
+def test_what_the_database_refuses__is_an_error_that_leaves_the_base_as_it_was(
+    new_database: str, results: dict[str, Path]
+) -> None:
+    add_to_farm_map(new_database, [results["a"]])
+    with psycopg.connect(new_database, autocommit=True) as connection:
+        connection.execute("ALTER ROLE CURRENT_USER SET default_transaction_read_only = on")
+    try:
+        with pytest.raises(FurrowmapError, match="read-only transaction") as caught:
+            add_to_farm_map(new_database, [results["a2"]])
+        assert caught.value.code == "base-database"
+        assert ask(new_database, "SELECT worked_area_m2 FROM furrowmap.sessions") == [(75.5,)]
+    finally:
+        with psycopg.connect(new_database, autocommit=True) as connection:
+            connection.execute("SET default_transaction_read_only = off")
+            connection.execute("ALTER ROLE CURRENT_USER RESET default_transaction_read_only")
