@@ -25,12 +25,6 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 FOLDER = "FURROWMAP_TEST_CODES"
 """Variable of the environment with the folder to which each process writes the codes it met."""
 MET: set[str] = set()
-NOT_YET = {
-    *("base-database", "base-schema", "no-psycopg", "no-qgis-profile"),
-    *("calibration-refused", "gap-not-bridged", "matching-unsolved", "mounting-height"),
-    *("packets-damaged", "boresight-assumed", "imu-not-aligned", "implement-unclear"),
-}
-"""Codes that no test brings about: this list may only become shorter."""
 
 
 def pytest_configure() -> None:
@@ -62,7 +56,7 @@ def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
     if "PYTEST_XDIST_WORKER" in os.environ or not _is_whole(session.config):
         return
     met = {code for file in folder.iterdir() for code in file.read_text(encoding="utf-8").split()}
-    missing = sorted(listed() - met - named() - NOT_YET)
+    missing = sorted(listed() - met - named())
     if missing:
         sys.stderr.write(f"\nno test makes or names the codes: {', '.join(missing)}\n")
         session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED

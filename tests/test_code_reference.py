@@ -7,7 +7,7 @@ import runpy
 from pathlib import Path
 
 from furrowmap.core.values.errors import Notice
-from tests.codes_met import MET, NOT_YET, listed, named
+from tests.codes_met import MET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -32,7 +32,7 @@ def test_code_reference__has_every_code_of_the_source() -> None:
 
 def test_codes__are_recorded_as_errors_and_warnings_are_made() -> None:
     assert Notice("made-in-a-test", "text").code in MET
-    assert listed() >= NOT_YET
+    assert len(listed()) > 300
     assert "made-in-a-test" in named()
     assert "not expected here" not in named()
 

@@ -9,6 +9,7 @@ import numpy as np
 from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.calibration.clock_offset import AntennaConstants
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.calibration.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, MISALIGNMENT
 from furrowmap.core.estimation.inertial import RATE_BIAS
 from furrowmap.core.estimation.states import Block
@@ -29,7 +30,8 @@ _FACING_ASSUMED: Final = Notice(
 
 def match_notices(adjusted: Adjusted, used: Mounting) -> tuple[Notice, ...]:
     """Unbridged gaps, and a mounting that is off; `used` is the mounting in use."""
-    return (*_gap_notices(adjusted), *_mounting_notices(adjusted, used))
+    stated = adjusted.problem.mounting
+    return (*_gap_notices(adjusted), *mounting_notices(adjusted.calibration, adjusted.facing, stated, used))
 
 
 def _gap_notices(adjusted: Adjusted) -> list[Notice]:
@@ -45,11 +47,11 @@ def _gap_notices(adjusted: Adjusted) -> list[Notice]:
     ]
 
 
-def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
-    """A mounting that is off."""
-    found, stated, notices = adjusted.calibration, adjusted.problem.mounting, []
+def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mounting, used: Mounting) -> list[Notice]:
+    """A mounting that is off, as the scans show it; `used` is the one in use."""
+    notices = []
     was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
-    if adjusted.facing.offset_deg:
+    if facing.offset_deg:
         notices.append(
             Notice(
                 "mounting-off",
@@ -67,7 +69,7 @@ def _mounting_notices(adjusted: Adjusted, used: Mounting) -> list[Notice]:
                 "the session.",
             )
         )
-    if not adjusted.facing.shown:
+    if not facing.shown:
         notices.append(_FACING_ASSUMED)
     if abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m:
         notices.append(

@@ -70,8 +70,9 @@ def test_find_profiles__names_the_existing_ones(tmp_path: Path) -> None:
     profile(tmp_path, "fieldwork")
     with pytest.raises(InputError, match="Profiles: fieldwork"):
         find_profiles("field", tmp_path)
-    with pytest.raises(InputError, match="no QGIS profile yet"):
+    with pytest.raises(InputError, match="no QGIS profile yet") as caught:
         find_profiles(None, tmp_path / "nobody")
+    assert caught.value.code == "no-qgis-profile"
 
 
 def test_install_plugin__replaces_an_earlier_version_whole(tmp_path: Path) -> None:

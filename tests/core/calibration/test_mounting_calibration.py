@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.match_report import mounting_notices
 from furrowmap.core.calibration.crab_angle import CrabAngle
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration, mounting_calibration
+from furrowmap.core.calibration.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, knots_over
 from furrowmap.core.estimation.observation import normal_equations
 from furrowmap.core.estimation.states import VEHICLE, State
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
 
 SIZE = VEHICLE.size
@@ -86,6 +91,20 @@ def test_a_mounting_shows_in_how_the_vehicle_stands_on_its_wheels(
     assert abs(found.pitch_deg - pitch_deg) < min(3.0 * found.sigma_deg[1], 0.15)
     assert abs(found.height_m) < 3.0 * found.sigma_height_m
     assert not np.isfinite(found.sigma_deg[2])
+
+
+def test_a_scanner_that_is_stated_too_high_is_reported_and_nothing_turned() -> None:
+    knots, state = on_wheels(0.7, 2.0, 0.3, Rotation.identity())
+    stated = Mounting((-0.6, 0.0, 2.4))
+    said = []
+    for off_m in (0.0, 0.2):
+        raised = replace(state, xyz_m=state.xyz_m + np.array([0.0, 0.0, off_m]))
+        found = mounting_calibration(knots, raised, FIELD, None, 0.3, (0.0, np.inf))
+        assert abs(found.height_m - off_m) < 3.0 * found.sigma_height_m
+        said.append(mounting_notices(found, Facing(0.0, shown=True), stated, stated))
+    assert said[0] == []
+    assert [notice.code for notice in said[1]] == ["mounting-height"]
+    assert "+0.2" in said[1][0].text
 
 
 def test_a_vehicle_on_ground_that_was_not_seen_says_nothing() -> None:

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+PACKET, SCAN = "velodyne_msgs/msg/VelodynePacket", "velodyne_msgs/msg/VelodyneScan"
+ROS2.register(get_types_from_msg("builtin_interfaces/Time stamp\nuint8[1206] data\n", PACKET))
+ROS2.register(get_types_from_msg("std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n", SCAN))
 
 T0_NS = 1_780_000_000_000_000_000
 DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
@@ -109,6 +112,13 @@ def point_cloud(stamp_ns: int, points: NDArray[Any], store: Any = ROS2, pad: int
         data=np.pad(plain, ((0, 0), (0, pad))).ravel(),
         is_dense=False,
     )
+
+
+def velodyne_scan(stamp_ns: int, payloads: Sequence[bytes]) -> Any:
+    """Data packets that a driver packed together."""
+    at = header(stamp_ns)
+    packets = [ROS2.types[PACKET](stamp=at.stamp, data=np.frombuffer(data, np.uint8)) for data in payloads]
+    return ROS2.types[SCAN](header=at, packets=packets)
 
 
 def revolution(n: int = 64, seed: int = 0) -> NDArray[Any]:

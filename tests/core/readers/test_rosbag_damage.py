@@ -21,7 +21,8 @@ from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recordin
 from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
-from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, write_bag1, write_bag2
+from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, velodyne_scan, write_bag1, write_bag2
+from tests.core.readers.velodyne_packets import turning
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -364,3 +365,20 @@ def test_another_database_is_no_bag(tmp_path: Path) -> None:
         database.execute("CREATE TABLE things (id INTEGER)")
     with pytest.raises(InputError, match="SQLite"):
         Recognised.of(path)
+
+
+def test_packets_that_are_none__are_left_out_and_counted(tmp_path: Path) -> None:
+    packets = turning(150)
+    packets[70] = bytes(1206)
+    packets[71] = b"\xee\xff" + packets[71][2:]
+    recorded = [
+        (
+            "/velodyne_packets",
+            T0_NS + 100_000_000 * k,
+            velodyne_scan(T0_NS + 100_000_000 * k, packets[75 * k : 75 * k + 75]),
+        )
+        for k in range(2)
+    ]
+    found = Recognised.of(write_bag2(tmp_path / "bag", recorded)).inspect()
+    (notice,) = (notice for notice in found.notices if notice.code == "packets-damaged")
+    assert "2 packets" in notice.text

@@ -178,3 +178,26 @@ def test_sample__is_as_good_as_is_promised(shared_data: Path, name: str, most_m:
     assert rms[5] < 0.05
     ratio = off / trajectory.sigma[at]
     assert (np.sqrt((ratio**2).mean(axis=0)) < 2.0).all()
+
+
+def test_a_stretch__whose_motion_shows_no_heading_has_no_poses() -> None:
+    """A flight, and after a pause of both recordings half a minute on the ground."""
+    flight = Flight(40.0, seed=1)
+    track, imu = flight.track(), flight.imu()
+    still_s = imu.t_s[-1] + 20.0 + np.arange(0.0, 30.0, 0.005)
+    level = MOUNTING.rotation.T @ np.array([0.0, 0.0, 9.815])
+    both = InertialTrack(
+        np.concatenate([imu.t_s, still_s]),
+        np.concatenate([imu.rate_radps, np.zeros((len(still_s), 3))]),
+        np.concatenate([imu.force_mps2, np.tile(level, (len(still_s), 1))]),
+        "flight",
+    )
+    at_s = still_s[::20]
+    t_s = np.concatenate([track.t_s, at_s])
+    place = [np.concatenate([v, np.full(len(at_s), v[-1])]) for v in (track.lon_deg, track.lat_deg, track.height_m)]
+    stays = GnssTrack.build(
+        t_s, lon_deg=place[0], lat_deg=place[1], height_m=place[2], fix=np.full(len(t_s), track.fix[0])
+    )
+    result = found(stays, both)
+    assert "imu-not-aligned" in {notice.code for notice in result.notices}
+    assert result.trajectory.t_s[-1] < still_s[0]

@@ -452,3 +452,27 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
     assert len(set(colours)) == len(colours) == 2  # a colour for each day
     west, south, east, north = told["extent"]
     assert shapely.box(west, south, east, north).contains(coverage())
+
+
+def test_farm_map_of_another_version__is_refused_and_left_as_it_was(base: Path, results: dict[str, Path]) -> None:
+    add_to_farm_map(base, [results["a"]])
+    with closing(sqlite3.connect(base)) as database, database:
+        database.execute("UPDATE furrowmap_base SET value = '99' WHERE name = 'schema'")
+    before = base.read_bytes()
+    for use in (lambda: add_to_farm_map(base, [results["b"]]), lambda: farm_map_sessions(base)):
+        with pytest.raises(RefusedError, match="schema 99") as caught:
+            use()
+        assert caught.value.code == "base-schema"
+    assert base.read_bytes() == before
+
+
+def test_farm_map_in_a_database__without_psycopg_names_the_extra(
+    results: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith(("furrowmap.exporters.farm.postgis", "psycopg"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "furrowmap.exporters.farm.connection", raising=False)
+    monkeypatch.setitem(sys.modules, "psycopg", None)  # as Python does where a package is not installed
+    with pytest.raises(RefusedError, match="psycopg") as caught:
+        add_to_farm_map("postgresql://farmer@127.0.0.1/farm", [results["a"]])
+    assert caught.value.code == "no-psycopg"
