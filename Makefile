@@ -9,10 +9,10 @@ QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers 
   tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
 POSTGIS_KILL := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-misstated coverage mutants docs pages plugin clean
+.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -72,6 +72,9 @@ bench: $(INSTALLED)  ## speed, memory and error, beside others
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py
+
+bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated flights against their truth
+	$(BIN)/python benchmarks/flights.py
 
 bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
 	$(BIN)/python benchmarks/misstated.py

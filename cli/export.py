@@ -11,7 +11,20 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.core.values.errors import printable
 
-FORMATS = ("gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml", "stac")
+FORMATS = (
+    "gpkg",
+    "geoparquet",
+    "flatgeobuf",
+    "geojson",
+    "shapefile",
+    "kml",
+    "csv",
+    "sbet",
+    "tum",
+    "poses",
+    "isoxml",
+    "stac",
+)
 """As in `furrowmap.workflows.export`, which `--help` must not wait for."""
 
 
@@ -43,7 +56,7 @@ def export(
 
     Formats with one layer per file write a folder. isoxml writes ISO 11783-10 task data for farm software and
     terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
-    them. GeoJSON and KML are always in WGS 84.
+    them. GeoJSON and KML are always in WGS 84. sbet, tum and poses (CSV) are the trajectory alone, for other software.
     """
     with console.work() as progress:
         done = furrowmap.export(results, to, output, layers=layers, crs=dst_crs, overwrite=overwrite, progress=progress)

@@ -14,6 +14,7 @@ from furrowmap.core.values.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
+from furrowmap.exporters.exchange.trajectories import SUFFIXES, TRAJECTORIES, write_trajectory
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import REPORT, ResultFolder, open_result, reading_result
@@ -21,7 +22,7 @@ from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
 STAC: Final = "stac"
-NAMES: Final = (*FORMATS, TASK_DATA, STAC)
+NAMES: Final = (*FORMATS, *TRAJECTORIES, TASK_DATA, STAC)
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ def export(
 
     Args:
         results: folders that runs wrote; one, except for "stac".
-        to: "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml" or "stac".
+        to: "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml" or "stac"; of
+            the trajectory alone "sbet", "tum" or "poses" (CSV).
         out: the file or folder to write; by default beside the first folder, named after it.
         layers: of the vectors; all if none is named.
         crs: of the vectors; None for the session's. Formats with a CRS of their own (WGS 84) always have that.
@@ -78,6 +80,9 @@ def export(
     with reading_result(folders[0]):
         if to == STAC:
             return _exported_catalogue(opened, target)
+        if to in TRAJECTORIES:
+            write_trajectory(target, to, opened[0])
+            return Exported(target, (target,), ())
         if to == TASK_DATA:
             notices = write_task_data(opened[0], target)
             files = sorted(target.iterdir()) if target.is_dir() else [target]
@@ -101,6 +106,8 @@ def _default(folder: Path, to: str) -> Path:
     """Beside the folder, named after it."""
     here = folder.resolve()
     name = f"{here.name}_{to}"
+    if to in SUFFIXES:
+        return here.with_name(name + SUFFIXES[to])
     chosen = FORMATS.get(to)
     return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.write_all is not None else name)
 
