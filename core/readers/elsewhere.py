@@ -16,7 +16,9 @@ from furrowmap.core.values.gnss import GnssTrack
 FloatArray = NDArray[np.float64]
 
 FARTHEST_M: Final = 100_000.0
-"""No drive leads this far from the middle of its positions."""
+"""Positions this far from the middle of all count only where the others lead to them."""
+LONGEST_STEP_M: Final = 20_000.0
+"""From one position to the next, and past a minute of foreign ones on an aircraft."""
 LOWEST_M: Final = -1_000.0
 HIGHEST_M: Final = 20_000.0
 NOWHERE_DEG: Final = 1e-4
@@ -36,10 +38,11 @@ def elsewhere(lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) ->
     """Which positions (n,) the recording cannot have; those that are not finite are not among them.
 
     That are latitudes beyond a pole, longitudes beyond 180°, heights that no vehicle reaches, 0° N 0° E, and whatever
-    is more than :data:`FARTHEST_M` from the middle of the others.
+    is more than :data:`FARTHEST_M` from the middle of the others and not reached from there, see
+    :func:`far_from_middle`.
 
     Args:
-        lon_deg: (n,) longitudes.
+        lon_deg: (n,) longitudes, in the order of time.
         lat_deg: (n,) latitudes.
         height_m: (n,) heights, nan where unknown.
     """
@@ -55,8 +58,28 @@ def elsewhere(lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) ->
 
 
 def far_from_middle(xyz_m: FloatArray) -> NDArray[np.bool_]:
-    """Which places (n, 3) are more than :data:`FARTHEST_M` from the middle of all."""
-    return np.asarray(np.linalg.norm(xyz_m - np.median(xyz_m, axis=0), axis=1) > FARTHEST_M)
+    """Which places (n, 3), in the order of time, are more than :data:`FARTHEST_M` from the middle of all.
+
+    Those that steps of at most :data:`LONGEST_STEP_M` lead to from nearer ones are not among them: a survey flight or
+    a ship goes further. The steps lead past others that are far from all, unless there are more than
+    :data:`MOST_STRETCHES` such.
+    """
+    far = np.asarray(np.linalg.norm(xyz_m - np.median(xyz_m, axis=0), axis=1) > FARTHEST_M)
+    if not far.any() or far.all():
+        return far
+    first = np.append(0, np.flatnonzero(np.linalg.norm(np.diff(xyz_m, axis=0), axis=1) > LONGEST_STEP_M) + 1)
+    last = np.append(first[1:], len(xyz_m)) - 1
+    kept = ~np.logical_and.reduceat(far, first)
+    if len(first) <= MOST_STRETCHES:
+        for stretches, near, other in (
+            (range(len(first)), first, last),
+            (range(len(first) - 1, -1, -1), last, first),
+        ):
+            at = None
+            for k in stretches:
+                kept[k] |= at is not None and bool(np.linalg.norm(xyz_m[near[k]] - xyz_m[at]) <= LONGEST_STEP_M)
+                at = int(other[k]) if kept[k] else at
+    return np.repeat(~kept, last - first + 1)
 
 
 def strays(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:

@@ -95,6 +95,17 @@ def test_elsewhere__is_a_distance_on_the_ellipsoid(
         assert found[count] == (far_m > FARTHEST_M)
 
 
+@pytest.mark.parametrize("burst", [[], [(1000, 1060)], [(2, 4), (1200, 1230), (4100, 4200)]])
+def test_elsewhere__a_flight_of_500_km_is_whole(burst: list[tuple[int, int]]) -> None:
+    """However far it leads; positions of another country within it are left out."""
+    lon, lat = np.transpose(Geod(ellps="WGS84").npts(9.0, 48.0, 14.5, 51.0, 5000))
+    foreign = np.zeros(len(lon), bool)
+    for begin, end in burst:
+        foreign[begin:end] = True
+        lon[begin:end], lat[begin:end] = 30.0, -20.0
+    assert np.array_equal(elsewhere(lon, lat, np.full(len(lon), 1500.0)), foreign)
+
+
 @pytest.mark.parametrize("place", [("0.0", "0.0"), ("5e6", "5e6")], ids=["98 km away", "abroad"])
 def test_promise_14__poses_elsewhere_are_left_out_and_counted(
     place: tuple[str, str], shared_data: Path, tmp_path: Path
