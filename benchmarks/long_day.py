@@ -5,7 +5,8 @@ before ended; after FIELD turns, with a pause, another visit begins at the first
 kept, so that eight hours are gigabytes and take minutes: what grows with the time (poses, positions, equations,
 windows, layers) is that of a full day, what grows with the points alone is not.
 
-    long_day.py FOLDER MINUTES ...    FOLDER: a recording of `furrowmap simulate` or of the samples
+    long_day.py FOLDER MINUTES ...      FOLDER: a recording of `furrowmap simulate` or of the samples
+    long_day.py FOLDER --runs 50        runs of one turn after another in one process, as a program of the user has them
 
 Each length is a process of its own, whose resident memory is read ten times a second: anonymous memory, which it
 needs, and mapped files, which the system takes back at will.
@@ -43,7 +44,11 @@ POLL_S = 0.1
 
 
 def main() -> None:
-    folder, minutes = Path(sys.argv[1]), [float(word) for word in sys.argv[2:]]
+    folder = Path(sys.argv[1])
+    if sys.argv[2] == "--runs":
+        repeated(folder, int(sys.argv[3]))
+        return
+    minutes = [float(word) for word in sys.argv[2:]]
     print(f"{'minutes':>8} {'stage':24}{'anonymous MB':>14}{'files MB':>10}{'seconds':>9}")
     for length in minutes:
         with tempfile.TemporaryDirectory(prefix="long-day-") as made:
@@ -54,6 +59,24 @@ def main() -> None:
                 print(f"{length:8g} {stage:24}{peak.anonymous_mb:14.0f}{peak.files_mb:10.0f}{peak.seconds:9.1f}")
             whole = [max(getattr(p, name) for p in peaks.values()) for name in ("anonymous_mb", "files_mb")]
             print(f"{length:8g} {'whole':24}{whole[0]:14.0f}{whole[1]:10.0f}   {timings}", flush=True)
+
+
+def repeated(folder: Path, runs: int) -> None:
+    """Memory of this process after each of many runs."""
+    print(f"{'runs':>8}{'anonymous MB':>14}{'files MB':>10}")
+    with tempfile.TemporaryDirectory(prefix="long-day-") as made:
+        session = spliced(folder, Path(made), 1)
+        for number in range(1, runs + 1):
+            run(session, f"{made}/out")
+            anonymous_mb, files_mb = resident_mb()
+            print(f"{number:8}{anonymous_mb:14.0f}{files_mb:10.0f}", flush=True)
+
+
+def resident_mb() -> tuple[float, float]:
+    """Anonymous and file-backed resident memory of this process."""
+    fields = dict(line.split(":") for line in Path("/proc/self/status").read_text().splitlines())
+    anonymous, files = (int(fields[name].split()[0]) / 1024 for name in ("RssAnon", "RssFile"))
+    return anonymous, files
 
 
 @dataclass
@@ -77,10 +100,9 @@ class Watch:
         """Until it is ended."""
         last = perf_counter()
         while not self.ended.wait(POLL_S):
-            fields = dict(line.split(":") for line in Path("/proc/self/status").read_text().splitlines())
+            anonymous_mb, files_mb = resident_mb()
             now, peak = perf_counter(), self.peaks.setdefault(self.stage, Peak())
-            peak.anonymous_mb = max(peak.anonymous_mb, int(fields["RssAnon"].split()[0]) / 1024)
-            peak.files_mb = max(peak.files_mb, int(fields["RssFile"].split()[0]) / 1024)
+            peak.anonymous_mb, peak.files_mb = max(peak.anonymous_mb, anonymous_mb), max(peak.files_mb, files_mb)
             peak.seconds, last = peak.seconds + now - last, now
 
 

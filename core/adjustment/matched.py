@@ -189,10 +189,10 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         motion=motion,
         fix=fix,
         sigma=scratch.copied(sigma),
-        heading_from=scratch.copied(sources.heading),
-        position_from=scratch.copied(sources.position),
-        height_from=scratch.copied(sources.height),
-        level_from=scratch.copied(sources.level),
+        heading_from=sources.heading,
+        position_from=sources.position,
+        height_from=sources.height,
+        level_from=sources.level,
         max_gap_s=1.5 * STEP_S,
     )
 

@@ -135,13 +135,14 @@ def sources_of(
     """
     relief, both = information_of(ground), information_of(ground, walls)
     by_walls = both.heading - relief.heading > relief.heading
-    scans = np.where(by_walls, "walls", "relief")
     firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2
-    placing = np.where(both.place - relief.place > relief.place, "walls", "relief")
-    placed = np.where(both.place > 1.0 / PLACED_M**2, placing, "carried")
-    return Sources(
-        heading=np.where(firmer, scans, heading_label),
-        position=np.where(has_position, "gnss", placed),
-        height=np.where(has_position, "gnss", np.where(relief.level, "ground", "carried")),
-        level=np.where(relief.level, "ground", "assumed"),
-    )
+    placed, placed_by_walls = both.place > 1.0 / PLACED_M**2, both.place - relief.place > relief.place
+    found = Sources(*(scratch.zeros(len(firmer), np.result_type(heading_label, "<U8")) for _ in range(4)))
+    for p in scratch.parts(len(firmer)):
+        scans = np.where(by_walls[p], "walls", "relief")
+        placing = np.where(placed[p], np.where(placed_by_walls[p], "walls", "relief"), "carried")
+        found.heading[p] = np.where(firmer[p], scans, heading_label[p])
+        found.position[p] = np.where(has_position[p], "gnss", placing)
+        found.height[p] = np.where(has_position[p], "gnss", np.where(relief.level[p], "ground", "carried"))
+        found.level[p] = np.where(relief.level[p], "ground", "assumed")
+    return found

@@ -82,9 +82,11 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
     order = np.flatnonzero(inside & (np.linalg.norm(sensor, axis=1) > NEAREST_M))
     order = order[np.argsort(t_s[order], kind="stable")]
     t_s, knot = t_s[order], knot[order]
-    poses, step_s = trajectory.at(t_s), np.diff(trajectory.t_s)[:, None]
-    velocity, rate = np.diff(trajectory.xyz_m, axis=0) / step_s, trajectory.turn_rad / step_s
-    attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True)
+    poses, (used, which) = trajectory.at(t_s), np.unique(knot, return_inverse=True)
+    step_s = (trajectory.t_s[used + 1] - trajectory.t_s[used])[:, None]
+    velocity = (trajectory.xyz_m[used + 1] - trajectory.xyz_m[used]) / step_s
+    rate = trajectory.turn_rad[used] / step_s
+    attitude = Rotation.from_quat(trajectory.quaternion[used], scalar_first=True)
     middle = np.median(poses.xyz_m, axis=0) if len(order) else np.zeros(3)
     local = np.round(middle / CELL_M) * CELL_M
     return StripReturns(
@@ -93,8 +95,8 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
         laser[order] * LASERS // (int(laser.max(initial=0)) + 1),
         poses.xyz_m - local,
         np.ascontiguousarray(poses.quaternion),
-        velocity[knot],
-        attitude.apply(rate)[knot],
+        velocity[which],
+        attitude.apply(rate)[which],
         local,
     )
 

@@ -134,7 +134,7 @@ class Solution:
 def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
     """(n,) the unknowns by the banded Cholesky factor."""
     solved: FloatArray
-    solved, fault = scipy.linalg.lapack.dpbtrs(factor, right, lower=1)
+    solved, fault = scipy.linalg.lapack.dpbtrs(factor, scratch.copied(right), lower=1, overwrite_b=1)
     assert not fault
     return solved
 

@@ -10,6 +10,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import GNSS_DRIFT, State
+from furrowmap.core.values import scratch
 from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
 
 
@@ -27,16 +28,20 @@ class GnssDrift(Observation):
         """The process from knot to knot, and its variance at the start of each run."""
         p, size, drift = self.positions, state.layout.size, state[GNSS_DRIFT]
         nearest = np.clip(np.searchsorted(p.t_s, knots.t_s), 0, len(p.t_s) - 1)
-        spread, run = p.drift_m[nearest], p.run[nearest]
         linked = knots.linked
-        same = linked[run[linked] == run[linked + 1]]
-        starts = np.setdiff1d(np.arange(len(knots)), same + 1)
+        on = linked[p.run[nearest[linked]] == p.run[nearest[linked + 1]]]
+        begins = np.ones(len(knots), np.bool_)
+        begins[on + 1] = False
+        starts = np.flatnonzero(begins)
         kept = np.exp(-STEP_S / DRIFT_CORRELATION_S)
         row = np.zeros(size + 1)
         row[0], row[size] = -kept, 1.0
-        design = np.broadcast_to(row, (len(same), len(row)))
         for axis in range(3):
-            column, value = state.layout.column(GNSS_DRIFT) + axis, drift[:, axis]
-            equations.add(starts * size + column, np.ones((len(starts), 1)), -value[starts], spread[starts, axis])
-            sigma = spread[same, axis] * np.sqrt(1.0 - kept**2)
-            equations.add(same * size + column, design, kept * value[same] - value[same + 1], sigma)
+            column, value, spread = state.layout.column(GNSS_DRIFT) + axis, drift[:, axis], p.drift_m[:, axis]
+            begin = np.ones((len(starts), 1))
+            equations.add(starts * size + column, begin, -value[starts], spread[nearest[starts]])
+            for part in scratch.parts(len(on)):
+                same = on[part]
+                design = np.broadcast_to(row, (len(same), len(row)))
+                sigma = spread[nearest[same]] * np.sqrt(1.0 - kept**2)
+                equations.add(same * size + column, design, kept * value[same] - value[same + 1], sigma)

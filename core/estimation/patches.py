@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.slices import UPPER
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -50,6 +51,11 @@ class Patches:
     late: FloatArray
     right: FloatArray
 
+    @classmethod
+    def kept(cls, *columns: NDArray[Any]) -> Patches:
+        """Copies of columns that are the filled part of longer ones, which are not kept."""
+        return cls(*(column.copy() for column in columns))
+
 
 def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: float, centre_m: FloatArray) -> None:
     """Let the patches move: eliminate their twists from the equations of the coarse knots.
@@ -68,9 +74,7 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
     order = np.lexsort((interval, place[:, 2], place[:, 1], place[:, 0]))
     place = place[order]
     starts = np.flatnonzero(np.any(np.diff(place, axis=0, prepend=place[:1] - 1) != 0, axis=1))
-    early, late, right = (
-        np.concatenate([getattr(p, name) for p in patches])[order] for name in ("early", "late", "right")
-    )
+    early, late, right = (_ordered([getattr(p, name) for p in patches], order) for name in ("early", "late", "right"))
 
     def reduce(first: int, last: int) -> None:
         _reduce(
@@ -85,6 +89,16 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
     with ThreadPoolExecutor(2) as pool:
         for half in [pool.submit(reduce, 0, middle), pool.submit(reduce, middle, len(centre_m))]:
             half.result()
+
+
+def _ordered(parts: list[FloatArray], order: NDArray[np.intp]) -> FloatArray:
+    """The rows of the parts together, in an order."""
+    shape = (len(order), parts[0].shape[1])
+    together = np.concatenate(parts, out=scratch.zeros(shape))
+    out: FloatArray = scratch.zeros(shape)
+    for part in scratch.parts(len(order)):
+        out[part] = together[order[part]]
+    return out
 
 
 @numba.njit(cache=True, nogil=True)

@@ -13,6 +13,7 @@ from furrowmap.core.estimation.knots import Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import GNSS_DRIFT, POSITION, ROTATION, State
+from furrowmap.core.values import scratch
 from furrowmap.core.values.positions import Positions
 
 FloatArray = NDArray[np.float64]
@@ -42,24 +43,27 @@ class AntennaPositions(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Three equations for each position."""
-        k, design, residual, sigma = self.linearised(knots, state)
         size = state.layout.size
-        for chosen in without_repeats(k):
-            for axis in range(3):
-                equations.add(k[chosen] * size, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
+        for part in scratch.parts(len(self.positions.t_s), scratch.PART // 4):
+            k, design, residual, sigma = self.linearised(knots, state, part)
+            for chosen in without_repeats(k):
+                for axis in range(3):
+                    equations.add(k[chosen] * size, design[chosen, axis], residual[chosen, axis], sigma[chosen, axis])
 
-    def linearised(self, knots: Knots, state: State) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """The equations of the positions inside chains.
+    def linearised(
+        self, knots: Knots, state: State, part: slice = slice(None)
+    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+        """The equations of the positions inside chains, or of some of them.
 
         Returns:
             (k,) the knot before each; (k, 3, 2 · size) derivatives by its states and those of the next; (k, 3)
             residuals; (k, 3) standard deviations by the robust weights.
         """
-        k, share, inside = knots.at(self.positions.t_s)
+        k, share, inside = knots.at(self.positions.t_s[part])
         k, share = k[inside], share[inside, None]
         size, drift = state.layout.size, state.layout.column(GNSS_DRIFT)
-        arm, residual = self._residuals(k, share, inside, state)
-        sigma = self.positions.white_m[inside] / np.sqrt(self.weight[inside, None])
+        arm, residual = self._residuals(k, share, self.positions.xyz_m[part][inside], state)
+        sigma = self.positions.white_m[part][inside] / np.sqrt(self.weight[part][inside, None])
         design = np.zeros((len(k), 3, 2 * size))
         for first, weight in ((0, 1.0 - share[:, 0]), (size, share[:, 0])):
             for axis in range(3):
@@ -83,20 +87,21 @@ class AntennaPositions(Observation):
         """(m, 3) residuals; nan outside all chains."""
         k, share, inside = knots.at(self.positions.t_s)
         out = np.full((len(inside), 3), np.nan)
-        _, out[inside] = self._residuals(k[inside], share[inside, None], inside, state)
+        _, out[inside] = self._residuals(k[inside], share[inside, None], self.positions.xyz_m[inside], state)
         return out
 
     def _residuals(
-        self, k: IntArray, share: FloatArray, inside: NDArray[np.bool_], state: State
+        self, k: IntArray, share: FloatArray, observed_m: FloatArray, state: State
     ) -> tuple[FloatArray, FloatArray]:
-        """The lever arms in map axes, and the residuals, (k, 3) each."""
+        """The lever arms in map axes, and the residuals of the positions observed, (k, 3) each."""
 
         def between(values: FloatArray) -> FloatArray:
             return values[k] + share * (values[k + 1] - values[k])
 
-        arm = between(state.rotation @ self.lever_m)
+        before, after = (state.rotation[knot] @ self.lever_m for knot in (k, k + 1))
+        arm = before + share * (after - before)
         antenna = between(state.xyz_m) + arm
-        return arm, self.positions.xyz_m[inside] - self.origin_m - antenna - between(state[GNSS_DRIFT])
+        return arm, observed_m - self.origin_m - antenna - between(state[GNSS_DRIFT])
 
 
 def without_repeats(k: IntArray) -> list[NDArray[np.intp]]:

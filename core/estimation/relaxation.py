@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class Relaxation:
             share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
             factor = np.clip(self._factor * share, 1.0, LONGEST)
         self._moved_m, self._factor = moved, factor
-        return step * factor[:, None]
+        return np.multiply(step, factor[:, None], out=scratch.zeros(step.shape))
 
 
 def _around(values: FloatArray, knots: Knots) -> FloatArray:

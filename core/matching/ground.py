@@ -147,7 +147,7 @@ def register_ground(
         Sums by patch; empty without coarse knots.
     """
     tiles, chain, coarse, slices = surface.tiles, poses.chain, poses.coarse, sums.slices
-    return Patches(
+    return Patches.kept(
         *_register(
             placed.t_s, placed.xyz_m, placed.layer, placed.half, placed.weight,
             chain.first, chain.count, chain.begin_s,

@@ -17,6 +17,7 @@ from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import Passage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
+from furrowmap.core.values import scratch
 from furrowmap.core.values.laser_ranges import LaserRanges, shortened
 
 FloatArray = NDArray[np.float64]
@@ -128,7 +129,10 @@ def placing_of(
     """What places returns by a state."""
     position, rotation = np.ascontiguousarray(state.xyz_m), np.ascontiguousarray(state.rotation)
     passage = _passage(tool, knots, state) if tool is not None else None
-    return Placing(returns, weight, sensor, knots, state, unused, passage, position, rotation, turns(rotation))
+    turn = scratch.zeros(position.shape)
+    for part in scratch.parts(len(turn)):
+        turn[part] = turns(rotation[part.start : part.stop + 1])[: part.stop - part.start]
+    return Placing(returns, weight, sensor, knots, state, unused, passage, position, rotation, turn)
 
 
 def _passage(tool: Tool, knots: Knots, state: State) -> Passage:

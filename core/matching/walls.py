@@ -224,7 +224,7 @@ def register_walls(
     """
     tiles, chain, coarse = walls.columns.tiles, poses.chain, poses.coarse
     tally = np.zeros(5)
-    patches = Patches(
+    patches = Patches.kept(
         *_register(
             placed.t_s, placed.xyz_m, placed.half, chain.first, chain.count, chain.begin_s,
             CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
