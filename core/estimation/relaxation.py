@@ -47,7 +47,8 @@ class Relaxation:
             share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
             factor = np.clip(self._factor * share, 1.0, LONGEST)
         self._moved_m, self._factor = moved, factor
-        return np.multiply(step, factor[:, None], out=scratch.zeros(step.shape))
+        out: FloatArray = np.multiply(step, factor[:, None], out=scratch.zeros(step.shape))
+        return out
 
 
 def _around(values: FloatArray, knots: Knots) -> FloatArray:
