@@ -1,0 +1,135 @@
+"""Values that contradict themselves cannot be made, and nothing in gives nothing out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.states_csv import StatesCsv
+from furrowmap.core.session.file import parse_session
+from furrowmap.core.surfaces.cloth import cloth_ground
+from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
+from furrowmap.core.surfaces.smrf import Smrf, ground_cells
+from furrowmap.core.surfaces.tiles import tiles
+from furrowmap.core.trajectory.positions import fixes_from_labels
+from furrowmap.core.values import npz
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.npz import read_npz
+from furrowmap.core.values.packed import pack, unpack
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.tool_states import ToolStates
+
+ONE, TWO, THREE = (np.arange(n, dtype=np.float64) for n in (1, 2, 3))
+
+
+def scan(**changes: Any) -> Scan:
+    few = np.zeros(2, np.uint8)
+    usual: dict[str, Any] = {
+        "number": 0, "t_s": TWO, "xyz_m": np.zeros((2, 3), np.float32), "intensity": few, "laser": few,
+        "column": few.astype(np.uint16), "return_number": few, "returns": few,
+    }  # fmt: skip
+    return Scan(**(usual | changes))
+
+
+def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
+    return ToolStates(np.array(begin_s), np.array(end_s), np.zeros(2, np.int8), confidence, TWO, TWO)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: InertialTrack(TWO, np.zeros((2, 3)), np.zeros((3, 3))), "different lengths"),
+        (lambda: InertialTrack(TWO[::-1], np.zeros((2, 3)), np.zeros((2, 3))), "does not increase"),
+        (lambda: Mounting((0.0, np.nan, 0.0)), "finite numbers"),
+        (lambda: Mounting(rpy_deg=(0.0, 0.0, np.inf)), "finite numbers"),
+        (lambda: scan(laser=np.zeros(3, np.uint8)), "laser"),
+        (lambda: scan(xyz_m=np.zeros((2, 2), np.float32)), "xyz_m has shape"),
+        (lambda: states([0.0, 1.0], [1.0, 2.0], THREE), "confidence has shape"),
+        (lambda: states([0.0, 1.0], [0.0, 2.0]), "ends before it begins"),
+        (lambda: states([0.0, 1.0], [1.5, 2.0]), "overlap"),
+        (lambda: Smrf(slope=0.0), "above zero"),
+        (lambda: Smrf(cell_m=np.nan), "above zero"),
+        (lambda: mean_neighbour_distance(np.zeros((4, 3)), reach_m=0.0), "neighbours"),
+        (lambda: list(tiles(np.zeros((4, 3)), 2.0, 2.5)), "a margin of 2.5 m round squares of 2.0 m"),
+        (lambda: list(tiles(np.zeros((4, 3)), 2.0, -0.1)), "a margin"),
+        (lambda: cloth_ground(np.array([[0.0, 0.0, np.nan]])), "not finite"),
+    ],
+)
+def test_values__that_contradict_themselves(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+def test_nothing__gives_nothing() -> None:
+    assert cloth_ground(np.zeros((0, 3))).tolist() == []
+    assert list(tiles(np.zeros((0, 3)), 2.0, 1.0)) == []
+    assert radius_outliers(np.zeros((0, 3))).tolist() == []
+    assert mean_distance_to(np.zeros((2, 3)), np.zeros((0, 3)), 1.0).tolist() == [np.inf, np.inf]
+    assert not ground_cells(np.full((3, 3), np.nan), Smrf()).any()
+    assert filled(np.array([[5.0]])).tolist() == [[5.0]]
+
+
+def test_packed__numbers_come_back_and_other_types_of_arrays_do_not() -> None:
+    assert unpack(pack({"a": np.float64(1.5), "b": np.int64(-3)}), dict) == {"a": 1.5, "b": -3}
+    inner = msgspec.msgpack.encode(("|O8", (1,), bytes(8)))
+    with pytest.raises(ValueError, match="unknown type of array"):
+        unpack(msgspec.msgpack.encode(msgspec.msgpack.Ext(1, inner)), np.ndarray)
+
+
+def test_npz__of_too_many_arrays(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", **{f"a{k}": ONE for k in range(npz.MOST_ARRAYS + 1)})
+    with pytest.raises(ValueError, match="1,001 arrays"):
+        read_npz(tmp_path / "a.npz")
+
+
+LEAST = 'furrowmap = 1\n[recording]\nlidar = ["a.pcap"]\ngnss = ["a.nmea"]\n[crs]\nmap = "EPSG:6677"\n'
+TOOL = "[implement]\nwidth_m = 1.7\nxy_m = [0, 0]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LEAST + 'parameters = "a.par"\n', 'crs.parameters needs crs.coordinates = "current-epoch"'),
+        (LEAST + 'geoid_grid = "a.tif"\n', "crs.geoid_grid needs heights above a geoid"),
+        (LEAST.replace('lidar = ["a.pcap"]\n', "") + TOOL + 'states = ["s.csv"]\nstates_use = "check"\n',
+         'implement.states_use is "check", which needs recording.lidar'),
+        (LEAST + "[imu]\nfiles = []\n", "imu.files names no file"),
+        (LEAST + '[imu]\nfiles = ["a"]\nclass = "best"\n', "imu.class must be one of consumer, industrial, tactical"),
+        (LEAST + "[trajectory]\nfiles = []\n", "trajectory.files names no file"),
+        (LEAST + TOOL + "region_m = [1, -1, -1, 1]\n", "each minimum below its maximum"),
+        (LEAST.replace('"a.nmea"', '"a.nmea", "./a.nmea"'), "recording.gnss names 'a.nmea' twice"),
+        (LEAST.replace("[crs]", 'date = "2026-13-01"\n[crs]'), "recording.date must be a date"),
+    ],
+)  # fmt: skip
+def test_session__whose_keys_contradict_each_other(text: str, words: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_session(text)
+    assert (error.value.code, words in error.value.what) == ("session-value", True)
+
+
+def test_fixes__by_name() -> None:
+    assert fixes_from_labels(("fixed", "single")) == (Fix.FIXED, Fix.SINGLE)
+    with pytest.raises(InputError, match="'rtk'"):
+        fixes_from_labels(("fixed", "rtk"))
+
+
+def test_states__blank_lines_are_passed_over_and_impossible_times_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "states.csv"
+    path.write_text("t_s,state\n\n100,down\n , \n200,up\n", encoding="utf-8")
+    assert StatesCsv([path], ReadOptions()).states().begin_s.tolist() == [100.0, 200.0]
+    for wrong in ("-1", "1e12", "inf"):
+        path.write_text(f"t_s,state\n{wrong},down\n", encoding="utf-8")
+        with pytest.raises(InputError, match=f"line 2: the time is '{wrong}'"):
+            StatesCsv([path], ReadOptions()).states()
+    path.write_text("t_s,state\n", encoding="utf-8")
+    assert StatesCsv([path], ReadOptions()).inspect().facts["intervals"] == 0
