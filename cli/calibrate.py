@@ -39,6 +39,7 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
         {
             "session": session,
             "lidar_rpy_deg": {"stated": found.stated.rpy_deg, "found": found.found.rpy_deg},
+            "lidar_xyz_m": {"stated": found.stated.xyz_m, "found": found.found.xyz_m},
             "sigma_deg": found.sigma_deg,
             "facing_shown": found.facing_shown,
             "height_above_ground_m": found.height_m,
@@ -55,6 +56,10 @@ def _words(found: Calibration, *, written: bool) -> str:
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
         ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
+        (
+            "scanner xyz_m, estimated",
+            _places(found.found.xyz_m) if found.found.xyz_m != found.stated.xyz_m else "unchanged",
+        ),
         ("facing of the scanner", "shown by the scans" if found.facing_shown else _ASSUMED),
         (
             "vehicle origin above ground",
@@ -72,3 +77,7 @@ def _words(found: Calibration, *, written: bool) -> str:
 
 def _angles(angles_deg: tuple[float, float, float]) -> str:
     return ", ".join(f"{angle:.2f}" for angle in angles_deg)
+
+
+def _places(places_m: tuple[float, float, float]) -> str:
+    return ", ".join(f"{place:.3f} m" for place in places_m)

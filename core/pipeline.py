@@ -14,7 +14,7 @@ from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
 from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
-from furrowmap.core.calibration.strips import StripReturns, strip_returns
+from furrowmap.core.calibration.strips import StripReturns, at_shifted_times, strip_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
@@ -121,7 +121,7 @@ def run(
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     located, matched, flown, implement = _match(opened, guess, carrier, lidar, progress, checkpoint)
-    lidar = _by_used_clock(lidar, matched)
+    lidar = _by_used_clock(lidar, matched).ahead_by(-flown.clock_used_s)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -139,7 +139,11 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
-    notices += boresight_notices(flown.boresight) if located.source == "imu" and matched is None else []
+    notices += (
+        boresight_notices(flown.boresight, session.lidar.mounting)
+        if located.source == "imu" and matched is None
+        else []
+    )
     return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), **vars(flown))
 
 
@@ -176,7 +180,7 @@ def _match(
         implement = ImplementTracker(session, flying=True)
         scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
         returns = strip_returns(scans, carrier if carrier is not None else guess.trajectory)
-        return guess, None, _flown(returns, guess.trajectory, session), implement
+        return guess, None, _flown(returns, guess.trajectory, session, carrier), implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -206,11 +210,18 @@ class _Flown:
     strips: tuple[Strip, ...] = ()
     strip_differences: StripDifferences | None = None
 
+    @property
+    def clock_used_s(self) -> float:
+        """Time by which the scanner's clock is behind, where that is corrected."""
+        return self.boresight.clock_used_s if self.boresight is not None and self.boresight.certain else 0.0
 
-def _flown(returns: StripReturns, trajectory: Trajectory, session: Session) -> _Flown:
+
+def _flown(returns: StripReturns, trajectory: Trajectory, session: Session, carrier: Trajectory | None) -> _Flown:
     """Boresight, strips and their differences."""
     stated = session.lidar.mounting
-    found, strips = boresight(returns, trajectory, stated), find_strips(trajectory)
+    found, strips = boresight(returns, trajectory, stated, carrier), find_strips(trajectory)
+    if found is not None and found.certain and found.clock_used_s:
+        returns = at_shifted_times(returns, carrier if carrier is not None else trajectory, found.clock_used_s)
     return _Flown(found, strips, strip_differences(returns, strips, stated, _mounting(session, None, found)))
 
 

@@ -143,9 +143,9 @@ def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, tmp_pat
     np.savetxt(folder / "mount.csv", rows, "%.3f", ",", header=head, comments="")
     text = (folder / "session.toml").read_text(encoding="utf-8") + '\n[mount]\nattitude = "mount.csv"\n'
     (folder / "moving.toml").write_text(text, encoding="utf-8")
-    over = furrowmap.preview(folder / "moving.toml", tmp_path / "preview")["figures"]["bounds_m"]
-    flown = np.asarray(result.trajectory.geometry.z)
-    assert over[1][2] > flown.max() + 4.0
+    furrowmap.preview(folder / "moving.toml", tmp_path / "preview")
+    with rasterio.open(tmp_path / "preview" / "preview_dsm.tif") as surface:
+        assert np.nanmax(surface.read(1)) > np.asarray(result.trajectory.geometry.z).max() + 4.0
     rigid = text.replace("[imu]", "[camera.imu]")
     (folder / "rigid.toml").write_text(rigid, encoding="utf-8")
     with pytest.raises(InputError) as refused:

@@ -130,18 +130,19 @@ def _by_strips(opened: OpenSession, located: Located, progress: Progress) -> Cal
     lidar = opened.lidar(float(np.mean(trajectory.span_s)))
     scans = watched(lidar.scans(), lidar, progress, "reading scans")
     returns = strip_returns(scans, carrier if carrier is not None else trajectory)
-    found = boresight(returns, trajectory, stated)
+    found = boresight(returns, trajectory, stated, carrier)
     if found is None or not found.certain:
         raise _not_shown(opened.file, "too little smooth ground is seen at several times")
+    stated_s = opened.session.recording.lidar_minus_gnss_s
     return Calibration(
         stated=stated,
-        found=found.mounting if found.differs else stated,
+        found=found.mounting if found.differs or found.mounting.xyz_m != stated.xyz_m else stated,
         sigma_deg=found.sigma_deg,
         facing_shown=True,
         height_m=(math.nan, math.inf),
-        stated_offset_s=opened.session.recording.lidar_minus_gnss_s,
-        offset_s=(math.nan, math.nan),
-        clock_differs=False,
+        stated_offset_s=stated_s,
+        offset_s=(stated_s - found.time_offset_s[0], found.time_offset_s[1]),
+        clock_differs=bool(found.clock_used_s),
     )
 
 
@@ -163,6 +164,9 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
         text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
+    if calibration.found.xyz_m != calibration.stated.xyz_m:
+        xyz = ", ".join(f"{place:.3f}" for place in calibration.found.xyz_m)
+        text = with_value(text, "lidar", "xyz_m", f"[{xyz}]")
     if calibration.clock_differs:
-        text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.3f}")
+        text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.4f}")
     return text

@@ -167,7 +167,8 @@ def _strips(made: _Made) -> list[Layer]:
 def _reach_m(opened: OpenSession) -> float:
     """Range up to which returns make surfaces: all of an aircraft, which meet the ground steeply."""
     session = opened.session
-    return math.inf if session.imu is not None and session.implement is None else REACH_M
+    flies = (session.imu is not None or session.attitude is not None) and session.implement is None
+    return math.inf if flies else REACH_M
 
 
 def _names(staging: Path) -> list[str]:

@@ -20,6 +20,7 @@ from furrowmap.core.calibration.strips import (
     PARAMETERS,
     CellHeights,
     StripReturns,
+    at_shifted_times,
     cell_heights,
     smooth_groups,
 )
@@ -34,16 +35,50 @@ WINDOW_S: Final = 1.0
 MOST_WINDOWS: Final = 400
 HEIGHT_M: Final = 0.005
 """Standard deviation of what a window's heights are off, of a laser's range constant, and of a cell's mean."""
-TIME_S: Final = 0.001
-"""Standard deviation of the time offset between scanner and positions before it is estimated."""
-ANGLE: Final = np.radians(5.0)
-"""Of each angle."""
+NAMES: Final = ("roll_deg", "pitch_deg", "yaw_deg", "time_s", "x_m", "y_m", "z_m")
+"""The parameters, about and along the vehicle's axes."""
+TIME: Final = 3
+PLACE: Final = slice(4, 7)
+"""Where time offset and place are among them."""
+AS_STATED: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.001, 1e-5, 1e-5, 1e-5])
+"""Standard deviations of the parameters before they are estimated: clock and place as stated."""
+FREE: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.02, 0.3, 0.3, 0.3])
+"""All free."""
+USEFUL: Final = np.array([0.2, 0.2, 0.2, 0.002, 0.05, 0.05, 0.05])
+"""Largest standard deviations with which a parameter counts as observed."""
+CERTAINLY: Final = 5.0
+"""Standard deviations by which clock or place must be off to be corrected."""
+NOTICEABLE: Final = np.array([0.0, 0.0, 0.0, 0.0005, 0.02, 0.02, 0.02])
+"""Less of an offset of clock and place is not worth a correction."""
 ROUNDS: Final = 6
-SETTLED: Final = np.radians(0.001)
+SETTLED: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5, 5e-4, 5e-4, 5e-4])
+"""Smaller corrections end the rounds."""
 ROBUST_ROUNDS: Final = 3
 LEAST_GROUPS: Final = 500
 CERTAIN_DEG: Final = 0.2
 """Largest standard deviation of an angle with which the boresight is used."""
+
+
+@dataclass(frozen=True)
+class FreeFit:
+    """All parameters estimated together, with wide limits: what the flight itself shows of each.
+
+    Attributes:
+        value: (7,) corrections in the order of :data:`NAMES`: of the angles from the mounting found, of the others from
+            what the session states.
+        sigma: (7,) their standard deviations; as wide as before the flight where this shows nothing.
+        correlation: (7, 7) of their errors.
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+    correlation: FloatArray
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """(7,) which parameters the flight shows well enough to be used."""
+        observed: NDArray[np.bool_] = self.sigma < USEFUL
+        return observed
 
 
 @dataclass(frozen=True)
@@ -58,6 +93,8 @@ class Boresight:
         scatter_m: scatter of the ground's heights with the stated mounting and with this one (RMS between times).
         cells: number of cells that count.
         certain: whether all angles are known well enough to be used.
+        free: angles, time offset and the scanner's place together.
+        clock_used_s: the time offset where it is used, else 0.
     """
 
     mounting: Mounting
@@ -67,6 +104,8 @@ class Boresight:
     scatter_m: tuple[float, float]
     cells: int
     certain: bool
+    free: FreeFit
+    clock_used_s: float = 0.0
 
     @property
     def differs(self) -> bool:
@@ -74,48 +113,130 @@ class Boresight:
         return any(abs(off) > 3.0 * sigma for off, sigma in zip(self.correction_deg, self.sigma_deg, strict=True))
 
 
-def boresight(returns: StripReturns, trajectory: Trajectory, stated: Mounting) -> Boresight | None:
+def boresight(
+    returns: StripReturns, trajectory: Trajectory, stated: Mounting, carrier: Trajectory | None = None
+) -> Boresight | None:
     """The boresight; None where too little ground is seen at several times.
+
+    The scanner's place is the stated one, and its clock that of the positions to a millisecond, unless all parameters
+    estimated together show that they certainly are not.
 
     Args:
         returns: of the scanner, with their poses.
-        trajectory: they are from.
+        trajectory: of the vehicle.
         stated: the mounting as the session states it.
+        carrier: trajectory of the frame that carries the scanner, whose poses the returns have; None for the vehicle's.
     """
     if len(returns) < LEAST_GROUPS:
         return None
-    lever = np.asarray(stated.xyz_m, np.float64)
-    length_s = max(WINDOW_S, float(np.ptp(returns.t_s)) / MOST_WINDOWS)
-    window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
-    windows, rotation = int(window[-1]) + 1, stated.rotation
-    first = _fitted(cell_heights(returns, window, rotation, lever), windows)
-    if first is None:
+    carrier = trajectory if carrier is None else carrier
+    begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
+    settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < TIME)
+    free = _fitted(settled.heights, FREE) if settled is not None else None
+    if settled is None or free is None:
         return None
-    fitted = first
-    for _ in range(ROUNDS):
-        if np.abs(fitted.values[:3]).max() < SETTLED:
-            break
-        rotation = Rotation.from_rotvec(fitted.values[:3]).as_matrix() @ rotation
-        again = _fitted(cell_heights(returns, window, rotation, lever), windows)
-        if again is None:
-            return None
-        fitted = again
+    first_m, freed = settled.first_m, _certainly_off(free)
+    if freed[TIME:].any():
+        again = _settled(returns, carrier, settled.state, freed)
+        after = _fitted(again.heights, FREE) if again is not None else None
+        if again is not None and after is not None:
+            settled, free = again, after
+    state, fitted = settled.state, settled.fitted
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)[:3]))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
     sigma = np.hypot(own, np.nanmedian(trajectory.sigma[inside, 3:], axis=0))
-    correction = np.degrees(Rotation.from_matrix(rotation @ stated.rotation.T).as_rotvec())
+    x, y, z = state.place_m.tolist()
     return Boresight(
-        Mounting.from_rotation(stated.xyz_m, rotation),
-        _three(correction),
+        Mounting.from_rotation((x, y, z), state.rotation),
+        _three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
         _three(sigma),
-        (float(fitted.values[3]), float(np.sqrt(fitted.covariance[3, 3]))),
-        (first.apart_m, fitted.apart_m),
+        (state.clock_s + float(fitted.values[TIME]), float(np.sqrt(fitted.covariance[TIME, TIME]))),
+        (first_m, fitted.apart_m),
         fitted.cells,
         bool((sigma < CERTAIN_DEG).all()),
+        _free_fit(free, state, begin),
+        state.clock_s,
     )
 
 
-def boresight_notices(found: Boresight | None) -> list[Notice]:
+@dataclass(frozen=True)
+class _State:
+    """Rotation (3, 3) and place (3,) of the scanner, and the time by which its clock is behind."""
+
+    rotation: FloatArray
+    place_m: FloatArray
+    clock_s: float
+
+    def corrected(self, values: FloatArray) -> _State:
+        rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ self.rotation
+        return _State(rotation, self.place_m + values[PLACE], self.clock_s + float(values[TIME]))
+
+
+def _heights(returns: StripReturns, carrier: Trajectory, state: _State) -> CellHeights:
+    """Heights of cells with the scanner in a state."""
+    if state.clock_s:
+        returns = at_shifted_times(returns, carrier, state.clock_s)
+    length_s = max(WINDOW_S, float(np.ptp(returns.t_s)) / MOST_WINDOWS)
+    window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
+    return cell_heights(returns, window, state.rotation, state.place_m)
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """Scatter at the begin; the state at which the corrections vanish, the heights there, and their fit."""
+
+    first_m: float
+    state: _State
+    heights: CellHeights
+    fitted: _Fitted
+
+
+def _settled(
+    returns: StripReturns, carrier: Trajectory, begin: _State, corrected: NDArray[np.bool_]
+) -> _Settled | None:
+    """The state at which the corrections vanish; None where too little ground is seen at several times.
+
+    Args:
+        returns: of the scanner.
+        carrier: trajectory of the frame that carries it.
+        begin: the state to begin with.
+        corrected: (PARAMETERS,) which parameters are corrected; the others stay nearly as they are.
+    """
+    prior = np.where(corrected, FREE, AS_STATED)
+    state, heights = begin, _heights(returns, carrier, begin)
+    fitted = _fitted(heights, prior)
+    first_m = fitted.apart_m if fitted is not None else 0.0
+    for _ in range(ROUNDS):
+        if fitted is None:
+            return None
+        values = np.where(corrected, fitted.values, 0.0)
+        if bool((np.abs(values) < SETTLED).all()):
+            break
+        state = state.corrected(values)
+        heights = _heights(returns, carrier, state)
+        fitted = _fitted(heights, prior)
+    return _Settled(first_m, state, heights, fitted) if fitted is not None else None
+
+
+def _certainly_off(free: _Fitted) -> NDArray[np.bool_]:
+    """(PARAMETERS,) what is to be corrected: the angles, and what else is certainly another than stated."""
+    off, sigma = np.abs(free.values), np.sqrt(np.diag(free.covariance))
+    found: NDArray[np.bool_] = (off > CERTAINLY * sigma) & (off > NOTICEABLE)
+    found[:TIME] = True
+    return found
+
+
+def _free_fit(free: _Fitted, state: _State, begin: _State) -> FreeFit:
+    value = free.values.copy()
+    value[:TIME] = np.degrees(value[:TIME])
+    value[TIME] += state.clock_s - begin.clock_s
+    value[PLACE] += state.place_m - begin.place_m
+    sigma = np.sqrt(np.diag(free.covariance))
+    correlation = free.covariance / np.outer(sigma, sigma)
+    return FreeFit(value, np.where(np.arange(PARAMETERS) < TIME, np.degrees(sigma), sigma), correlation)
+
+
+def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]:
     """The mounting of a scanner on a vehicle with an IMU: used as found, or assumed as stated."""
     if found is None or not found.certain:
         text = (
@@ -123,6 +244,10 @@ def boresight_notices(found: Boresight | None) -> list[Notice]:
             "session's [lidar] rpy_deg is used as it is; an error of 0.1° in it moves points by 2 cm at 10 m."
         )
         return [Notice("boresight-assumed", text)]
+    return [*_angle_notices(found), *_other_notices(found, stated)]
+
+
+def _angle_notices(found: Boresight) -> list[Notice]:
     if not found.differs:
         return []
     angles, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
@@ -134,6 +259,28 @@ def boresight_notices(found: Boresight | None) -> list[Notice]:
         "axes), which is used."
     )
     return [Notice("boresight-off", text)]
+
+
+def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
+    """Place and clock of the scanner, where they are not used as stated."""
+    notices = []
+    if found.mounting.xyz_m != stated.xyz_m:
+        place, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
+            found.mounting.xyz_m, found.free.sigma[PLACE].tolist()
+        ))  # fmt: skip
+        text = (
+            f"The scanner's place is off: ground seen at several times shows xyz_m = [{place}] (± {sigmas} m), which "
+            "is used."
+        )
+        notices.append(Notice("lever-arm-off", text))
+    if found.clock_used_s:
+        text = (
+            f"The scanner's clock is {1e3 * abs(found.clock_used_s):.1f} ms "
+            f"{'behind' if found.clock_used_s > 0.0 else 'ahead of'} that of the positions "
+            f"(± {1e3 * found.time_offset_s[1]:.1f} ms), by ground seen at several times: its times are corrected."
+        )
+        notices.append(Notice("scanner-clock-off", text))
+    return notices
 
 
 def _three(values: FloatArray) -> tuple[float, float, float]:
@@ -151,8 +298,14 @@ class _Fitted:
     cells: int
 
 
-def _fitted(heights: CellHeights, windows: int) -> _Fitted | None:
-    """Least squares of all parameters, the heights of the cells eliminated."""
+def _fitted(heights: CellHeights, prior: FloatArray) -> _Fitted | None:
+    """Least squares of all parameters, the heights of the cells eliminated.
+
+    Args:
+        heights: of the cells at several times.
+        prior: (PARAMETERS,) standard deviations of the parameters before.
+    """
+    windows = int(heights.window.max(initial=0)) + 1
     variance, chosen = smooth_groups(heights)
     cell, several = np.unique(heights.cell[chosen], return_inverse=True)
     if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(cell):
@@ -162,7 +315,7 @@ def _fitted(heights: CellHeights, windows: int) -> _Fitted | None:
     windowed = sparse.csr_matrix((np.ones(len(rows)), (rows, heights.window[chosen])), (len(rows), windows))
     design = sparse.hstack([sparse.csr_matrix(heights.design[chosen]), windowed]).tocsr()
     member = sparse.csr_matrix((np.ones(len(rows)), (several, rows)), (len(cell), len(rows)))
-    spread = np.concatenate([np.full(3, ANGLE), [TIME_S], np.full(LASERS + windows, HEIGHT_M)])
+    spread = np.concatenate([prior, np.full(LASERS + windows, HEIGHT_M)])
     independent = 1.0 / (variance / count + HEIGHT_M**2)
     robust = np.ones(len(rows))
     for _ in range(ROBUST_ROUNDS):

@@ -25,8 +25,8 @@ LEAST_IN_PLANE: Final = 30
 LEAST_IN_GROUP: Final = 3
 SMOOTH: Final = 1.4
 """Only cells count whose heights scatter at most this many times as much as those of the smoothest tenth."""
-PARAMETERS: Final = 4
-"""Three angles about the vehicle's axes, and the time offset."""
+PARAMETERS: Final = 7
+"""Three angles about the vehicle's axes, the time offset, and the scanner's place in the vehicle frame."""
 LASERS: Final = 16
 """Groups of lasers with a range constant each."""
 
@@ -78,21 +78,40 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
         places.append(scan.xyz_m[chosen])
         lasers.append(scan.laser[chosen].astype(np.int64))
     t_s, sensor, laser = np.concatenate(times), np.concatenate(places).astype(np.float64), np.concatenate(lasers)
-    knot, _, inside = trajectory.interval(t_s)
-    order = np.flatnonzero(inside & (np.linalg.norm(sensor, axis=1) > NEAREST_M))
+    order = np.flatnonzero(np.linalg.norm(sensor, axis=1) > NEAREST_M)
     order = order[np.argsort(t_s[order], kind="stable")]
-    t_s, knot = t_s[order], knot[order]
+    group = laser[order] * LASERS // (int(laser.max(initial=0)) + 1)
+    return _with_poses(t_s[order], sensor[order], group, trajectory)
+
+
+def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: float) -> StripReturns:
+    """The returns with the poses at times later by an offset; those without a pose there are left out.
+
+    Args:
+        returns: of the scanner.
+        trajectory: of the frame that carries it.
+        offset_s: time by which the scanner's clock is behind.
+    """
+    return _with_poses(returns.t_s + offset_s, returns.sensor_m, returns.laser, trajectory)
+
+
+def _with_poses(
+    t_s: FloatArray, sensor_m: FloatArray, laser: NDArray[np.int64], trajectory: Trajectory
+) -> StripReturns:
+    """Returns in the order of time with the poses at theirs."""
+    knot, _, inside = trajectory.interval(t_s)
+    t_s, knot = t_s[inside], knot[inside]
     poses, (used, which) = trajectory.at(t_s), np.unique(knot, return_inverse=True)
     step_s = (trajectory.t_s[used + 1] - trajectory.t_s[used])[:, None]
     velocity = (trajectory.xyz_m[used + 1] - trajectory.xyz_m[used]) / step_s
     rate = trajectory.turn_rad[used] / step_s
     attitude = Rotation.from_quat(trajectory.quaternion[used], scalar_first=True)
-    middle = np.median(poses.xyz_m, axis=0) if len(order) else np.zeros(3)
+    middle = np.median(poses.xyz_m, axis=0) if len(t_s) else np.zeros(3)
     local = np.round(middle / CELL_M) * CELL_M
     return StripReturns(
         t_s,
-        sensor[order],
-        laser[order] * LASERS // (int(laser.max(initial=0)) + 1),
+        sensor_m[inside],
+        laser[inside],
         poses.xyz_m - local,
         np.ascontiguousarray(poses.quaternion),
         velocity[which],
@@ -254,5 +273,8 @@ def _sums(xyz, reach, velocity, rotation, laser, cell, window, planes):  # type:
         sums[g, 3] += uz * nx - ux * nz
         sums[g, 4] += ux * ny - uy * nx
         sums[g, 5] += velocity[i, 2] - sx * velocity[i, 0] - sy * velocity[i, 1]
-        sums[g, 6 + laser[i]] += (ux * nx + uy * ny + uz * nz) / np.sqrt(ux * ux + uy * uy + uz * uz)
+        sums[g, 6] += nx
+        sums[g, 7] += ny
+        sums[g, 8] += nz
+        sums[g, 9 + laser[i]] += (ux * nx + uy * ny + uz * nz) / np.sqrt(ux * ux + uy * uy + uz * uz)
     return groups[:used].copy(), sums[:used].copy()

@@ -6,6 +6,7 @@ import datetime as dt
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences
@@ -13,15 +14,18 @@ from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.reports.page_parts import figure, remark, section, table
 from furrowmap.exporters.reports.swath_drawing import half_width_m, swath_histogram
 
+_PARAMETERS: Final = ("roll", "pitch", "yaw", "time", "x", "y", "z")
 MOST_ROWS: Final = 60
 """Maximum length of a table."""
 
 
 def flight_sections(grounds: Sequence[StripGround], found: RunResult) -> Iterator[str]:
-    """Strips and their differences."""
+    """Strips, their differences, and what they show of the scanner's mounting."""
     yield section("Strips", _strips(grounds))
     if found.strip_differences is not None:
         yield section("Strips against each other", _differences(found.strip_differences))
+    if found.boresight is not None:
+        yield section("Mounting of the scanner", _mounting(found.boresight))
 
 
 def _strips(grounds: Sequence[StripGround]) -> str:
@@ -69,6 +73,27 @@ def _differences(differences: StripDifferences) -> str:
     if len(pairs) > len(rows):
         note = f"{len(pairs) - len(rows)} more pairs are in report.json. {note}"
     return f'{graphs}<div class="scroll">{table(head, rows)}</div>{remark(note)}'
+
+
+def _mounting(found: Boresight) -> str:
+    """Every parameter together, with sigma and correlation."""
+    free = found.free
+    units = ("°", "°", "°", " s", " m", " m", " m")
+    rows = []
+    for name, unit, digits, row in zip(_PARAMETERS, units, (4, 4, 4, 5, 4, 4, 4), range(len(units)), strict=True):
+        seen = "yes" if free.observed[row] else "no"
+        off = free.value[row] + (found.correction_deg[row] if row < len(found.correction_deg) else 0.0)
+        correlation = [f"{value:+.2f}" for value in free.correlation[row].tolist()]
+        rows.append((name, f"{off:+.{digits}f}{unit}", f"{free.sigma[row]:.{digits}f}{unit}", seen, *correlation))
+    head = ("parameter", "off the stated", "sigma", "observed", *_PARAMETERS)
+    angles, sigmas = (", ".join(f"{v:.3f}°" for v in values) for values in (found.mounting.rpy_deg, found.sigma_deg))
+    note = (
+        f"{'Used' if found.certain else 'Not certain enough to be used'}: rpy_deg {angles}; ± {sigmas} about the axes "
+        "of the vehicle, with the errors of its attitude. The table: all parameters estimated together, the sigmas by "
+        "the ground alone, and the correlations of the errors. Time: by which the scanner's clock is behind. Clock and "
+        "place are corrected only where they are certainly others than stated."
+    )
+    return f'<div class="scroll">{table(head, rows)}</div>{remark(note)}'
 
 
 def _two(figures: SwathDifferences | None) -> tuple[str, str]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.consistency import CONTRADICTION
-from furrowmap.core.calibration.boresight import Boresight
+from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -85,10 +85,19 @@ def _calibration(found: Boresight | None) -> dict[str, Any] | None:
         "rpy_deg": [round(angle, 5) for angle in found.mounting.rpy_deg],
         "sigma_deg": [round(sigma, 5) for sigma in found.sigma_deg],
         "correction_deg": [round(angle, 5) for angle in found.correction_deg],
+        "xyz_m": [round(place, 4) for place in found.mounting.xyz_m],
         "time_offset_s": [round(value, 6) for value in found.time_offset_s],
+        "time_offset_used_s": round(found.clock_used_s if found.certain else 0.0, 6),
         "scatter_m": [round(value, 4) for value in found.scatter_m],
         "cells": found.cells,
         "used": found.certain,
+        "together": {
+            "parameters": NAMES,
+            "value": [round(value, 6) for value in found.free.value.tolist()],
+            "sigma": [round(value, 6) for value in found.free.sigma.tolist()],
+            "correlation": found.free.correlation.round(3).tolist(),
+            "not_observed": [name for name, seen in zip(NAMES, found.free.observed, strict=True) if not seen],
+        },
     }
     return {"lidar": lidar}
 
@@ -278,6 +287,8 @@ def _clocks(found: RunResult) -> dict[str, Any]:
         constants, used_s = found.matched.seen.constants, found.matched.clock_used_s
         if math.isfinite(constants.clock_sigma_s):
             estimate = [round(stated_s + used_s + constants.clock_s, 4), round(constants.clock_sigma_s, 4)]
+    if found.boresight is not None and found.boresight.certain:
+        used_s -= found.boresight.clock_used_s
     track = found.located.trajectory.t_s
     return {
         "lidar": [

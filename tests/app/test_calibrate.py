@@ -44,7 +44,7 @@ def found(*, turned: bool, late: bool) -> Calibration:
 
 def test_what_was_found_takes_its_place_and_nothing_else_changes() -> None:
     text = calibrated_text(SESSION, found(turned=True, late=True))
-    expected = SESSION.replace("[0.0, 40.0, 180.0]", "[0.500, 39.500, 180.250]").replace("= 0.1 ", "= 0.250 ")
+    expected = SESSION.replace("[0.0, 40.0, 180.0]", "[0.500, 39.500, 180.250]").replace("= 0.1 ", "= 0.2500 ")
     assert text == expected
 
 
