@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.calibrate import calibrate as calibrate
     from furrowmap.workflows.check import CheckSettings as CheckSettings
     from furrowmap.workflows.check import check as check
+    from furrowmap.workflows.check import check_pairs as check_pairs
     from furrowmap.workflows.clean import CleanSettings as CleanSettings
     from furrowmap.workflows.clean import clean as clean
     from furrowmap.workflows.evaluate_gnss import EvaluationSettings as EvaluationSettings
@@ -118,6 +119,7 @@ _HOMES = {
     "allowing": "core.values.allowances",
     "calibrate": "workflows.calibrate",
     "check": "workflows.check",
+    "check_pairs": "workflows.check",
     "clean": "workflows.clean",
     "evaluate_gnss": "workflows.evaluate_gnss",
     "evaluate_log": "workflows.evaluate_gnss",

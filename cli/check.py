@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from furrowmap.core.values.errors import RefusedError, printable
 
 if TYPE_CHECKING:
     from furrowmap import Check
+    from furrowmap.core.checking.paired_points import PairedPoints
 
 CLASS = click.FloatRange(0.0, min_open=True)
 
@@ -43,6 +45,11 @@ CLASS = click.FloatRange(0.0, min_open=True)
 @click.option(
     "--require-horizontal", type=CLASS, metavar="METRES", help="Maximum horizontal RMSE (else exit status 4)."
 )
+@click.option(
+    "--pairs",
+    is_flag=True,
+    help="Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.",
+)
 @click.option("--table", "table_file", type=FILE, metavar="FILE", help="Write a CSV table of the errors at each point.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing table.")
 @common_options
@@ -58,6 +65,7 @@ def check(
     require_horizontal: float | None,
     table_file: Path | None,
     *,
+    pairs: bool,
     overwrite: bool,
 ) -> None:
     """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (CSV or GeoPackage).
@@ -68,6 +76,19 @@ def check(
     RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
     settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical)
+    if pairs:
+        with console.work() as progress:
+            paired = furrowmap.check_pairs(
+                product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
+            )
+        rms_m = paired.plain()["rms_m"]
+        verdicts = _verdicts(rms_m["z"], paired.plain()["rms_horizontal_m"], require_vertical, require_horizontal)
+        for notice in paired.notices:
+            console.warn(notice)
+        answer = {"measured": product, **paired.plain(), "verdicts": verdicts, "warnings": paired.notices}
+        console.answer(answer, _pair_words(paired))
+        _exit_unless_met(verdicts)
+        return
     with console.work() as progress:
         found = furrowmap.check(
             product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
@@ -75,15 +96,8 @@ def check(
     for notice in found.notices:
         console.warn(notice)
     accuracy, rows = found.accuracy, [point.row() for point in found.points]
-    asked = (
-        ("vertical", accuracy.vertical.rmse_m if accuracy.vertical is not None else None, require_vertical),
-        ("horizontal", accuracy.horizontal_m, require_horizontal),
-    )
-    verdicts: dict[str, Any] = {
-        name: {"rmse_m": rmse_m, "required_m": least, "met": rmse_m is not None and rmse_m <= least}
-        for name, rmse_m, least in asked
-        if least is not None
-    }
+    vertical_m = accuracy.vertical.rmse_m if accuracy.vertical is not None else None
+    verdicts = _verdicts(vertical_m, accuracy.horizontal_m, require_vertical, require_horizontal)
     precision = accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
     answer = {
         "product": product,
@@ -96,6 +110,23 @@ def check(
         "warnings": found.notices,
     }
     console.answer(answer, _words(found, rows, precision))
+    _exit_unless_met(verdicts)
+
+
+def _verdicts(
+    vertical_m: float | None, horizontal_m: float | None, least_vertical_m: float | None, least_m: float | None
+) -> dict[str, Any]:
+    """Whether the required accuracies are met."""
+    asked = (("vertical", vertical_m, least_vertical_m), ("horizontal", horizontal_m, least_m))
+    return {
+        name: {"rmse_m": rmse_m, "required_m": least, "met": rmse_m is not None and rmse_m <= least}
+        for name, rmse_m, least in asked
+        if least is not None
+    }
+
+
+def _exit_unless_met(verdicts: dict[str, Any]) -> None:
+    """Say which required accuracy is not met, and end with exit status 4 then."""
     for name, verdict in verdicts.items():
         if not verdict["met"]:
             put_error(_unmet(name, verdict["rmse_m"], verdict["required_m"]))
@@ -140,6 +171,23 @@ def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) 
     worst = sorted((row for row in rows if row["error_h_m"] is not None), key=lambda row: -abs(row["error_h_m"]))[:5]
     lines += [("largest errors", ", ".join(f"{printable(row['name'])} {row['error_h_m']:+.3f} m" for row in worst))]
     return table(lines)
+
+
+def _pair_words(paired: PairedPoints) -> str:
+    """Differences of each point, then their mean and RMS."""
+    lines = [("", f"{'X':>9} {'Y':>9} {'Z':>9}   measured less surveyed, m")]
+    lines += [
+        (printable(name), _axes(row)) for name, row in zip(paired.name, paired.difference_m.tolist(), strict=True)
+    ]
+    lines += [("mean", _axes(paired.mean_m.tolist())), ("RMS", _axes(paired.rms_m.tolist(), ""))]
+    if paired.unpaired:
+        lines.append(("not paired", ", ".join(map(printable, paired.unpaired))))
+    return table(lines)
+
+
+def _axes(values: list[float], sign: str = "+") -> str:
+    """Three numbers in columns."""
+    return " ".join(f"{value:>{sign}9.4f}" if math.isfinite(value) else f"{'—':>9}" for value in values)
 
 
 def _component(part: Any) -> str:

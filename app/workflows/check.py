@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from furrowmap.core.checking.check import Check, check_product
 from furrowmap.core.checking.cloud_at_points import Targets
+from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.reports.check_table import write_check_table
+from furrowmap.exporters.reports.check_table import write_check_table, write_pairs_table
+
+TABLES: Final = frozenset({".csv", ".txt", ".tsv", ".gpkg"})
+"""Suffixes of tables of points; anything else is a product."""
 
 if TYPE_CHECKING:
     import pyproj
@@ -76,3 +80,40 @@ def check(
     if table is not None:
         write_check_table(Path(table), found)
     return found
+
+
+def check_pairs(
+    measured: str | Path,
+    surveyed: str | Path,
+    settings: CheckSettings = CheckSettings(),
+    *,
+    crs: str | pyproj.CRS | None = None,
+    table: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> PairedPoints:
+    """Compare points that are named alike: differences and their RMS in easting, northing and height.
+
+    Args:
+        measured: CSV or GeoPackage of points measured in a product, or a cloud or surface to measure them in.
+        surveyed: CSV or GeoPackage of the survey.
+        settings: targets, for a cloud.
+        crs: of the plane for points in degrees; for a product as in :func:`check`.
+        table: CSV to write, one point a row.
+        overwrite: replace the CSV.
+        progress: is called with the share of a cloud read.
+
+    Raises:
+        InputError: if a file cannot be read, or no points belong together.
+        RefusedError: if the CRS cannot be changed safely, or the CSV exists.
+    """
+    if table is not None:
+        refuse_existing(Path(table), overwrite=overwrite)
+    if Path(measured).suffix.lower() in TABLES:
+        pairs = pairs_of_files(Path(measured), Path(surveyed), optional_crs(crs))
+    else:
+        found = check(measured, surveyed, settings, crs=crs, progress=progress)
+        pairs = pairs_of_product(found.points, found.notices)
+    if table is not None:
+        write_pairs_table(Path(table), pairs)
+    return pairs

@@ -94,6 +94,18 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
 
 
+def in_degrees(path: Path) -> bool:
+    """Whether a table has longitudes and latitudes; false for a GeoPackage, and for what cannot be read."""
+    try:
+        with path.open("rb") as file:
+            if file.read(16).startswith(b"SQLite format 3"):
+                return False
+        columns = read_table(path).columns
+    except (ValueError, OSError):
+        return False
+    return next((name for name in _NAMES["x"] if name in columns), None) in _DEGREES
+
+
 def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
     """The columns, and whether they are longitudes and latitudes."""
     try:

@@ -1,0 +1,159 @@
+"""Points measured twice, in a product and by a survey, paired by their names."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.point_check import PointCheck
+from furrowmap.core.checking.surveyed_points import SurveyedPoints, in_degrees, read_points
+from furrowmap.core.values.errors import InputError, Notice
+
+FloatArray = NDArray[np.float64]
+
+AXES: Final = ("x", "y", "z")
+COLUMNS: Final = (
+    "name", *(f"measured_{axis}_m" for axis in AXES), *(f"surveyed_{axis}_m" for axis in AXES),
+    *(f"difference_{axis}_m" for axis in AXES),
+)  # fmt: skip
+_PLANE: Final = pyproj.CRS.from_epsg(3857)
+"""Stands for any plane: tables in the same one are not transformed."""
+
+
+@dataclass(frozen=True)
+class PairedPoints:
+    """n points with two places each: easting (x), northing (y), height (z).
+
+    Attributes:
+        name: (n,) of each.
+        measured_m: (n, 3) in the product; nan where a component was not measured.
+        surveyed_m: (n, 3) by the survey.
+        unpaired: names that only one of both has.
+    """
+
+    name: tuple[str, ...]
+    measured_m: FloatArray
+    surveyed_m: FloatArray
+    unpaired: tuple[str, ...] = ()
+    notices: tuple[Notice, ...] = ()
+
+    @property
+    def difference_m(self) -> FloatArray:
+        """(n, 3) measured less surveyed."""
+        out: FloatArray = self.measured_m - self.surveyed_m
+        return out
+
+    @property
+    def rms_m(self) -> FloatArray:
+        """(3,) root mean square of the differences; nan for a component that was nowhere measured."""
+        return self._over_points(self.difference_m**2) ** 0.5
+
+    @property
+    def mean_m(self) -> FloatArray:
+        """(3,) mean of the differences."""
+        return self._over_points(self.difference_m)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a point; None where something was not measured."""
+        numbers = np.column_stack([self.measured_m, self.surveyed_m, self.difference_m])
+        return [
+            dict(zip(COLUMNS, (name, *map(_known, row)), strict=True))
+            for name, row in zip(self.name, numbers.tolist(), strict=True)
+        ]
+
+    def plain(self) -> dict[str, Any]:
+        """Statistics and points, as JSON has them."""
+        count = np.isfinite(self.difference_m).sum(axis=0).tolist()
+        return {
+            "pairs": dict(zip(AXES, count, strict=True)),
+            "mean_m": dict(zip(AXES, map(_known, self.mean_m.tolist()), strict=True)),
+            "rms_m": dict(zip(AXES, map(_known, self.rms_m.tolist()), strict=True)),
+            "rms_horizontal_m": _known(float(np.hypot(self.rms_m[0], self.rms_m[1]))),
+            "points": self.rows(),
+            "unpaired": list(self.unpaired),
+        }
+
+    def _over_points(self, values: FloatArray) -> FloatArray:
+        known = np.isfinite(values)
+        total = np.where(known, values, 0.0).sum(axis=0)
+        return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+
+
+def pairs_of_files(measured: Path, surveyed: Path, crs: pyproj.CRS | None = None) -> PairedPoints:
+    """The points that two CSV or GeoPackage files name alike.
+
+    Args:
+        measured: points measured in a product.
+        surveyed: points of the survey.
+        crs: of the plane in which they are compared, needed for longitudes and latitudes.
+
+    Raises:
+        InputError: if a file cannot be read, names a point twice, or both have no name in common.
+        RefusedError: if PROJ has no exact transformation.
+    """
+    if crs is None and any(in_degrees(path) for path in (measured, surveyed)):
+        raise InputError(
+            f"{measured.name} and {surveyed.name}: longitudes and latitudes, without a CRS.",
+            "Differences in metres need a plane.",
+            "Give a projected CRS with --crs, such as that of the session.",
+            code="pairs-need-crs",
+        )
+    target = crs if crs is not None else _PLANE
+    return paired(read_points(measured, target), read_points(surveyed, target), measured, surveyed)
+
+
+def paired(one: SurveyedPoints, other: SurveyedPoints, measured: Path, surveyed: Path) -> PairedPoints:
+    """The points of two tables that have one name, in the order of the survey.
+
+    Raises:
+        InputError: if a table names a point twice, or both have no name in common.
+    """
+    for points, path in ((one, measured), (other, surveyed)):
+        name, count = Counter(points.name).most_common(1)[0]
+        if count > 1:
+            raise InputError(
+                f"{path} names the point {name!r} {count} times.",
+                "Points are paired by their names.",
+                "Give each point a name of its own.",
+                code="pairs-repeated",
+            )
+    there = {name: k for k, name in enumerate(one.name)}
+    chosen = [k for k, name in enumerate(other.name) if name in there]
+    if not chosen:
+        raise InputError(
+            f"{measured} and {surveyed} have no point of the same name.",
+            f"Points are paired by their names, such as {one.name[0]!r} and {other.name[0]!r}.",
+            "Give the points of both the same names.",
+            code="pairs-none",
+        )
+    names = tuple(other.name[k] for k in chosen)
+    return PairedPoints(
+        names,
+        one.xyz_m[[there[name] for name in names]],
+        other.xyz_m[chosen],
+        tuple(sorted(set(one.name) ^ set(other.name))),
+        (*one.notices, *other.notices),
+    )
+
+
+def pairs_of_product(points: Sequence[PointCheck], notices: tuple[Notice, ...]) -> PairedPoints:
+    """The points at which a product was measured: heights, and places where targets were found."""
+    seen = [point for point in points if np.isfinite(point.found_m).any()]
+    return PairedPoints(
+        tuple(point.name for point in seen),
+        np.array([point.found_m for point in seen], np.float64).reshape(-1, 3),
+        np.array([point.surveyed_m for point in seen], np.float64).reshape(-1, 3),
+        tuple(point.name for point in points if not np.isfinite(point.found_m).any()),
+        notices,
+    )
+
+
+def _known(value: float) -> float | None:
+    return round(value, 4) if np.isfinite(value) else None
