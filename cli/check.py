@@ -81,11 +81,19 @@ def check(
             paired = furrowmap.check_pairs(
                 product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
             )
-        rms_m = paired.plain()["rms_m"]
-        verdicts = _verdicts(rms_m["z"], paired.plain()["rms_horizontal_m"], require_vertical, require_horizontal)
+        accuracy = paired.accuracy()
+        verdicts = _verdicts(
+            accuracy["rmse_vertical_m"], accuracy["rmse_horizontal_m"], require_vertical, require_horizontal
+        )
         for notice in paired.notices:
             console.warn(notice)
-        answer = {"measured": product, **paired.plain(), "verdicts": verdicts, "warnings": paired.notices}
+        answer = {
+            "measured": product,
+            **paired.plain(),
+            "accuracy": accuracy,
+            "verdicts": verdicts,
+            "warnings": paired.notices,
+        }
         console.answer(answer, _pair_words(paired))
         _exit_unless_met(verdicts)
         return
@@ -95,15 +103,15 @@ def check(
         )
     for notice in found.notices:
         console.warn(notice)
-    accuracy, rows = found.accuracy, [point.row() for point in found.points]
-    vertical_m = accuracy.vertical.rmse_m if accuracy.vertical is not None else None
-    verdicts = _verdicts(vertical_m, accuracy.horizontal_m, require_vertical, require_horizontal)
-    precision = accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
+    rows = [point.row() for point in found.points]
+    vertical_m = found.accuracy.vertical.rmse_m if found.accuracy.vertical is not None else None
+    verdicts = _verdicts(vertical_m, found.accuracy.horizontal_m, require_vertical, require_horizontal)
+    precision = found.accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
     answer = {
         "product": product,
         "kind": found.kind,
         "crs": found.crs.name,
-        "accuracy": accuracy.plain(),
+        "accuracy": found.accuracy.plain(),
         "verdicts": verdicts,
         "precision": precision,
         "points": rows,

@@ -75,10 +75,17 @@ class PairedPoints:
             "pairs": dict(zip(AXES, count, strict=True)),
             "mean_m": dict(zip(AXES, map(_known, self.mean_m.tolist()), strict=True)),
             "rms_m": dict(zip(AXES, map(_known, self.rms_m.tolist()), strict=True)),
-            "rms_horizontal_m": _known(float(np.hypot(self.rms_m[0], self.rms_m[1]))),
             "points": self.rows(),
             "unpaired": list(self.unpaired),
         }
+
+    def accuracy(self) -> dict[str, float | None]:
+        """Root mean squares in height, in the plane and in space, under the names of a check."""
+        east, north, up = self.rms_m.tolist()
+        horizontal = float(np.hypot(east, north))
+        values = (up, horizontal, float(np.hypot(horizontal, up)))
+        names = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
+        return dict(zip(names, map(_known, values), strict=True))
 
     def _over_points(self, values: FloatArray) -> FloatArray:
         known = np.isfinite(values)
