@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from importlib.metadata import version
 
     from furrowmap.core.checking.check import Check as Check
+    from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
     from furrowmap.core.evaluation.evaluation import Evaluation as Evaluation
     from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
@@ -105,6 +106,7 @@ _HOMES = {
     "Frame": "core.session.frames",
     "FrameTree": "core.session.frames",
     "POINT": "points",
+    "PairedPoints": "core.checking.paired_points",
     "Points": "points",
     "ProposedSession": "workflows.propose",
     "Raster": "results",

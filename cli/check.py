@@ -15,8 +15,7 @@ from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import RefusedError, printable
 
 if TYPE_CHECKING:
-    from furrowmap import Check
-    from furrowmap.core.checking.paired_points import PairedPoints
+    from furrowmap import Check, PairedPoints
 
 CLASS = click.FloatRange(0.0, min_open=True)
 
@@ -76,26 +75,13 @@ def check(
     RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
     settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical)
+    required = (require_vertical, require_horizontal)
     if pairs:
         with console.work() as progress:
             paired = furrowmap.check_pairs(
                 product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
             )
-        accuracy = paired.accuracy()
-        verdicts = _verdicts(
-            accuracy["rmse_vertical_m"], accuracy["rmse_horizontal_m"], require_vertical, require_horizontal
-        )
-        for notice in paired.notices:
-            console.warn(notice)
-        answer = {
-            "measured": product,
-            **paired.plain(),
-            "accuracy": accuracy,
-            "verdicts": verdicts,
-            "warnings": paired.notices,
-        }
-        console.answer(answer, _pair_words(paired))
-        _exit_unless_met(verdicts)
+        _answer_pairs(console, product, paired, required)
         return
     with console.work() as progress:
         found = furrowmap.check(
@@ -105,7 +91,7 @@ def check(
         console.warn(notice)
     rows = [point.row() for point in found.points]
     vertical_m = found.accuracy.vertical.rmse_m if found.accuracy.vertical is not None else None
-    verdicts = _verdicts(vertical_m, found.accuracy.horizontal_m, require_vertical, require_horizontal)
+    verdicts = _verdicts(vertical_m, found.accuracy.horizontal_m, required)
     precision = found.accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
     answer = {
         "product": product,
@@ -121,11 +107,24 @@ def check(
     _exit_unless_met(verdicts)
 
 
+def _answer_pairs(
+    console: Console, product: Path, paired: PairedPoints, required: tuple[float | None, float | None]
+) -> None:
+    """Put paired points out, and judge them."""
+    accuracy = paired.accuracy()
+    verdicts = _verdicts(accuracy["rmse_vertical_m"], accuracy["rmse_horizontal_m"], required)
+    for notice in paired.notices:
+        console.warn(notice)
+    plain = {"accuracy": accuracy, "verdicts": verdicts, "warnings": paired.notices}
+    console.answer({"measured": product, **paired.plain(), **plain}, _pair_words(paired))
+    _exit_unless_met(verdicts)
+
+
 def _verdicts(
-    vertical_m: float | None, horizontal_m: float | None, least_vertical_m: float | None, least_m: float | None
+    vertical_m: float | None, horizontal_m: float | None, required: tuple[float | None, float | None]
 ) -> dict[str, Any]:
-    """Whether the required accuracies are met."""
-    asked = (("vertical", vertical_m, least_vertical_m), ("horizontal", horizontal_m, least_m))
+    """Whether the required accuracies, vertical and horizontal, are met."""
+    asked = (("vertical", vertical_m, required[0]), ("horizontal", horizontal_m, required[1]))
     return {
         name: {"rmse_m": rmse_m, "required_m": least, "met": rmse_m is not None and rmse_m <= least}
         for name, rmse_m, least in asked
