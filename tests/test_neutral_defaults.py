@@ -24,6 +24,7 @@ EVERY_ONE: Final = {
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
     "core/readers/geotiff.py open_geotiff(with_heights)": True,
     "core/values/scan.py Scan.whole": True,
+    "core/session/frames.py Frame.has_axes": True,  # a frame is drawn with its axes
 }
 """Nothing is left out unasked."""
 FACTORS: Final = {
@@ -54,6 +55,7 @@ PUBLISHED: Final = {
     "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
 }
 OWN: Final = {
+    "app/workflows/solve_gnss.py SolveSettings.mask_deg": 15.0,
     "app/workflows/check.py CheckSettings.diameter_m": 0.3,
     "core/checking/check.py check_product(diameter_m)": 0.3,
     "core/checking/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
