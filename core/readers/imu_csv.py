@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.attitude_csv import LEVEL, NORTHS, AttitudeCsv
 from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
@@ -30,6 +32,13 @@ FORCES: Final = {"mps2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-
 """Units at the end of a column's name, and their factors to rad/s and m/s²."""
 NAMES: Final = {"rate": ("gyro", "rate", "gyr"), "force": ("force", "accel", "acc")}
 """Begins of the columns' names."""
+UNITS: Final = {
+    "time": {"unix_s": 1.0, "unix_ms": 1e-3, "unix_us": 1e-6, "unix_ns": 1e-9, "gps_s": 1.0, "gps_ms": 1e-3},
+    "gyro": {"deg/s": np.pi / 180.0, "rad/s": 1.0, "mdeg/s": 1e-3 * np.pi / 180.0, "mrad/s": 1e-3},
+    "force": {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
+}
+QUANTITIES: Final = ("time", *(f"{kind}_{axis}" for kind in ("gyro", "force") for axis in "xyz"))
+"""Quantities and units of `[imu.columns]`, and the factors of the units to s, rad/s and m/s²."""
 
 
 class ImuCsv(FileReader):
@@ -75,7 +84,8 @@ class ImuCsv(FileReader):
             names, _ = columns_of(next(pieces(source, []), b"").decode("utf-8", "replace"))
         angles = [name for name in names if name in (*LEVEL, *NORTHS)]
         facts = {**inertial_facts(track), "attitude": angles or "none"}
-        return Inspection(self.paths[0], self.format, self.title, facts, (clock,), tuple(reader.notices))
+        notices = (*reader.notices, *imu_notices(track))
+        return Inspection(self.paths[0], self.format, self.title, facts, (clock,), notices)
 
     def attitude(self) -> AttitudeTrack:
         """The attitudes in columns beside the measurements, as in an attitude log.
@@ -93,7 +103,8 @@ class ImuCsv(FileReader):
         with Source(path) as source:
             lines = pieces(source, self.notices)
             names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
-            columns = _Columns.of(names, path)
+            stated = self.options.columns
+            columns = _Columns.stated(names, stated, path) if stated else _Columns.of(names, path)
             blocks, line = [np.empty((0, 7))], 2
             for piece in lines:
                 blocks.append(numbers(piece, names, separator, columns.names, path, line))
@@ -107,6 +118,7 @@ class ImuCsv(FileReader):
             self.notices.append(Notice("rows-incomplete", text))
         rows = rows[whole]
         values = rows[:, 1:] * columns.factors
+        rows[:, 0] *= columns.seconds
         beyond = first_beyond(values)
         if beyond is not None:
             count, row, first = beyond
@@ -128,11 +140,49 @@ class _Columns:
         names: of time, angular rate, specific force.
         scale: of the time.
         factors: (6,) to rad/s and m/s².
+        seconds: the unit of the time.
     """
 
     names: tuple[str, ...]
     scale: str
     factors: FloatArray
+    seconds: float = 1.0
+
+    @classmethod
+    def stated(cls, names: Sequence[str], stated: Mapping[str, tuple[str, str, float]], path: Path) -> _Columns:
+        """The columns that the session states.
+
+        Raises:
+            InputError: if a column is not in the file, a quantity or a unit is unknown, or a quantity is missing.
+        """
+        found: dict[str, tuple[str, str, float]] = {}
+        for name, (quantity, unit, scale) in stated.items():
+            known = UNITS.get(quantity.partition("_")[0], {}) if quantity in QUANTITIES else {}
+            if name not in names:
+                near = get_close_matches(name, names, 3, 0.4) or list(names[:8])
+                raise _bad_columns(f"{path}, line 1: no column {name!r}", f"There are {', '.join(near)}.")
+            if quantity not in QUANTITIES:
+                what = f"`imu.columns`: {name!r} is stated to be {quantity!r}"
+                raise _bad_columns(what, f"Quantities are {', '.join(QUANTITIES)}.")
+            if unit not in known:
+                what = f"`imu.columns`: {name!r} ({quantity}) is stated in {unit!r}"
+                raise _bad_columns(what, f"Units of it are {', '.join(known)}.")
+            if quantity in found:
+                raise _bad_columns(
+                    f"`imu.columns`: {found[quantity][0]!r} and {name!r} are both {quantity}", "State one."
+                )
+            found[quantity] = (name, unit, scale)
+        missing = [quantity for quantity in QUANTITIES if quantity not in found]
+        if missing:
+            raise _bad_columns(f"`imu.columns` has no {', '.join(missing)}", "State the column of each.")
+        time, unit, _ = found["time"]
+        axes = [found[quantity] for quantity in QUANTITIES[1:]]
+        factors = [
+            scale * UNITS[quantity.partition("_")[0]][unit]
+            for quantity, (_, unit, scale) in zip(QUANTITIES[1:], axes, strict=True)
+        ]
+        scale_name = "gps" if unit.startswith("gps") else "unix"
+        return cls((time, *(name for name, _, _ in axes)), scale_name, np.array(factors), UNITS["time"][unit])
 
     @classmethod
     def of(cls, names: Sequence[str], path: Path) -> _Columns:
@@ -148,6 +198,15 @@ class _Columns:
             )
         units = [(RATES if kind == "rate" else FORCES)[column[1]] for kind, _, column in found if column is not None]
         return cls((time, *(c[0] for _, _, c in found if c is not None)), TIMES[time], np.array(units))
+
+
+def _bad_columns(what: str, remedy: str) -> InputError:
+    return InputError(
+        f"{what}.",
+        "An IMU has a time, three angular rates and three specific forces; `[imu.columns]` states them all.",
+        f"{remedy} See docs/reference/session.md, `imu.columns`.",
+        code="imu-columns",
+    )
 
 
 def _column(names: Sequence[str], kind: str, axis: str) -> tuple[str, str] | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -40,6 +40,7 @@ class ReadOptions:
         time: time scale of trajectory files that do not state it, "utc" or "gps".
         week: GPS week, for files with seconds of the week.
         task: id or name of the task to read, for task data with several.
+        columns: what the columns of a CSV are: name → (quantity, unit, scale); empty for names that say it.
         topic: name of the topic to read, for bags with several of a kind.
         glance_s: one scan in this many seconds is sufficient; a reader may yield more if skipping saves no time.
     """
@@ -51,6 +52,7 @@ class ReadOptions:
     week: int | None = None
     task: str | None = None
     topic: str | None = None
+    columns: Mapping[str, tuple[str, str, float]] = field(default_factory=dict)
     glance_s: float | None = None
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, Protocol, cast
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
+from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import (
     AttitudeReader,
     ClockReading,
@@ -199,8 +200,13 @@ class OpenSession:
         Raises:
             InputError: as :meth:`positions`.
         """
-        topic = self.session.imu.topic if self.session.imu is not None else None
-        reader = open_recording(self.inputs.inertial, ReadOptions(near_s=near_s, topic=topic))
+        table = self.session.imu
+        assert table is not None
+        columns = {name: (column.quantity, column.unit, column.scale) for name, column in table.columns.items()}
+        options = ReadOptions(near_s=near_s, topic=table.topic, columns=columns)
+        if columns:
+            return ImuCsv(self.inputs.inertial, options)
+        reader = open_recording(self.inputs.inertial, options)
         _expect(reader, GivesInertial, self.inputs.inertial[0], "imu.files")
         return cast("InertialReader", reader)
 

@@ -34,6 +34,7 @@ from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.trajectory.alignment import attitudes
+from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.positions import (
     Offsets,
@@ -45,7 +46,7 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
 )
 from furrowmap.core.values import scratch
-from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
@@ -77,6 +78,7 @@ _ALTERNATIVES: Final = (
     ("its angular rate about the vehicle's x axis had the other sign", np.array([-1.0, 1.0, 1.0]), 1.0),
     ("its angular rate about the vehicle's y axis had the other sign", np.array([1.0, -1.0, 1.0]), 1.0),
     ("its angular rate about the vehicle's z axis had the other sign", np.array([1.0, 1.0, -1.0]), 1.0),
+    ("its axes were left-handed (one axis of both sensors with the other sign, or two swapped)", -1.0, -1.0),
 )
 """What may be wrong, and by which factors of rate and force it is mended."""
 ROUNDS: Final = 10
@@ -177,8 +179,10 @@ def trajectory_from_inertial(
     whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
     problem, start = _first_guess(whole, notices)
     adjusted = _adjusted(problem, start)
+    trajectory = _trajectory(adjusted)
+    notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU")
     return InertialTrajectory(
-        _trajectory(adjusted), positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
+        trajectory, positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
     )
 
 
@@ -232,11 +236,33 @@ def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
             f"{imu.source or 'The IMU'}: its measurements and the positions have less than {SHORTEST_S:g} s in common "
             f"without a pause ({spans}).",
             "No trajectory can be computed from them.",
-            "Check that both were recorded together, and that the times of the IMU are UTC (`time_unix_s`) or GPS time "
-            "(`time_gps_s`).",
+            _likely_offset(imu.t_s, positions_s)
+            or "Check that both were recorded together, and that the times of the IMU are UTC (`time_unix_s`) or GPS "
+            "time (`time_gps_s`).",
             code="imu-no-overlap",
         )
     return np.concatenate(long)
+
+
+def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> str:
+    """A common offset of the IMU's clock with which both would overlap, and what to write; empty without one."""
+    if not (len(imu_s) and len(positions_s)):
+        return ""
+    leap_s = float(gps_minus_utc_s(float(positions_s[0])))
+    common = [(sign * leap_s, "leap seconds") for sign in (1, -1)]
+    common += [(sign * k * HOUR_S, "a local time taken for UTC") for k in range(1, 15) for sign in (1, -1)]
+    common += [(-GPS_EPOCH_S + leap_s, "GPS time taken for UTC since 1970")]
+
+    def overlap_s(offset_s: float) -> float:
+        first = max(imu_s[0] - offset_s, positions_s[0])
+        return float(min(imu_s[-1] - offset_s, positions_s[-1]) - first)
+
+    best_s, cause = max(common, key=lambda offset: overlap_s(offset[0]))
+    if overlap_s(best_s) < 0.5 * min(float(np.ptp(imu_s)), float(np.ptp(positions_s))):
+        return ""
+    return (
+        f"They would overlap with `minus_gnss_s = {best_s:g}` under `[imu]` ({cause}): write that, or mend the times."
+    )
 
 
 def _first_guess(problem: _Problem, notices: list[Notice]) -> tuple[_Problem, State]:

@@ -12,6 +12,7 @@ import numpy as np
 from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.trajectory.from_attitude import (
     AttitudeLogs,
@@ -154,7 +155,8 @@ def _with_imu(
     table = session.imu
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
-    imu, lever_m = Imu(inertial.inertial(), mounting, noise), lever_arm_m(session)
+    measured, lever_m = inertial.inertial(), lever_arm_m(session)
+    imu = Imu(replace(measured, t_s=measured.t_s - table.minus_gnss_s), mounting, noise)
     # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
     aid = Aid(imu.in_vehicle_axes, noise, site_of(track, frame), None) if on_ground else None
@@ -170,7 +172,7 @@ def _with_imu(
         return Located(by_course.trajectory, "gnss", used, notices, by_course.positions, transformed, aid=aid)
     if aid is not None:
         aid = replace(aid, trajectory=found.trajectory)
-    notices = (*transformed.notices, *inertial.notices, *found.notices)
+    notices = (*transformed.notices, *inertial.notices, *imu_notices(measured), *found.notices)
     used = {"used": found.used, "unused": found.unused}
     antenna = found.positions if on_ground else None
     return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures, aid)

@@ -162,6 +162,20 @@ class ImuNoise(_Part, frozen=True):
     accel_walk_mg_rts: _Positive | None = None
 
 
+class ImuColumn(_Part, frozen=True):
+    """A column in `[imu] columns`.
+
+    Attributes:
+        quantity: "time", "gyro_x" to "gyro_z", "force_x" to "force_z".
+        unit: of the numbers, such as "deg/s".
+        scale: by which they are multiplied besides; negative for an axis with the other sign.
+    """
+
+    quantity: str
+    unit: str
+    scale: float = 1.0
+
+
 class Imu(_Part, frozen=True, rename={"kind": "class"}):
     """`[imu]`: the inertial measurement unit.
 
@@ -172,6 +186,8 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
         rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
         kind: class of device ("consumer", "industrial", "tactical") or model; the key is `class`.
         noise: figures that replace those of the class.
+        minus_gnss_s: IMU clock minus GNSS clock, if they differ by a constant.
+        columns: what the columns of a CSV are whose names do not say it.
     """
 
     files: tuple[str, ...]
@@ -180,6 +196,8 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     kind: str = "industrial"
     noise: ImuNoise = ImuNoise()
+    minus_gnss_s: float = 0.0
+    columns: dict[str, ImuColumn] = {}  # msgspec copies an empty default
 
 
 class Attitude(_Part, frozen=True):
@@ -282,6 +300,8 @@ EXAMPLES: Final = {
     "imu.xyz_m": "[-0.04, -0.01, -0.29]",
     "imu.rpy_deg": "[180.0, 0.0, 0.0]",
     "imu.class": '"VN-200"',
+    "imu.minus_gnss_s": "0.0",
+    "imu.columns": '{ gyroX = { quantity = "gyro_x", unit = "deg/s" } }',
     "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
     "attitude.roll_pitch": '"ahrs_imu.csv"',
     "attitude.heading": '"ahrs_aircraft.csv"',

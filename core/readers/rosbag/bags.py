@@ -303,9 +303,11 @@ class _RosBag(FileReader):
         return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        from furrowmap.core.readers.imu_check import imu_notices
         from furrowmap.core.readers.inertial_rows import inertial_facts
 
         track, chosen, log = self._inertial()
+        self._add_notices(*imu_notices(track))
         facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
         note = f"time stamps of the IMU by its driver; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)

@@ -1,0 +1,145 @@
+"""What measurements of an IMU show about themselves: gravity, units, axes, times.
+
+An IMU that turns sees gravity turn the other way: the change of the specific force over a second is what the angular
+rate says, but for accelerations, which come and go. That compares units, signs and axes of both sensors.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
+
+FloatArray = NDArray[np.float64]
+
+GRAVITY_OFF: Final = 0.05
+"""Share by which the mean specific force may differ from gravity: biases are below 30 mg, slow motion adds little."""
+NO_GRAVITY_MPS2: Final = 5.0
+STEP_S: Final = 0.1
+WINDOW: Final = 10
+"""Steps over which turns are compared: a second."""
+LONGEST_S: Final = 1200.0
+"""More than this is not needed."""
+SEEN_RAD: Final = 0.02
+"""RMS turn of gravity in a window from which units and axes show."""
+CLOSER: Final = 0.6
+"""Residuals by which other axes must be better than those stated."""
+EXPLAINED: Final = 0.5
+"""Share of gravity's turn that must be explained for an answer to be named."""
+JITTER: Final = 0.3
+"""Scatter of the intervals, in shares of one, from which times are those of arrival."""
+PAUSE: Final = 10.0
+"""Intervals of so many usual ones are pauses, not bursts."""
+BURST: Final = 20
+_DEGREE: Final = float(np.pi / 180.0)
+
+
+def imu_notices(track: InertialTrack) -> list[Notice]:
+    """What is wrong with measurements, and what to write in the session or in the file."""
+    name = track.source or "The IMU"
+    return [*_gravity(track, name), *_axes(track, name), *_times(track, name)]
+
+
+def _gravity(track: InertialTrack, name: str) -> list[Notice]:
+    """Whether the specific force at rest or in slow motion is gravity."""
+    size = float(np.median(np.linalg.norm(_resampled(track)[1], axis=1))) if len(track) > 1 else 0.0
+    share = size / STANDARD_GRAVITY_MPS2
+    if abs(share - 1.0) < GRAVITY_OFF:
+        return []
+    if abs(size - 1.0) < GRAVITY_OFF:
+        cause = "It is in g, not in m/s²: name the columns accel_x_g, or state the unit in `[imu.columns]`."
+    elif abs(share / STANDARD_GRAVITY_MPS2 - 1.0) < GRAVITY_OFF:
+        cause = "It is in m/s², not in g: name the columns force_x_mps2."
+    elif size < NO_GRAVITY_MPS2:
+        cause = "Gravity was removed from it: record the specific force itself (accelerations with gravity)."
+    else:
+        cause = f"Its scale is off by {share:.3g}: correct the unit of its columns."
+    text = (
+        f"{name}: the specific force is {size:.3g} m/s² (median), where gravity is {STANDARD_GRAVITY_MPS2:.2f}. {cause}"
+    )
+    return [Notice("imu-gravity", text)]
+
+
+def _axes(track: InertialTrack, name: str) -> list[Notice]:
+    """Whether angular rate and specific force have the same axes, and the rate its unit."""
+    turn, force = _resampled(track)
+    if len(force) < 3 * WINDOW:
+        return []
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    up = force / np.where(size > 0.0, size, 1.0)
+    swept = np.cumsum(turn, axis=0)
+    swept = swept[WINDOW:] - swept[:-WINDOW]
+    middle, seen = 0.5 * (up[WINDOW:] + up[:-WINDOW]), up[WINDOW:] - up[:-WINDOW]
+    whole = float((seen**2).sum())
+    if whole < SEEN_RAD**2 * len(seen):
+        return []
+    stated = _misfit(middle, seen, swept)
+    choices = {words: _misfit(middle, seen, factor * swept @ matrix.T) for words, factor, matrix in _alternatives()}
+    best = min(choices, key=lambda words: choices[words])
+    if choices[best] > CLOSER * stated or choices[best] > (1.0 - EXPLAINED) * whole:
+        return []
+    text = (
+        f"{name}: gravity does not turn as the angular rates say. They explain {max(0.0, 1 - stated / whole):.0%} of "
+        f"its turns, and {1 - choices[best] / whole:.0%} if {best}. Correct the columns, or their units."
+    )
+    return [Notice("imu-axes", text)]
+
+
+def _misfit(middle: FloatArray, seen: FloatArray, swept: FloatArray) -> float:
+    """Squares of gravity's turns (n, 3) that turns of the IMU (n, 3) leave unexplained."""
+    return float(((seen + np.cross(swept, middle)) ** 2).sum())
+
+
+def _alternatives() -> list[tuple[str, float, FloatArray]]:
+    """What may be wrong with the rates: in words, and the factor and matrix that mend it; the simplest first."""
+    same = np.eye(3)
+    out = [
+        ("they were in degrees per second instead of radians", _DEGREE, same),
+        ("they were in radians per second instead of degrees", 1.0 / _DEGREE, same),
+        ("they had the other sign", -1.0, same),
+    ]
+    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
+        matrix = np.zeros((3, 3))
+        matrix[range(3), order] = signs
+        if not (np.array_equal(matrix, same) or np.array_equal(matrix, -same)):
+            axes = ", ".join(f"{'−' if sign < 0 else ''}{'xyz'[k]}" for sign, k in zip(signs, order, strict=True))
+            out.append((f"their x, y, z were {axes}", 1.0, matrix))
+    return out
+
+
+def _times(track: InertialTrack, name: str) -> list[Notice]:
+    """Times of arrival, and pauses."""
+    step = np.diff(track.t_s)
+    if len(step) < 3 * BURST:
+        return []
+    mean = float(np.median(track.t_s[BURST:] - track.t_s[:-BURST])) / BURST  # of bursts and pauses alike
+    scatter = float(np.mean(np.abs(step[step < PAUSE * mean] - mean)))
+    notices = []
+    if scatter > JITTER * mean:
+        text = (
+            f"{name}: the intervals scatter by {1e3 * scatter:.1f} ms around {1e3 * mean:.1f} ms: these are times of "
+            "arrival at the computer, not of measurement. Record the times of the device, or of its pulse."
+        )
+        notices.append(Notice("imu-times-of-arrival", text))
+    pauses = step[step >= PAUSE * mean]
+    if len(pauses):
+        text = (
+            f"{name}: {len(pauses)} pauses, {pauses.sum():.2f} s in all, the longest of {pauses.max():.2f} s: "
+            "measurements are missing there."
+        )
+        notices.append(Notice("imu-pauses", text))
+    return notices
+
+
+def _resampled(track: InertialTrack) -> tuple[FloatArray, FloatArray]:
+    """Turn (n, 3) within each step of the first minutes, and mean specific force (n, 3); empty steps are left out."""
+    part = track.t_s < track.t_s[0] + LONGEST_S
+    cell = ((track.t_s[part] - track.t_s[0]) / STEP_S).astype(np.int64)
+    _, first, count = np.unique(cell, return_index=True, return_counts=True)
+    rate, force = (np.add.reduceat(v[part], first) / count[:, None] for v in (track.rate_radps, track.force_mps2))
+    return STEP_S * rate, force

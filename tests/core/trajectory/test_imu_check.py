@@ -1,0 +1,176 @@
+"""The checks of an IMU: each fault is named with what mends it, and a sound one passes."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import furrowmap
+from furrowmap.core.readers.imu_check import imu_notices
+from furrowmap.core.readers.imu_csv import ImuCsv
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.trajectory.from_inertial import Imu, trajectory_from_inertial
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.mounting import Mounting
+from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, frame
+
+FLIGHT = Flight(60.0, 4)
+SOUND = FLIGHT.noisy_imu(rate_hz=100.0)
+
+
+def by_hand() -> InertialTrack:
+    """An IMU that is turned about all axes without being moved: gravity in its axes, and its angular rate."""
+    t = np.arange(0.0, 40.0, 0.01)
+
+    def turn(at: Any) -> Rotation:
+        angles = [60 * np.sin(0.5 * at), 40 * np.sin(0.9 * at + 1.0), 50 * np.sin(0.7 * at + 2.0)]
+        return Rotation.from_euler("ZYX", np.column_stack(angles), degrees=True)
+
+    rate = (turn(t - 1e-4).inv() * turn(t + 1e-4)).as_rotvec() / 2e-4
+    noise = np.random.default_rng(1).normal(0.0, 0.05, (len(t), 3))
+    return InertialTrack(1_779_529_272.0 + t, rate + 0.02 * noise, turn(t).inv().apply([0.0, 0.0, 9.81]) + noise)
+
+
+TURNED = by_hand()
+
+
+def found(track: InertialTrack) -> dict[str, str]:
+    return {notice.code: notice.text for notice in imu_notices(track)}
+
+
+def test_sound_imus__pass(shared_data: Path) -> None:
+    assert found(SOUND) == found(TURNED) == {}
+    assert found(ImuCsv([shared_data / "uav_wheat" / "imu.csv"], ReadOptions()).inertial()) == {}
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1 / 9.80665, "in g, not in m/s²"), (9.80665, "in m/s², not in g"), (1.3, "scale is off by 1.3")],
+)
+def test_gravity__of_another_size_names_the_unit(factor: float, words: str) -> None:
+    assert words in found(replace(SOUND, force_mps2=SOUND.force_mps2 * factor))["imu-gravity"]
+
+
+def test_gravity__that_was_removed_is_named() -> None:
+    force = SOUND.force_mps2 - SOUND.force_mps2.mean(axis=0)
+    assert "Gravity was removed" in found(replace(SOUND, force_mps2=force))["imu-gravity"]
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        (np.eye(3) * 180 / np.pi, "in degrees per second instead of radians"),
+        (np.eye(3) * np.pi / 180, "in radians per second instead of degrees"),
+        (-np.eye(3), "had the other sign"),
+        (np.eye(3)[[1, 0, 2]], "y, x, z"),
+        (np.eye(3)[[1, 2, 0]], "z, x, y"),
+        (np.diag([1.0, -1.0, 1.0]), "x, −y, z"),
+    ],
+)
+def test_rates__of_other_units_and_axes_are_named(matrix: Any, words: str) -> None:
+    assert words in found(replace(TURNED, rate_radps=TURNED.rate_radps @ matrix.T))["imu-axes"]
+
+
+def test_times__of_arrival_and_pauses_are_told() -> None:
+    k = np.arange(len(SOUND))
+    bursts = SOUND.t_s[0] + 0.04 * (k // 4) + 1e-4 * (k % 4)
+    assert "imu-times-of-arrival" in found(replace(SOUND, t_s=bursts))
+    kept = np.ones(len(SOUND), bool)
+    kept[1000:1100] = False
+    cut = InertialTrack(SOUND.t_s[kept], SOUND.rate_radps[kept], SOUND.force_mps2[kept])
+    assert "1 pauses, 1.01 s in all" in found(cut)["imu-pauses"]
+
+
+def turned_by(*rpy_deg: float) -> Mounting:
+    """The mounting as a user would state it who takes the vehicle for turned so."""
+    turn = Rotation.from_euler("ZYX", rpy_deg[::-1], degrees=True).as_matrix()
+    return Mounting.from_rotation(MOUNTING.xyz_m, turn @ MOUNTING.rotation)
+
+
+def run(mounting: Mounting) -> Any:
+    forward = replace_course(FLIGHT)
+    track, imu = forward.track(), forward.imu(100.0)
+    return trajectory_from_inertial(track, Imu(imu, mounting, INDUSTRIAL), frame(), LEVER_M, None)
+
+
+class _Forward(Flight):
+    """A flight along its nose."""
+
+    def xyz_m(self, t_s: Any) -> Any:
+        dense = np.arange(-1.0, self.length_s + 1.0, 0.01)
+        heading = np.radians(self.attitude_deg(dense)[2])
+        way = (
+            np.cumsum(np.column_stack([np.sin(heading), np.cos(heading), 0 * heading]), axis=0) * 0.01 * self.speed_mps
+        )
+        wave = 0.5 * np.sin(0.5 * dense)
+        from scipy.interpolate import CubicSpline
+
+        from tests.core.trajectory.flights import SITE
+
+        return np.asarray(SITE) + CubicSpline(dense, way + np.column_stack([0 * wave, 0 * wave, wave]))(t_s)
+
+
+def replace_course(flight: Flight) -> Flight:
+    return _Forward(flight.length_s, flight.seed, flight.speed_mps)
+
+
+def test_right_mounting__is_not_doubted() -> None:
+    assert "imu-turned" not in {notice.code for notice in run(MOUNTING).notices}
+
+
+def right_words() -> str:
+    return f"[{', '.join(f'{angle:.1f}' for angle in MOUNTING.rpy_deg)}]"
+
+
+@pytest.mark.parametrize("yaw_deg", [90.0, 180.0])
+def test_yaw_off_by_quarters__is_named_with_the_right_one(yaw_deg: float) -> None:
+    texts = {notice.code: notice.text for notice in run(turned_by(0.0, 0.0, yaw_deg)).notices}
+    assert right_words() in texts["imu-turned"]
+
+
+@pytest.mark.parametrize("rpy_deg", [(180.0, 0.0, 0.0), (90.0, 0.0, 0.0), (90.0, 0.0, 90.0)])
+def test_overturned__is_an_error_with_the_right_one(rpy_deg: tuple[float, float, float]) -> None:
+    with pytest.raises(InputError) as caught:
+        run(turned_by(*rpy_deg))
+    assert caught.value.code == "imu-turned"
+    assert right_words() in caught.value.remedy
+
+
+def test_left_handed_axes__are_named_by_the_positions() -> None:
+    imu = FLIGHT.imu(100.0)
+    wrong = replace(imu, rate_radps=-imu.rate_radps, force_mps2=-imu.force_mps2)
+    with pytest.raises(InputError, match="left-handed") as caught:
+        trajectory_from_inertial(FLIGHT.track(), Imu(wrong, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+    assert caught.value.code == "imu-contradicts"
+
+
+def test_clock_off_by_hours__is_named() -> None:
+    late = replace(SOUND, t_s=SOUND.t_s + 7200.0)
+    with pytest.raises(InputError, match="minus_gnss_s = 7200") as caught:
+        trajectory_from_inertial(FLIGHT.track(), Imu(late, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+    assert caught.value.code == "imu-no-overlap"
+
+
+def test_inspect_and_run__report_and_mend(tmp_path: Path, shared_data: Path) -> None:
+    for name in ("gnss.nmea", "imu.csv"):
+        shutil.copyfile(shared_data / "uav_wheat" / name, tmp_path / name)
+    lines = (tmp_path / "imu.csv").read_text(encoding="utf-8").splitlines()
+    late = [lines[0], *(f"{float(r.split(',')[0]) + 30.0:.4f},{r.split(',', 1)[1]}" for r in lines[1:])]
+    (tmp_path / "imu.csv").write_text("\n".join([*late, ""]), encoding="utf-8")
+    (tmp_path / "session.toml").write_text(
+        'furrowmap = 1\n[recording]\ngnss = ["gnss.nmea"]\n[crs]\nmap = "EPSG:25832"\n[imu]\nfiles = ["imu.csv"]\n'
+        "xyz_m = [-0.039, -0.008, -0.294]\nrpy_deg = [180.0, 0.0, 0.0]\nminus_gnss_s = 30.0\n",
+        encoding="utf-8",
+    )
+    result = furrowmap.run(tmp_path / "session.toml", tmp_path / "result")
+    assert result.report["inertial"]["position_rms_m"][0] < 0.02
+    in_g = lines[0].replace("_mps2", "_g")
+    (tmp_path / "imu.csv").write_text("\n".join([in_g, *lines[1:], ""]), encoding="utf-8")
+    assert "imu-gravity" in {notice.code for notice in furrowmap.inspect(tmp_path / "imu.csv").inspection.notices}
