@@ -43,9 +43,19 @@ ROUND_M = (3.0, 6.0, 9.0)
 QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h")
 HEAD = ("height", "heading", "cloud", "its height")
 HARMLESS = frozenset(
-    {"points-without-pose", "gaps", "implement-no-ground", "machine-not-known", "implement-not-seen", "facing-assumed"}
+    {
+        "points-without-pose",
+        "gaps",
+        "implement-no-ground",
+        "machine-not-known",
+        "implement-not-seen",
+        "facing-assumed",
+        "level-assumed",
+        "lever-assumed",
+    }
 )
-"""Notices of what a short recording or its scene does not show, which a right session may have."""
+"""Notices of what a short recording or its scene does not show, which a right session may have: among standing crop
+scans see hardly any ground, and nothing but GNSS and the session determines the poses."""
 GENERAL = ("contradiction",)
 """Begins of codes that name any cause."""
 

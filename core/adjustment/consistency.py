@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.calibration.antenna_sway import CERTAIN, AntennaSway
 from furrowmap.core.calibration.clock_offset import LEAST_GAIN, AntennaConstants
 from furrowmap.core.calibration.ground_plane import GroundTilt
 from furrowmap.core.estimation.knots import STEP_S, Knots
@@ -53,6 +54,7 @@ class Seen:
         drift: drift of the positions, over what the receiver states (RMS).
         constants: between antenna and scanner.
         ground: how it lies in the vehicle frame.
+        sway: what the sway shows of the antenna.
         lever_m: lever arm with which the scans agree better; None where no other was found.
     """
 
@@ -60,6 +62,7 @@ class Seen:
     drift: float = 0.0
     constants: AntennaConstants = field(default_factory=AntennaConstants)
     ground: GroundTilt = field(default_factory=GroundTilt)
+    sway: AntennaSway = field(default_factory=AntennaSway)
     lever_m: tuple[float, float, float] | None = None
 
     @property
@@ -68,7 +71,8 @@ class Seen:
         c = self.constants
         gain = max(c.clock_gain, c.lever_gain)
         by_constants = np.sqrt(gain / LEAST_GAIN) if c.off else 0.0
-        return float(max(self.slip / SLIP_MOST, self.drift / DRIFT_MOST, by_constants, self.ground.tilt_deg / TILT_DEG))
+        ratios = self.slip / SLIP_MOST, self.drift / DRIFT_MOST, self.ground.tilt_deg / TILT_DEG
+        return float(max(*ratios, by_constants, self.sway.certainty / CERTAIN))
 
     def plain(self) -> dict[str, Any]:
         """For `report.json`."""
@@ -81,6 +85,7 @@ class Seen:
             "ground_tilt_deg": round(self.ground.tilt_deg, 1),
             "clock_gain": round(self.constants.clock_gain, 1),
             "lever_arm_gain": round(self.constants.lever_gain, 1),
+            "lever_arm_by_sway_m": self.sway.plain(),
         }
 
     @property
@@ -91,6 +96,9 @@ class Seen:
             return Cause.UPSIDE_DOWN if self.ground.upside_down else Cause.MOUNTING
         if self.factor <= 1.0:
             return None
+        if self.sway.off:
+            apart = Cause.CLOCK if self.sway.clock_s else Cause.LEVER_ARM
+            return Cause.CLOCK_OR_LEVER_ARM if self.sway.unrelated and not self.sway.clock_s else apart
         if self.lever_m is not None:
             return Cause.LEVER_ARM
         if c.off:
@@ -128,11 +136,24 @@ def contradiction_notice(seen: Seen) -> Notice | None:
             f"positions and scans agree better with clocks {c.clock_s:+.3f} s apart, or with an antenna {x:+.2f} m "
             f"further forward and {y:+.2f} m further left"
         )
+    if seen.sway.off:
+        shown.append(_sway_in_words(seen.sway))
     if seen.lever_m is not None:
         x, y, z = seen.lever_m
         shown.append(f"scans agree better with the antenna at [{x:g}, {y:g}, {z:g}]")
     text = f"These results contradict each other: {'; '.join(shown)}. {_LIKELY[cause]}"
     return Notice("contradiction", f"{text} The standard deviations are enlarged.")
+
+
+def _sway_in_words(sway: AntennaSway) -> str:
+    if sway.clock_s:
+        return f"the antenna sways as the vehicle does {sway.clock_s:+.2f} s apart from it by the scanner's clock"
+    off = ", ".join(
+        f"{value:+.2f} ± {sigma:.2f} m further {where}"
+        for value, sigma, where in zip(sway.lever_m, sway.sigma_m, ("forward", "left", "up"), strict=True)
+        if abs(value) > CERTAIN * sigma
+    )
+    return f"the antenna sways with the vehicle's roll and pitch as one that is {off}"
 
 
 def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
@@ -153,7 +174,9 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
     )
 
 
-def enlarged(trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: FloatArray) -> Trajectory:
+def enlarged(
+    trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: FloatArray, turned_deg: float = 0.0
+) -> Trajectory:
     """The trajectory with standard deviations enlarged to what is seen, where results contradict each other.
 
     Args:
@@ -161,6 +184,7 @@ def enlarged(trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: 
         seen: in it.
         lever_m: (3,) of the antenna, as stated.
         sensor_m: (3,) of the scanner, as stated.
+        turned_deg: by how much headings change with the lever arm that fits better.
     """
     if seen.cause is None:
         return trajectory
@@ -170,15 +194,25 @@ def enlarged(trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: 
         place_m = 2.0 * float(np.linalg.norm(sensor_m))
     if seen.lever_m is not None:
         place_m = max(place_m, float(np.linalg.norm(np.subtract(seen.lever_m, lever_m))))
+    if seen.sway.off and not seen.sway.clock_s:
+        place_m = max(place_m, float(np.linalg.norm(seen.sway.lever_m)))
     if c.off:
         speed = float(np.sqrt(np.nanmean(trajectory.speed_mps**2)))
         place_m = max(place_m, abs(c.clock_s) * speed, float(np.hypot(*c.lever_m)))
     sigma[:, :3] = np.hypot(sigma[:, :3], place_m)
     sigma[:, 3:5] = np.hypot(sigma[:, 3:5], turn_deg)
+    sigma[:, 5] = np.hypot(sigma[:, 5], turned_deg)
     return replace(trajectory, sigma=sigma)
 
 
-def seen_in(knots: Knots, state: State, positions: Positions, constants: AntennaConstants, ground: GroundTilt) -> Seen:
+def seen_in(
+    knots: Knots,
+    state: State,
+    positions: Positions,
+    constants: AntennaConstants,
+    ground: GroundTilt,
+    sway: AntennaSway,
+) -> Seen:
     """What an adjusted trajectory shows.
 
     Args:
@@ -187,6 +221,7 @@ def seen_in(knots: Knots, state: State, positions: Positions, constants: Antenna
         positions: of the antenna.
         constants: between antenna and scanner.
         ground: how it lies in the vehicle frame.
+        sway: what the sway shows of the antenna.
     """
     linked = knots.linked
     steps = [(s.sideways_m, s.sigma_m) for s in (AxleSteps.of(linked[p], state) for p in scratch.parts(len(linked)))]
@@ -199,7 +234,7 @@ def seen_in(knots: Knots, state: State, positions: Positions, constants: Antenna
     stated = np.hypot(stated, SLIP_FLOOR_M)
     knot, _, inside = knots.at(positions.t_s)
     drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]
-    return Seen(_rms(sideways / stated), _rms(drift), constants, ground)
+    return Seen(_rms(sideways / stated), _rms(drift), constants, ground, sway)
 
 
 def _rms(values: FloatArray) -> float:

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.adjustment.problem import Adjusted
+from furrowmap.core.calibration.antenna_sway import AntennaSway
 from furrowmap.core.calibration.clock_offset import AntennaConstants
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
 from furrowmap.core.calibration.yaw_ambiguity import Facing
@@ -20,7 +21,7 @@ from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting
 
 HEIGHT_REPORTED_M: Final = 0.05
-_FACING_ASSUMED: Final = Notice(
+FACING_ASSUMED: Final = Notice(
     "facing-assumed",
     "The scans do not show which way the scanner faces: the ground has too little relief, and nothing upright stands "
     "out. The yaw in [lidar] rpy_deg is assumed; were it wrong, the cloud would be turned about the vehicle, by "
@@ -28,10 +29,26 @@ _FACING_ASSUMED: Final = Notice(
 )
 
 
-def match_notices(adjusted: Adjusted, used: Mounting) -> tuple[Notice, ...]:
-    """Unbridged gaps, and a mounting that is off; `used` is the mounting in use."""
+LEVER_ASSUMED: Final = Notice(
+    "lever-assumed",
+    "Neither relief nor the vehicle's sway shows where the antenna stands: the lever arm in [antenna] xyz_m is "
+    "assumed. Were it wrong, the vehicle would be off by as much, and turned wherever it drives in curves, which the "
+    "standard deviations do not include.",
+)
+
+
+def match_notices(adjusted: Adjusted, used: Mounting, sway: AntennaSway) -> tuple[Notice, ...]:
+    """Unbridged gaps, a mounting that is off, and what is assumed.
+
+    Args:
+        adjusted: the result.
+        used: the mounting in use.
+        sway: what the sway shows of the antenna.
+    """
+    assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not sway.known
     stated = adjusted.problem.mounting
-    return (*_gap_notices(adjusted), *mounting_notices(adjusted.calibration, adjusted.facing, stated, used))
+    mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
+    return (*_gap_notices(adjusted), *mounting, *([LEVER_ASSUMED] if assumed else []))
 
 
 def _gap_notices(adjusted: Adjusted) -> list[Notice]:
@@ -70,7 +87,7 @@ def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mountin
             )
         )
     if not facing.shown:
-        notices.append(_FACING_ASSUMED)
+        notices.append(FACING_ASSUMED)
     if abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m:
         notices.append(
             Notice(

@@ -16,6 +16,7 @@ from furrowmap.core.adjustment.match_report import match_figures, match_notices
 from furrowmap.core.adjustment.precision import sigmas, sources_of
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
 from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
+from furrowmap.core.calibration.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.calibration.clock_offset import AntennaConstants, antenna_constants
 from furrowmap.core.calibration.clock_search import Candidate, searched_clock_offset
 from furrowmap.core.calibration.ground_plane import LEVEL, GroundTilt
@@ -40,6 +41,8 @@ FloatArray = NDArray[np.float64]
 
 LEAST_RETURNS: Final = 20_000
 """With fewer returns of the ground in the whole recording there is nothing to match."""
+LEAST_IN_SCAN: Final = 300.0
+"""The same on the mean of the scans: what little a standing crop lets through is not only ground."""
 HEIGHT_STAYS: Final = 0.7
 """Share of the drift of GNSS heights that is constant for a whole session (troposphere, the antenna's own offset)."""
 FIX_REACH_S: Final = 0.5
@@ -114,13 +117,18 @@ def prepare(
         ground: how it lies in the vehicle frame.
         aid: what an IMU adds; None without one.
     """
-    if len(returns) < LEAST_RETURNS:
+    if len(returns) < max(LEAST_RETURNS, LEAST_IN_SCAN * _scans(returns)):
         return None
     problem = Problem.of(returns, start, positions, lever_m, mounting, tool, aid)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
     first = resolve_yaw_ambiguity(problem, Iterate.of(problem))
     return Prepared(problem, first, start, searched_clock_offset(returns, first.sensor, start), ground)
+
+
+def _scans(returns: GroundReturns) -> int:
+    """Number of scans: halves alternate from one to the next."""
+    return 1 + int(np.count_nonzero(np.diff(np.asarray(returns.half, np.int8))))
 
 
 def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
@@ -140,12 +148,15 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
     turned = not np.array_equal(turn, np.eye(3))
     used = Mounting.from_rotation(mounting.xyz_m, turn @ mounting.rotation) if turned else mounting
     # A wrong lever arm looks like a clock offset, and no antenna stands at the vehicle's origin.
-    constants, last = AntennaConstants(), adjusted.last
+    constants, sway, last = AntennaConstants(), AntennaSway(), adjusted.last
     if problem.lever_m.any():
         constants = antenna_constants(
             problem.knots, adjusted.state, adjusted.antenna, last.coarse, last.centre_m, last.free
         )
-    seen = seen_in(problem.knots, adjusted.state, problem.positions, constants, prepared.ground)
+        sway = antenna_sway(problem.knots, adjusted.state, adjusted.antenna, last.held)
+        if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):
+            constants = AntennaConstants(constants.clock_s, constants.clock_sigma_s, constants.clock_gain)
+    seen = seen_in(problem.knots, adjusted.state, problem.positions, constants, prepared.ground, sway)
     return Matched(
         _trajectory(adjusted, prepared.start),
         used,
@@ -154,7 +165,7 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
         adjusted.facing.shown,
         seen,
         match_figures(adjusted, used, constants),
-        match_notices(adjusted, used),
+        match_notices(adjusted, used, sway),
     )
 
 
@@ -167,6 +178,8 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     sigma[:, :2] = np.hypot(sigma[:, :2], _sway_taken_for_noise_m(problem.positions))
     sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
     sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
+    if not adjusted.facing.shown:
+        sigma = as_by_positions(sigma, knots.t_s, start, problem.lever_m)
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
@@ -174,13 +187,17 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     for part in scratch.parts(len(knots)):
         quaternion[part] = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
     fix = _fix(problem.positions, knots.t_s)
+    before = np.where(motion == Motion.STANDING, "standing", start.heading_from[_nearest(start.t_s, knots.t_s)])
     sources = sources_of(
         ground,
         walls,
         np.interp(knots.t_s, start.t_s, start.sigma[:, 5]),
-        np.where(motion == Motion.STANDING, "standing", start.heading_from[_nearest(start.t_s, knots.t_s)]),
+        before,
         fix != Fix.NONE,
     )
+    heading_from = sources.heading
+    if not adjusted.facing.shown:
+        heading_from = np.where(heading_from == "relief", before, heading_from)
     return Trajectory(
         t_s=knots.t_s,
         xyz_m=np.add(state.xyz_m, problem.origin_m, out=scratch.zeros(state.xyz_m.shape)),
@@ -189,12 +206,33 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         motion=motion,
         fix=fix,
         sigma=scratch.copied(sigma),
-        heading_from=sources.heading,
+        heading_from=heading_from,
         position_from=sources.position,
         height_from=sources.height,
         level_from=sources.level,
         max_gap_s=1.5 * STEP_S,
     )
+
+
+def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever_m: FloatArray) -> FloatArray:
+    """Standard deviations (n, 6) with headings no better than positions alone show them.
+
+    Where scans do not show which way the scanner faces, what they say of headings is as likely a pattern that moves
+    with the vehicle (rings of lasers, or of grass seen from afar) as relief. The vehicle's origin turns about the
+    antenna with the heading.
+
+    Args:
+        sigma: (n, 6) as matched.
+        t_s: (n,) times.
+        start: trajectory by positions alone.
+        lever_m: (3,) of the antenna.
+    """
+    out, known = sigma.copy(), np.isfinite(start.sigma[:, 5])
+    if known.any():
+        out[:, 5] = np.maximum(sigma[:, 5], np.interp(t_s, start.t_s[known], start.sigma[known, 5]))
+    more = np.radians(np.sqrt(out[:, 5] ** 2 - sigma[:, 5] ** 2)) * np.hypot(lever_m[0], lever_m[1]) / np.sqrt(2.0)
+    out[:, :2] = np.hypot(sigma[:, :2], more[:, None])
+    return out
 
 
 def _mounting_sigma_deg(adjusted: Adjusted) -> FloatArray:

@@ -10,7 +10,9 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
+from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED
 from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
+from furrowmap.core.calibration.antenna_sway import CLOCK_SIGMA_S
 from furrowmap.core.calibration.clock_search import CERTAIN, motion_certainty
 from furrowmap.core.calibration.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.matching.placing import Tool
@@ -52,7 +54,8 @@ def matched_to_ground(
     except np.linalg.LinAlgError:
         return replace(located, notices=(*located.notices, _UNSOLVED)), None
     if matched is None:
-        seen = Seen(ground=ground)
+        assumed = (FACING_ASSUMED, *((LEVER_ASSUMED,) if any(lever_arm_m(session)) else ()))
+        located, seen = replace(located, notices=(*located.notices, *assumed)), Seen(ground=ground)
         if (notice := contradiction_notice(seen)) is None:
             return located, None
         lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.xyz_m)
@@ -90,8 +93,8 @@ def match_session(
         constants = matched.seen.constants
         if constants.clock_off or (offset_s and abs(constants.clock_s) > constants.clock_sigma_s):
             offset_s += constants.clock_s
-        elif matched.seen.cause is not None and prepared.clock is not None and not tried:
-            offset_s, tried = offset_s + prepared.clock.clock_s, True
+        elif matched.seen.cause is not None and not tried and (suspected_s := _suspected_s(matched, prepared)):
+            offset_s, tried = offset_s + suspected_s, True
         elif matched.seen.cause is not None and offset_s:
             break
         else:
@@ -102,6 +105,14 @@ def match_session(
         return None, ground
     matched = match(prepared, lambda share: progress("matching scans", share))
     return _judged(matched, prepared, located, session), ground
+
+
+def _suspected_s(matched: Matched, prepared: Prepared) -> float:
+    """The offset of the clocks that may explain a contradiction; 0 for none, or where the sway shows a lever arm."""
+    sway = matched.seen.sway
+    if sway.clock_s or (sway.off and not sway.unrelated):
+        return sway.clock_s
+    return prepared.clock.clock_s if prepared.clock is not None else 0.0
 
 
 def _judged(matched: Matched, prepared: Prepared, located: Located, session: Session) -> Matched:
@@ -116,13 +127,28 @@ def _judged(matched: Matched, prepared: Prepared, located: Located, session: Ses
             seen = replace(seen, lever_m=others[int(np.argmax(better))])
     if matched.clock_used_s:
         stated_s, used_s = session.recording.lidar_minus_gnss_s, matched.clock_used_s
-        notice = clock_notice(stated_s, used_s, seen.constants.clock_sigma_s)
+        notice = clock_notice(stated_s, used_s, min(seen.constants.clock_sigma_s, CLOCK_SIGMA_S))
         matched = replace(matched, notices=(notice, *matched.notices))
     contradiction = contradiction_notice(seen)
     if contradiction is None:
         return matched
-    trajectory = enlarged(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m)
+    turned_deg = _turned_deg(seen, prepared, located)
+    trajectory = enlarged(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m, turned_deg)
     return replace(matched, trajectory=trajectory, seen=seen, notices=(contradiction, *matched.notices))
+
+
+def _turned_deg(seen: Seen, prepared: Prepared, located: Located) -> float:
+    """By how much headings change with the lever arm that fits better (RMS); 0 where there is none."""
+    lever_m = seen.lever_m
+    if lever_m is None and seen.sway.off and not seen.sway.clock_s:
+        x, y, z = (prepared.problem.lever_m + seen.sway.lever_m).tolist()
+        lever_m = x, y, z
+    if lever_m is None or located.with_lever is None:
+        return 0.0
+    start, other = located.trajectory, located.with_lever(lever_m)
+    headings = (np.unwrap(np.radians(one.attitude_deg()[2])) for one in (start, other))
+    now, then = (np.interp(start.t_s, one.t_s, heading) for one, heading in zip((start, other), headings, strict=True))
+    return float(np.degrees(np.sqrt(np.mean(((then - now + np.pi) % (2.0 * np.pi) - np.pi) ** 2))))
 
 
 def _prepared(

@@ -41,6 +41,8 @@ TILT_SIGMA_DEG: Final = 1.0
 """What taking a tractor on a field as level is off by, in roll and in pitch (one standard deviation)."""
 KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
+OUTLIERS_REPORTED: Final = 0.01
+"""Share of outliers from which on they are reported."""
 ANTENNAS_SIGMA_DEG: Final = 0.5
 ANTENNAS_OFF_DEG: Final = 45.0
 """A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
@@ -139,7 +141,7 @@ def _no_heading(track: GnssTrack) -> RefusedError:
 
 
 def _outlier_notices(outlier: NDArray[np.bool_]) -> list[Notice]:
-    if outlier.mean() <= 0.01:
+    if outlier.mean() <= OUTLIERS_REPORTED:
         return []
     text = (
         f"{outlier.sum()} of {len(outlier)} positions do not fit a wheeled vehicle's path and have less weight: "

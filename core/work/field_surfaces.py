@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -190,9 +189,9 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     heights = np.ascontiguousarray(points.height_m[some])
     low = cell_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
     around = np.lib.stride_tricks.sliding_window_view(np.pad(low, 1, constant_values=np.nan), (3, 3))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # blocks in which, and round which, there is nothing
-        soil = np.nanmedian(around, axis=(2, 3)).astype(np.float32)
+    known = np.isfinite(around).any(axis=(2, 3))
+    soil = np.full(low.shape, np.nan, np.float32)
+    soil[known] = np.nanmedian(around[known].reshape(-1, 9), axis=1)
     limit = np.where(where.ravel(), soil.ravel()[block] + np.float32(CLEAR_M), np.float32(np.inf))
     kept: NDArray[np.bool_] = points.height_m <= limit[points.cell]
     return kept

@@ -105,7 +105,7 @@ def write_page(
         figures=_figures(found),
         sections=sections,
         provenance=_provenance(found),
-        alarm=alarm(verdict(found)["text"] or ""),
+        alarm="".join(alarm(text) for text in (verdict(found)["text"] or "", *verdict(found)["doubts"])),
     )
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")

@@ -118,11 +118,21 @@ def _strip(ground: StripGround) -> dict[str, Any]:
     }
 
 
+AT_TOP: Final = frozenset(
+    {"clock-offset", "facing-assumed", "gnss-steps", "lever-assumed", "mounting-height", "mounting-off"}
+)
+"""Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
+
+
 def verdict(found: RunResult) -> dict[str, Any]:
-    """Whether the results agree with each other; `consistent` is null where nothing was matched."""
+    """Whether the results agree with each other, and what was corrected or assumed.
+
+    `consistent` is null where nothing was matched.
+    """
     text = next((notice.text for notice in found.notices if notice.code == CONTRADICTION), None)
     seen = found.matched.seen.plain() if found.matched is not None else {}
-    return {"consistent": False if text else None, **seen, "text": text}
+    doubts = [notice.text for notice in found.notices if notice.code in AT_TOP]
+    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:

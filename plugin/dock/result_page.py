@@ -59,8 +59,11 @@ class ResultPage(QWidget):
     def _alarm(self, report):
         """What casts doubt on all figures, above them."""
         verdict = report.get("verdict")
-        text = verdict.get("text") if isinstance(verdict, dict) else None
-        if not text:
+        if not isinstance(verdict, dict):
             return ""
+        text, doubts = verdict.get("text"), verdict.get("doubts")
+        shown = "".join(f"<p>⚠ {html.escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
+        if not text:
+            return shown
         title = self.tr("These results contradict each other.")
-        return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>"
+        return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>{shown}"

@@ -36,8 +36,7 @@ def outside(plugins: str, session: str, worker: str) -> None:
     while workers() and time.monotonic() - begun < LONGEST_S:
         time.sleep(0.05)
     left = [path.name for path in Path(session).parent.iterdir() if path.name.endswith("_result")]
-    seconds = time.monotonic() - begun
-    print(json.dumps({"status": ended.returncode, "workers": workers(), "seconds": seconds, "left": left}))
+    print(json.dumps({"status": ended.returncode, "workers": workers(), "left": left}))
 
 
 def inside(session: str) -> None:

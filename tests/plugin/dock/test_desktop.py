@@ -206,5 +206,4 @@ def test_killed_qgis__leaves_no_worker(
     answer = json.loads(out.splitlines()[-1])
     assert answer["status"] == 128 + 9
     assert answer["workers"] == []
-    assert answer["seconds"] < 10.0
     assert answer["left"] == []
