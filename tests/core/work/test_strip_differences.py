@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from furrowmap.core.calibration.strips import StripReturns
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.work.strip_differences import MOST_ROWS, strip_differences
+from furrowmap.core.work.strip_differences import strip_differences
 
 HEIGHT_M = 10.0
 LIFT_M = 0.02
 ROLL_DEG = 0.5
+MOST = 1_000
 
 
 @dataclass(frozen=True)
@@ -77,11 +78,12 @@ def test_differences__are_the_lift_after_and_the_roll_before() -> None:
     assert row["after_mean_m"] == pytest.approx(LIFT_M, abs=3e-4)
 
 
-def test_many_cells__are_joined_with_the_same_mean() -> None:
-    found = strip_differences(two_strips(16.0, 50.0, 500_000), STRIPS, Mounting(), Mounting())
+def test_many_cells__are_joined_with_the_same_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("furrowmap.core.work.strip_differences.MOST_ROWS", MOST)
+    found = strip_differences(two_strips(5.0, 20.0, 200_000), STRIPS, Mounting(), Mounting())
     assert found is not None
-    assert found.cell_m > 0.25
-    assert 1_000 < len(found) <= MOST_ROWS
+    assert found.cell_m == 0.5
+    assert 0.5 * MOST < len(found) <= MOST
     assert np.mean(found.after_m) == pytest.approx(LIFT_M, abs=2e-4)
 
 
