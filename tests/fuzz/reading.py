@@ -53,9 +53,13 @@ def read_whole(reader: Reader) -> None:
         (GivesAttitude, lambda: reader.attitude()),  # type: ignore[attr-defined]
         (GivesStates, lambda: reader.states()),  # type: ignore[attr-defined]
     ]
+    optional = (
+        {GivesInertial, GivesAttitude} if isinstance(reader, GivesScans) else set()
+    )  # in bags: entries of their own
+    optional |= {GivesAttitude} if isinstance(reader, GivesInertial) else set()  # columns beside those of an IMU
     refused = None
     for kind, give in gives:
-        if isinstance(reader, kind):
+        if isinstance(reader, kind) and kind not in optional:
             try:
                 give()
             except InputError as error:
