@@ -8,7 +8,8 @@ PARTS := core exporters cli
 QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers session surfaces trajectory values) \
   tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
-POSTGIS_KILL := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one
+OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
+  tests/exporters/files/test_two_hosts.py
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py
 
 .DEFAULT_GOAL := help
@@ -27,7 +28,7 @@ fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES
 	$(BIN)/python -m tests.fuzz --minutes $(or $(MINUTES),5) $(if $(ONLY),--only $(ONLY)) $(if $(FIRST),--first $(FIRST))
 
 kills: $(INSTALLED)  ## writers killed at random moments, full disks: make kills KILLS=200 ONLY=farm
-	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k $(ONLY)) tests/app/test_killed.py $(POSTGIS_KILL)
+	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k $(ONLY)) tests/app/test_killed.py $(OTHER_KILLS)
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<

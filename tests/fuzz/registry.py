@@ -5,8 +5,11 @@ from __future__ import annotations
 from tests.fuzz.inertial import INERTIAL
 from tests.fuzz.places import PLACES
 from tests.fuzz.positions import POSITIONS
+from tests.fuzz.products import PRODUCTS
 from tests.fuzz.recordings import RECORDINGS
 from tests.fuzz.texts import TEXTS
 from tests.fuzz.trials import Entry
 
-ENTRIES: dict[str, Entry] = {entry.name: entry for entry in (*RECORDINGS, *POSITIONS, *TEXTS, *PLACES, *INERTIAL)}
+ENTRIES: dict[str, Entry] = {
+    entry.name: entry for entry in (*RECORDINGS, *POSITIONS, *TEXTS, *PRODUCTS, *PLACES, *INERTIAL)
+}
