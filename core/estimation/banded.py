@@ -27,11 +27,14 @@ class NormalEquations:
         band: (width, n) lower form of N, as `scipy.linalg.solveh_banded` has it: ``band[i − j, j] = N[i, j]``. A column
             lies together in memory (Fortran's order), as LAPACK wants it.
         right: (n,) right-hand side.
+        squares: sum of the squared residuals, each over its standard deviation.
+        redundancy: number of observations beyond that of unknowns.
     """
 
     def __init__(self, unknowns: int, width: int) -> None:
         self.band = scratch.zeros((width, unknowns), order="F")
         self.right = scratch.zeros(unknowns)
+        self.squares, self.redundancy = 0.0, -unknowns
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
         """Add observations.
@@ -46,6 +49,8 @@ class NormalEquations:
             scaled = np.ascontiguousarray(design[part] / sigma[part, None])
             right = np.ascontiguousarray(residual[part] / sigma[part])
             _add(self.band.T, self.right, np.ascontiguousarray(first[part], np.int64), scaled, right)
+            self.squares += float(right @ right)
+            self.redundancy += len(right)
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""

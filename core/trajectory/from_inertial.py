@@ -30,6 +30,7 @@ from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
 from furrowmap.core.estimation.observation import Observation, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions
 from furrowmap.core.estimation.preintegration import increments
+from furrowmap.core.estimation.robust import HUBER
 from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
@@ -81,6 +82,9 @@ _ALTERNATIVES: Final = (
     ("its axes were left-handed (one axis of both sensors with the other sign, or two swapped)", -1.0, -1.0),
 )
 """What may be wrong, and by which factors of rate and force it is mended."""
+MOST_VARIANCE: Final = 1.3
+"""Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
+NOISE_ROUNDS: Final = 6
 ROUNDS: Final = 10
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
@@ -178,7 +182,7 @@ def trajectory_from_inertial(
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
     whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
     problem, start = _first_guess(whole, notices)
-    adjusted = _adjusted(problem, start)
+    adjusted = _with_real_noise(_adjusted(problem, start), notices)
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU")
     return InertialTrajectory(
@@ -370,6 +374,7 @@ class _Adjusted:
         sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
         observed: the positions with their weights.
         rounds: how many were needed.
+        variance_factor: squared residuals over their expected ones.
     """
 
     problem: _Problem
@@ -377,6 +382,7 @@ class _Adjusted:
     sigma: FloatArray
     observed: AntennaPositions
     rounds: int
+    variance_factor: float
 
 
 def _adjusted(problem: _Problem, state: State) -> _Adjusted:
@@ -389,7 +395,8 @@ def _adjusted(problem: _Problem, state: State) -> _Adjusted:
     antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
     beside: tuple[Observation, ...] = (GnssDrift(problem.positions), problem.links)
     for number in range(1, ROUNDS + 1):
-        solution = normal_equations((antenna, *beside), knots, state).solve()
+        equations = normal_equations((antenna, *beside), knots, state)
+        solution = equations.solve()
         step = solution.values.reshape(len(knots), -1)
         state = state.moved(step)
         before, antenna = antenna.weight, antenna.reweighted(knots, state)
@@ -397,7 +404,36 @@ def _adjusted(problem: _Problem, state: State) -> _Adjusted:
         settled = moved < SETTLED_M and turned < SETTLED_RAD and np.abs(before - antenna.weight).max() < 0.05
         if settled or number == ROUNDS:
             break
-    return _Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number)
+    # An outlier counts as a position at the limit of what is trusted, not by its distance.
+    normalised = antenna.normalised(knots, state)
+    beyond = normalised[normalised > HUBER]
+    factor = (equations.squares - HUBER * float((beyond - HUBER).sum())) / max(equations.redundancy, 1)
+    return _Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
+
+
+def _with_real_noise(adjusted: _Adjusted, notices: list[Notice]) -> _Adjusted:
+    """The adjustment with a noise of the specific force at which IMU and positions agree as their sigmas say.
+
+    On a machine that shakes faster than the IMU is sampled, its noise is not that of its data sheet.
+    """
+    stated, first = adjusted.problem.links.noise.force, adjusted
+    for _ in range(NOISE_ROUNDS):
+        if adjusted.variance_factor < MOST_VARIANCE:
+            break
+        links = adjusted.problem.links
+        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
+        adjusted = _adjusted(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
+    if adjusted is not first:
+        times = adjusted.problem.links.noise.force / stated
+        notices.append(
+            Notice(
+                "imu-noisier",
+                f"The specific force scatters {times:.1f} times as much as `[imu]` states, by what the positions say: "
+                "the machine shakes faster than the IMU measures, or the IMU is of a lower class. Standard deviations "
+                "follow what is found.",
+            )
+        )
+    return adjusted
 
 
 def _trajectory(adjusted: _Adjusted) -> Trajectory:

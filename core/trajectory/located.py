@@ -157,25 +157,48 @@ def _with_imu(
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
     measured, lever_m = inertial.inertial(), lever_arm_m(session)
     imu = Imu(replace(measured, t_s=measured.t_s - table.minus_gnss_s), mounting, noise)
-    # A machine on the ground is matched to it from here; an aircraft has neither wheels nor soil below them.
+    told = (*inertial.notices, *imu_notices(measured))
+    # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
-    aid = Aid(imu.in_vehicle_axes, noise, site_of(track, frame), None) if on_ground else None
+    if on_ground and session.recording.lidar:
+        return _aided(track, imu, transformed, frame, lever_m, fixes, told)
     try:
         found = trajectory_from_inertial(track, imu, frame, lever_m, fixes)
-    except RefusedError as refused:
-        if aid is None:
+    except RefusedError:
+        if not on_ground:
             raise
-        by_course = trajectory_from_gnss(track, frame, lever_m, fixes)
-        used = {"used": by_course.used, "unused": by_course.unused}
-        notice = Notice("imu-not-aligned", f"{refused.what} The first guess of the trajectory is that of GNSS alone.")
-        notices = (*transformed.notices, *inertial.notices, *by_course.notices, notice)
-        return Located(by_course.trajectory, "gnss", used, notices, by_course.positions, transformed, aid=aid)
-    if aid is not None:
-        aid = replace(aid, trajectory=found.trajectory)
-    notices = (*transformed.notices, *inertial.notices, *imu_notices(measured), *found.notices)
+        return _aided(track, imu, transformed, frame, lever_m, fixes, told)
+    notices = (*transformed.notices, *told, *found.notices)
     used = {"used": found.used, "unused": found.unused}
-    antenna = found.positions if on_ground else None
-    return Located(found.trajectory, "imu", used, notices, antenna, transformed, found.figures, aid)
+    return Located(found.trajectory, "imu", used, notices, None, transformed, found.figures)
+
+
+def _aided(
+    track: GnssTrack,
+    imu: Imu,
+    transformed: TransformSummary,
+    frame: MapFrame,
+    lever_m: tuple[float, float, float],
+    fixes: tuple[Fix, ...] | None,
+    told: tuple[Notice, ...],
+) -> Located:
+    """The trajectory of a machine on the ground from GNSS, and what its IMU adds to scan matching."""
+    found = trajectory_from_gnss(track, frame, lever_m, fixes)
+    aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
+    notices, figures = [*transformed.notices, *told, *found.notices], None
+    try:
+        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes)
+    except RefusedError as refused:
+        text = f"{refused.what} Its gyroscopes take part in scan matching, its accelerometers do not."
+        notices.append(Notice("imu-not-aligned", text))
+    else:
+        figures = by_imu.figures
+        notices += [notice for notice in by_imu.notices if notice not in notices]
+        # Accelerometers that contradict the positions say nothing of the attitude.
+        if "imu-noisier" not in {notice.code for notice in by_imu.notices}:
+            aid = replace(aid, trajectory=by_imu.trajectory)
+    used = {"used": found.used, "unused": found.unused}
+    return Located(found.trajectory, "gnss", used, tuple(notices), found.positions, transformed, figures, aid)
 
 
 def _with_attitude(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +100,17 @@ def test_outliers__lose_their_weight() -> None:
     result = found(jumped, flight.noisy_imu())
     assert result.figures.doubted >= 10
     assert np.abs(errors(result.trajectory, flight)[:, :3]).max() < 0.06
+
+
+def test_force_noisier_than_stated__is_told_and_sigmas_follow() -> None:
+    real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
+    for seed in (7, 8, 9):
+        flight = Flight(40.0, seed)
+        result = found(flight.noisy_track(), flight.noisy_imu(real))
+        assert [notice.code for notice in result.notices] == ["imu-noisier"]
+        squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
+    assert np.sqrt(np.concatenate(squares).mean()) < 2.0
+    assert not found(flight.noisy_track(), flight.noisy_imu()).notices
 
 
 def test_biases__are_found_in_the_axes_of_the_imu() -> None:
