@@ -29,6 +29,7 @@ EVERY_ONE: Final = {
 """Nothing is left out unasked."""
 FACTORS: Final = {
     "core/readers/messages.py Messages.column(factor)": 1.0,
+    "core/readers/imu_csv.py _Columns.seconds": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py Motion.scale": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward

@@ -182,9 +182,12 @@ def trajectory_from_inertial(
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
     whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
     problem, start = _first_guess(whole, notices)
-    adjusted = _with_real_noise(_adjusted(problem, start), notices)
+    adjusted = _adjusted(problem, start)
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU")
+    if adjusted.variance_factor > MOST_VARIANCE:
+        adjusted = _with_real_noise(adjusted, notices)
+        trajectory = _trajectory(adjusted)
     return InertialTrajectory(
         trajectory, positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
     )
@@ -416,23 +419,22 @@ def _with_real_noise(adjusted: _Adjusted, notices: list[Notice]) -> _Adjusted:
 
     On a machine that shakes faster than the IMU is sampled, its noise is not that of its data sheet.
     """
-    stated, first = adjusted.problem.links.noise.force, adjusted
+    stated = adjusted.problem.links.noise.force
     for _ in range(NOISE_ROUNDS):
-        if adjusted.variance_factor < MOST_VARIANCE:
-            break
         links = adjusted.problem.links
         noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
         adjusted = _adjusted(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
-    if adjusted is not first:
-        times = adjusted.problem.links.noise.force / stated
-        notices.append(
-            Notice(
-                "imu-noisier",
-                f"The specific force scatters {times:.1f} times as much as `[imu]` states, by what the positions say: "
-                "the machine shakes faster than the IMU measures, or the IMU is of a lower class. Standard deviations "
-                "follow what is found.",
-            )
+        if adjusted.variance_factor < MOST_VARIANCE:
+            break
+    times = adjusted.problem.links.noise.force / stated
+    notices.append(
+        Notice(
+            "imu-noisier",
+            f"The specific force scatters {times:.1f} times as much as `[imu]` states, by what the positions say: the "
+            "machine shakes faster than the IMU measures, or the IMU is of a lower class. Standard deviations follow "
+            "what is found.",
         )
+    )
     return adjusted
 
 

@@ -14,6 +14,7 @@ FLAGS = {
     "calibrate": {"write"},
     "add_to_farm_map": {"same_crs"},
     "solve_gnss": {"overwrite"},
+    "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
     **{name: {"overwrite"} for name in ("propose_session", "simulate", "surface")},
@@ -50,4 +51,4 @@ def test_defaults__change_nothing_that_was_not_asked_for(name: str) -> None:
     assert {key: value for key, value in found.items() if isinstance(value, str | tuple)}.items() <= TEXTS.items()
     settings = [value for value in found.values() if is_dataclass(value) and not isinstance(value, type)]
     stated = {key: value for one in settings for key, value in asdict(one).items() if value is not None}
-    assert stated == SETTINGS.get({"evaluate_gnss": "evaluate_log"}.get(name, name), {})
+    assert stated == SETTINGS.get({"evaluate_gnss": "evaluate_log", "check_pairs": "check"}.get(name, name), {})

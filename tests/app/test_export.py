@@ -21,6 +21,7 @@ from pystac.extensions.pointcloud import PointcloudExtension
 from pystac.extensions.projection import ProjectionExtension
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
+from furrowmap.exporters.exchange.trajectories import TRAJECTORIES
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.export import NAMES, export
@@ -186,7 +187,9 @@ def told_in(to: str, target: Path) -> dict[str, str]:
     return json.loads((target / "provenance.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("to", [name for name in NAMES if name != "stac"])
+@pytest.mark.parametrize(
+    "to", [name for name in NAMES if name not in ("stac", *TRAJECTORIES)]
+)  # those are nothing but poses
 def test_export__tells_where_it_comes_from(result: Path, tmp_path: Path, to: str) -> None:
     target = tmp_path / ("out.gpkg" if to == "gpkg" else "out")
     export([result], to, target)

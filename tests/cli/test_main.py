@@ -45,7 +45,7 @@ def test_help__imports_nothing_heavy() -> None:
     [
         ([], "no command given", "inspect"),
         (["inspct", "x"], "'inspct'", "furrowmap inspect"),
-        (["frobnicate"], "'frobnicate'", ", ".join(COMMANDS)),
+        (["xyzzy"], "'xyzzy'", ", ".join(COMMANDS)),
         (["inspect", "--jsn", "x"], "--jsn", "--json"),
         (["inspect"], "FILE", "furrowmap inspect --help"),
         (["run", "a", "b"], "unexpected extra argument", "furrowmap run --help"),

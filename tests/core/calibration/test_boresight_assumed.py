@@ -14,6 +14,7 @@ from furrowmap.core.values.scan import Scan
 from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
 
 POINTS = 2000
+STATED = Mounting((0.0, 0.0, -0.1))
 
 
 def over_flat_ground(flight: Flight, number: int) -> Scan:
@@ -31,6 +32,6 @@ def test_boresight__without_smooth_ground_at_several_times_is_assumed(scans: int
     imu = Imu(flight.imu(), MOUNTING, inertial_noise("industrial"))
     trajectory = trajectory_from_inertial(flight.track(), imu, frame(), LEVER_M, None).trajectory
     returns = strip_returns((over_flat_ground(flight, k) for k in range(scans)), trajectory)
-    found = boresight(returns, trajectory, Mounting((0.0, 0.0, -0.1)))
+    found = boresight(returns, trajectory, STATED)
     assert found is None or not found.certain
-    assert [notice.code for notice in boresight_notices(found)] == ["boresight-assumed"]
+    assert [notice.code for notice in boresight_notices(found, STATED)] == ["boresight-assumed"]

@@ -107,10 +107,11 @@ def test_force_noisier_than_stated__is_told_and_sigmas_follow() -> None:
     for seed in (7, 8, 9):
         flight = Flight(40.0, seed)
         result = found(flight.noisy_track(), flight.noisy_imu(real))
-        assert [notice.code for notice in result.notices] == ["imu-noisier"]
+        assert "imu-noisier" in {notice.code for notice in result.notices}
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
     assert np.sqrt(np.concatenate(squares).mean()) < 2.0
-    assert not found(flight.noisy_track(), flight.noisy_imu()).notices
+    usual = found(flight.noisy_track(), flight.noisy_imu())
+    assert "imu-noisier" not in {notice.code for notice in usual.notices}
 
 
 def test_biases__are_found_in_the_axes_of_the_imu() -> None:
