@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.attitude_rows import attitude_facts, attitude_track
 from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
-from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.inertial_rows import joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
-from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
@@ -82,18 +82,7 @@ class AttitudeCsv(FileReader):
             lines = pieces(source, self.notices)
             names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
             columns = _columns(names, path)
-            blocks, line = [np.empty((0, len(columns)))], 2
-            for piece in lines:
-                blocks.append(numbers(piece, names, separator, columns, path, line))
-                line += piece.count(b"\n")
-            if source.fault:
-                self.notices.append(cut_notice(path, source.fault))
-        rows = np.concatenate(blocks)
-        whole = np.isfinite(rows).all(axis=1)
-        if not whole.all():
-            text = f"{path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
-            self.notices.append(Notice("rows-incomplete", text))
-        rows = rows[whole]
+            rows = complete_rows(source, lines, (names, separator), columns, self.notices)
         angles = np.full((len(rows), 3), np.nan)
         for k, name in enumerate(columns[1:], start=1):
             angles[:, LEVEL.index(name) if name in LEVEL else 2] = rows[:, k]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.last_line import cut_line_notice, is_whole
-from furrowmap.core.readers.source import Source
+from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.values.errors import InputError, Notice
 
 CHUNK_BYTES: Final = 1 << 23
@@ -38,6 +38,41 @@ def pieces(source: Source, notices: list[Notice]) -> Iterator[bytes]:
         yield rest
     else:
         notices.append(cut_line_notice(source.path))
+
+
+def complete_rows(
+    source: Source,
+    lines: Iterator[bytes],
+    header: tuple[Sequence[str], str],
+    columns: Sequence[str],
+    notices: list[Notice],
+    needed: int | None = None,
+) -> NDArray[np.float64]:
+    """Rows (n, k) of the numbers in some columns, without those in which a needed one is empty; notices tell of both.
+
+    Args:
+        source: the open file.
+        lines: the pieces after its first line, see :func:`pieces`.
+        header: names of all columns, and what separates fields.
+        columns: names of those to read.
+        notices: that rows are dropped, or the file is cut, is added.
+        needed: so many of the columns, from the first on, are needed; None for all.
+
+    Raises:
+        InputError: with the line, if a field is not a number.
+    """
+    blocks, line = [np.empty((0, len(columns)))], 2
+    for piece in lines:
+        blocks.append(numbers(piece, *header, columns, source.path, line))
+        line += piece.count(b"\n")
+    if source.fault:
+        notices.append(cut_notice(source.path, source.fault))
+    rows = np.concatenate(blocks)
+    whole = np.isfinite(rows[:, :needed]).all(axis=1)
+    if not whole.all():
+        text = f"{source.path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
+        notices.append(Notice("rows-incomplete", text))
+    return rows[whole]
 
 
 def numbers(

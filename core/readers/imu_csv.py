@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.attitude_csv import LEVEL, NORTHS, AttitudeCsv
 from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
-from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.attitude import AttitudeTrack
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.scan import Clock
 
@@ -105,18 +105,7 @@ class ImuCsv(FileReader):
             names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
             stated = self.options.columns
             columns = _Columns.stated(names, stated, path) if stated else _Columns.of(names, path)
-            blocks, line = [np.empty((0, 7))], 2
-            for piece in lines:
-                blocks.append(numbers(piece, names, separator, columns.names, path, line))
-                line += piece.count(b"\n")
-            if source.fault:
-                self.notices.append(cut_notice(path, source.fault))
-        rows = np.concatenate(blocks)
-        whole = np.isfinite(rows).all(axis=1)
-        if not whole.all():
-            text = f"{path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
-            self.notices.append(Notice("rows-incomplete", text))
-        rows = rows[whole]
+            rows = complete_rows(source, lines, (names, separator), columns.names, self.notices)
         values = rows[:, 1:] * columns.factors
         rows[:, 0] *= columns.seconds
         beyond = first_beyond(values)

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.readers.csv_header import columns_of
-from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mount_motion import MountMotion
@@ -44,18 +44,7 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
                 f"Name the columns time_unix_s (or time_gps_s), {', '.join(ANGLES)}.",
                 code="missing-column",
             )
-        blocks, line = [np.empty((0, 4))], 2
-        for piece in lines:
-            blocks.append(numbers(piece, names, separator, (time, *ANGLES), path, line))
-            line += piece.count(b"\n")
-        if source.fault:
-            notices.append(cut_notice(path, source.fault))
-    rows = np.concatenate(blocks)
-    whole = np.isfinite(rows).all(axis=1)
-    if not whole.all():
-        text = f"{path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
-        notices.append(Notice("rows-incomplete", text))
-    rows = rows[whole]
+        rows = complete_rows(source, lines, (names, separator), (time, *ANGLES), notices)
     if len(rows) < 2 or not bool(np.all(np.diff(rows[:, 0]) > 0)):
         raise InputError(
             f"{path}: {len(rows)} rows, whose times do not increase from each to the next.",

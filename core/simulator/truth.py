@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -136,7 +135,8 @@ def write_worked(file: Path, sweeps: list[Sweep], width_m: float, site: Site) ->
     import pyogrio
 
     corner = np.array([site.e0_m, site.n0_m])
-    shapes = [shapely.transform(swept(sweep, width_m), lambda xy: xy + corner) for sweep in sweeps]
+    found = [shapely.transform(swept(sweep, width_m), lambda xy: xy + corner) for sweep in sweeps]
+    shapes = np.array(found, object)  # of no shapes, too, which shapely would take for numbers
     lengths = [float(np.hypot(np.diff(sweep.e_m), np.diff(sweep.n_m)).sum()) for sweep in sweeps]
     passes = {
         "pass": np.arange(1, len(sweeps) + 1),
@@ -153,8 +153,8 @@ def write_worked(file: Path, sweeps: list[Sweep], width_m: float, site: Site) ->
     layers = {
         "passes": (passes, [_multi(shape) for shape in shapes], "MultiPolygon"),
         "coverage": (
-            {"area_m2": [float(coverage.area)] * bool(shapes)},
-            [_multi(coverage)] * bool(shapes),
+            {"area_m2": [float(coverage.area)] * (len(shapes) > 0)},
+            [_multi(coverage)] * (len(shapes) > 0),
             "MultiPolygon",
         ),
         "overlaps": (
@@ -208,7 +208,7 @@ def drive_figures(track: Track, motion: Motion) -> dict[str, Any]:
     }
 
 
-def _overlaps(shapes: Sequence[shapely.Geometry]) -> list[tuple[int, int, shapely.Polygon]]:
+def _overlaps(shapes: NDArray[np.object_]) -> list[tuple[int, int, shapely.Polygon]]:
     """(pass, later pass, ground worked by both), a polygon a place."""
     found = []
     tree = shapely.STRtree(shapes)

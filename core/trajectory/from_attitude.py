@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
 from furrowmap.core.trajectory.positions import (
     Offsets,
@@ -31,7 +32,6 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude, unwrap_deg
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
@@ -54,25 +54,6 @@ class AttitudeLogs:
     roll_pitch: AttitudeTrack
     heading: AttitudeTrack
     sigma_deg: tuple[float, float] = (np.nan, np.nan)
-
-
-@dataclass(frozen=True)
-class AttitudeTrajectory:
-    """A trajectory, the positions it was made of, and notices.
-
-    Attributes:
-        trajectory: of the vehicle frame, at the times of roll and pitch.
-        positions: of the antenna.
-        used: positions used, by quality label.
-        unused: positions left out, by reason.
-        notices: for the report.
-    """
-
-    trajectory: Trajectory
-    positions: Positions
-    used: dict[str, int]
-    unused: dict[str, int]
-    notices: tuple[Notice, ...]
 
 
 def of_vehicle(track: AttitudeTrack, rpy_deg: tuple[float, float, float]) -> AttitudeTrack:
@@ -131,7 +112,7 @@ def trajectory_from_attitude_logs(
     frame: MapFrame,
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
-) -> AttitudeTrajectory:
+) -> GnssTrajectory:
     """The trajectory of the vehicle frame.
 
     Args:
@@ -179,7 +160,7 @@ def trajectory_from_attitude_logs(
         max_gap_s=longest_gap_s(t_s),
         **words,
     )
-    return AttitudeTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
+    return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
 
 
 _SOURCES: Final = {

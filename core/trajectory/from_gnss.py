@@ -51,7 +51,7 @@ ANTENNAS_REPORTED_DEG: Final = 0.5
 
 @dataclass(frozen=True)
 class GnssTrajectory:
-    """A trajectory, the positions it uses, and notices.
+    """A trajectory from GNSS, alone or with other sensors, the positions it uses, and notices.
 
     Attributes:
         trajectory: of the vehicle frame.

@@ -17,25 +17,20 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.estimation.gnss_drift import GnssDrift
 from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
-    INERTIAL,
     RATE_BIAS,
     VELOCITY,
-    InertialLinks,
-    Site,
     carried_on,
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
 from furrowmap.core.estimation.observation import Observation, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.preintegration import increments
 from furrowmap.core.estimation.robust import HUBER
 from furrowmap.core.estimation.states import POSE, ROTATION, State
-from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
-from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.trajectory.alignment import attitudes
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_mounting import check_mounting
+from furrowmap.core.trajectory.inertial_start import PAUSE_S, Imu, Problem, first_guess, site_of, without_positions
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.positions import (
     Offsets,
@@ -47,41 +42,12 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
 )
 from furrowmap.core.values import scratch
-from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.inertial import InertialNoise, InertialTrack
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
 FloatArray = NDArray[np.float64]
 
-BEYOND_S: Final = 5.0
-"""Poses go on by the IMU alone for this long before the first position and after the last."""
-PAUSE_S: Final = 0.2
-"""Where the IMU pauses for longer, poses are not carried across."""
-SHORTEST_S: Final = 10.0
-"""A shorter stretch between two pauses is left out."""
-GAP_S: Final = 1.0
-"""Positions further apart than this are not interpolated for the first guess."""
-CONTRADICTION: Final = 8.0
-"""Misfit of the first guess beyond which measurements and positions are not of the same motion."""
-TRIED: Final = 1200
-"""Knots on which other units and signs are tried."""
-_ALTERNATIVES: Final = (
-    ("its angular rates were in degrees per second instead of radians", np.pi / 180.0, 1.0),
-    ("its angular rates were in radians per second instead of degrees", 180.0 / np.pi, 1.0),
-    ("its specific force were in g instead of m/s²", 1.0, 9.80665),
-    ("its specific force were in m/s² instead of g", 1.0, 1.0 / 9.80665),
-    ("its specific force had the other sign (an acceleration that points down at rest)", 1.0, -1.0),
-    ("its angular rates had the other sign", -1.0, 1.0),
-    ("its angular rate about the vehicle's x axis had the other sign", np.array([-1.0, 1.0, 1.0]), 1.0),
-    ("its angular rate about the vehicle's y axis had the other sign", np.array([1.0, -1.0, 1.0]), 1.0),
-    ("its angular rate about the vehicle's z axis had the other sign", np.array([1.0, 1.0, -1.0]), 1.0),
-    ("its axes were left-handed (one axis of both sensors with the other sign, or two swapped)", -1.0, -1.0),
-)
-"""What may be wrong, and by which factors of rate and force it is mended."""
 MOST_VARIANCE: Final = 1.3
 """Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
 NOISE_ROUNDS: Final = 6
@@ -89,27 +55,6 @@ ROUNDS: Final = 10
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
 """The adjustment ends when no pose moves by more."""
-
-
-@dataclass(frozen=True)
-class Imu:
-    """An IMU on a vehicle.
-
-    Attributes:
-        track: its measurements in its own axes.
-        mounting: in the vehicle frame.
-        noise: of it.
-    """
-
-    track: InertialTrack
-    mounting: Mounting
-    noise: InertialNoise
-
-    @property
-    def in_vehicle_axes(self) -> InertialTrack:
-        """The measurements in the axes of the vehicle."""
-        turn = self.mounting.rotation.T
-        return replace(self.track, rate_radps=self.track.rate_radps @ turn, force_mps2=self.track.force_mps2 @ turn)
 
 
 @dataclass(frozen=True)
@@ -138,24 +83,14 @@ class InertialFigures:
 
 
 @dataclass(frozen=True)
-class InertialTrajectory:
-    """A trajectory, and what it was made of.
+class InertialTrajectory(GnssTrajectory):
+    """A trajectory at the times of the IMU, and what it was made of.
 
     Attributes:
-        trajectory: of the vehicle frame, at the times of the IMU.
-        positions: of the antenna, those that were used.
         figures: for the report.
-        used: positions used, by quality label.
-        unused: positions left out, by reason.
-        notices: for the report.
     """
 
-    trajectory: Trajectory
-    positions: Positions
     figures: InertialFigures
-    used: dict[str, int]
-    unused: dict[str, int]
-    notices: tuple[Notice, ...]
 
 
 def trajectory_from_inertial(
@@ -180,8 +115,8 @@ def trajectory_from_inertial(
     white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
     runs = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
-    whole = _Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
-    problem, start = _first_guess(whole, notices)
+    whole = Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
+    problem, start = first_guess(whole, notices)
     adjusted = _adjusted(problem, start)
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU")
@@ -189,181 +124,7 @@ def trajectory_from_inertial(
         adjusted = _with_real_noise(adjusted, notices)
         trajectory = _trajectory(adjusted)
     return InertialTrajectory(
-        trajectory, positions, _figures(adjusted, imu), quality_words(gated.fix), unused, tuple(notices)
-    )
-
-
-def site_of(track: GnssTrack, frame: MapFrame) -> Site:
-    """Gravity, rotation and scale in the middle of a track."""
-    lon, lat = middle_deg(track.lon_deg, track.lat_deg)
-    height, radius = float(np.nanmedian(track.height_m)), radius_m(lat)
-    convergence = float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
-    scale = frame.scale(lon, lat) * radius / (radius + height)
-    return Site(normal_gravity_mps2(lat, height), earth_rate_radps(lat, convergence), radius, scale)
-
-
-@dataclass(frozen=True)
-class _Problem:
-    """Input of the adjustment.
-
-    Attributes:
-        positions: of the antenna.
-        links: the IMU.
-        lever_m: (3,) the antenna in the vehicle frame.
-        origin_m: (3,) local origin.
-        knots: at which poses are estimated.
-    """
-
-    positions: Positions
-    links: InertialLinks
-    lever_m: FloatArray
-    origin_m: FloatArray
-    knots: Knots
-
-    @classmethod
-    def of(cls, positions: Positions, imu: Imu, site: Site, lever_m: FloatArray) -> _Problem:
-        links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
-        knots = knots_over(_common_s(positions.t_s, imu.track), PAUSE_S)
-        return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots)
-
-
-def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
-    """Times of the IMU for which there are positions; of stretches that are long enough.
-
-    Raises:
-        InputError: if there are none.
-    """
-    t_s = imu.t_s[(imu.t_s >= positions_s[0] - BEYOND_S) & (imu.t_s <= positions_s[-1] + BEYOND_S)]
-    stretches = np.split(t_s, np.flatnonzero(np.diff(t_s) > PAUSE_S) + 1)
-    # A knot lies before the first measurement and one after the last.
-    long = [part[8:-16] for part in stretches if len(part) > 24 and part[-1] - part[0] > SHORTEST_S]
-    if not long:
-        spans = " and ".join(f"{iso_utc(t[0])} to {iso_utc(t[-1])}" for t in (imu.t_s, positions_s) if len(t))
-        raise InputError(
-            f"{imu.source or 'The IMU'}: its measurements and the positions have less than {SHORTEST_S:g} s in common "
-            f"without a pause ({spans}).",
-            "No trajectory can be computed from them.",
-            _likely_offset(imu.t_s, positions_s)
-            or "Check that both were recorded together, and that the times of the IMU are UTC (`time_unix_s`) or GPS "
-            "time (`time_gps_s`).",
-            code="imu-no-overlap",
-        )
-    return np.concatenate(long)
-
-
-def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> str:
-    """A common offset of the IMU's clock with which both would overlap, and what to write; empty without one."""
-    if not (len(imu_s) and len(positions_s)):
-        return ""
-    leap_s = float(gps_minus_utc_s(float(positions_s[0])))
-    common = [(sign * leap_s, "leap seconds") for sign in (1, -1)]
-    common += [(sign * k * HOUR_S, "a local time taken for UTC") for k in range(1, 15) for sign in (1, -1)]
-    common += [(-GPS_EPOCH_S + leap_s, "GPS time taken for UTC since 1970")]
-
-    def overlap_s(offset_s: float) -> float:
-        first = max(imu_s[0] - offset_s, positions_s[0])
-        return float(min(imu_s[-1] - offset_s, positions_s[-1]) - first)
-
-    best_s, cause = max(common, key=lambda offset: overlap_s(offset[0]))
-    if overlap_s(best_s) < 0.5 * min(float(np.ptp(imu_s)), float(np.ptp(positions_s))):
-        return ""
-    return (
-        f"They would overlap with `minus_gnss_s = {best_s:g}` under `[imu]` ({cause}): write that, or mend the times."
-    )
-
-
-def _first_guess(problem: _Problem, notices: list[Notice]) -> tuple[_Problem, State]:
-    """Attitudes by alignment, places and speeds by the positions; stretches that cannot be aligned are left out.
-
-    Raises:
-        InputError: if the measurements contradict the positions.
-        RefusedError: if nothing shows the heading in any stretch.
-    """
-    found = [_guessed(problem, chain, problem.links.track) for chain in problem.knots.chains]
-    left = [
-        f"{iso_utc(c.begin_s)} to {iso_utc(c.end_s)}" for c, g in zip(problem.knots.chains, found, strict=True) if not g
-    ]
-    guesses = [guess for guess in found if guess is not None]
-    if not guesses:
-        raise _no_heading(problem.links.track, problem.knots)
-    if left:
-        notices.append(
-            Notice("imu-not-aligned", f"The motion shows no heading from {', '.join(left)}: there are no poses there.")
-        )
-    worst = max(guess.misfit for guess in guesses)
-    if worst > CONTRADICTION:
-        raise _contradiction(problem, worst)
-    chains, first = [], 0
-    for guess in guesses:
-        chains.append(replace(guess.chain, first=first))
-        first += guess.chain.count
-    knots = Knots(tuple(chains), np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains]))
-    xyz, rotation, added = (
-        np.concatenate(
-            [getattr(g, name) for g in guesses], out=scratch.zeros((first, *getattr(guesses[0], name).shape[1:]))
-        )
-        for name in ("xyz_m", "rotation", "added")
-    )
-    state = State(xyz, rotation, added, INERTIAL)
-    return replace(problem, knots=knots), state
-
-
-@dataclass(frozen=True)
-class _Guess:
-    """First guess of the states of a chain, and how badly the IMU fits the positions there."""
-
-    chain: Chain
-    xyz_m: FloatArray
-    rotation: FloatArray
-    added: FloatArray
-    misfit: float
-
-
-def _guessed(problem: _Problem, chain: Chain, track: InertialTrack) -> _Guess | None:
-    """The first guess of a chain; None where nothing shows the heading."""
-    p, links = problem.positions, problem.links
-    stretch, arm = links.site.stretch, problem.lever_m - links.lever_m
-    t_s = chain.begin_s + STEP_S * np.arange(chain.count, dtype=np.float64)
-    antenna = _interpolated(t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
-    seen = np.where(_in_gaps(t_s, p.t_s)[:, None], np.nan, antenna)
-    steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + STEP_S)
-    sigma = float(np.median(np.hypot(p.white_m, p.drift_m)[:, 0]))
-    found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2)
-    if found is None:
-        return None
-    velocity = np.gradient(antenna - found.rotation @ arm, STEP_S, axis=0)
-    added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])
-    xyz = stretch * (antenna - found.rotation @ problem.lever_m)
-    return _Guess(chain, xyz, found.rotation, added, found.misfit)
-
-
-def _contradiction(problem: _Problem, misfit: float) -> InputError:
-    """The error of measurements that are not of this drive, and what they would have to be instead."""
-    track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
-    part = replace(chain, count=min(chain.count, TRIED))
-    better = []
-    for words, rate, force in _ALTERNATIVES:
-        tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
-        guess = _guessed(problem, part, tried)
-        if guess is not None and guess.misfit < misfit / 3.0:
-            better.append((guess.misfit, words))
-    cause = f"They would fit if {min(better)[1]}." if better else "No single axis or unit explains it."
-    return InputError(
-        f"{track.source or 'The IMU'}: the measurements contradict the positions ({misfit:.0f} times the expected "
-        f"error). {cause}",
-        "No attitude can be computed from them.",
-        "Correct units, signs and axes of the columns, `[imu] rpy_deg`, or the clock of the IMU.",
-        code="imu-contradicts",
-    )
-
-
-def _no_heading(track: InertialTrack, knots: Knots) -> RefusedError:
-    begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
-    return RefusedError(
-        f"{track.source or 'The IMU'}: its motion from {iso_utc(begin_s)} to {iso_utc(end_s)} shows no heading.",
-        "Only changes of speed or direction show it, and the attitude of all points depends on it.",
-        "Record some seconds of acceleration, turns or figures of eight, best soon after the start.",
-        code="heading-unknown",
+        trajectory, positions, quality_words(gated.fix), unused, tuple(notices), _figures(adjusted, imu)
     )
 
 
@@ -380,7 +141,7 @@ class _Adjusted:
         variance_factor: squared residuals over their expected ones.
     """
 
-    problem: _Problem
+    problem: Problem
     state: State
     sigma: FloatArray
     observed: AntennaPositions
@@ -388,7 +149,7 @@ class _Adjusted:
     variance_factor: float
 
 
-def _adjusted(problem: _Problem, state: State) -> _Adjusted:
+def _adjusted(problem: Problem, state: State) -> _Adjusted:
     """Gauss-Newton rounds until no pose moves.
 
     Raises:
@@ -454,7 +215,7 @@ def _trajectory(adjusted: _Adjusted) -> Trajectory:
         standing[part] = np.linalg.norm(velocity, axis=1) < STANDING_MPS
         sigma[part] = knot_sigma[knot[part]]
     nearest = np.clip(np.searchsorted(p.positions.t_s, t_s), 0, len(p.positions.t_s) - 1)
-    alone = _in_gaps(t_s, p.positions.t_s)
+    alone = without_positions(t_s, p.positions.t_s)
     source = np.where(alone, "imu", "gnss")
     return Trajectory(
         t_s=t_s,
@@ -523,15 +284,3 @@ def _figures(adjusted: _Adjusted, imu: Imu) -> InertialFigures:
         position_rms_m=of(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
         doubted=int((adjusted.observed.weight < 1.0).sum()),
     )
-
-
-def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(t_s, known_s, values[:, axis]) for axis in range(values.shape[1])])
-
-
-def _in_gaps(t_s: FloatArray, known_s: FloatArray) -> NDArray[np.bool_]:
-    """Whether times (n,) lie before, after or between known ones (m,) that are more than GAP_S apart."""
-    after = np.searchsorted(known_s, t_s)
-    wide = np.concatenate([[True], np.diff(known_s) > max(GAP_S, 2.5 * float(np.median(np.diff(known_s)))), [True]])
-    inside = (t_s > known_s[0]) & (t_s < known_s[-1])
-    return np.asarray(np.where(inside, wide[after], (t_s < known_s[0]) | (t_s > known_s[-1])))

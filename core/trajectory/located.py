@@ -22,8 +22,9 @@ from furrowmap.core.trajectory.from_attitude import (
 )
 from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
-from furrowmap.core.trajectory.from_inertial import Imu, InertialFigures, site_of, trajectory_from_inertial
+from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.trajectory.inertial_start import Imu, site_of
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -150,7 +151,7 @@ def _with_imu(
     fixes: tuple[Fix, ...] | None,
     inertial: InertialReader,
 ) -> Located:
-    """The trajectory from GNSS and an IMU; of a machine on the ground whose motion shows no heading, from GNSS."""
+    """The trajectory from GNSS and an IMU; of a machine on the ground, from GNSS with what its IMU adds to matching."""
     assert session.imu is not None
     table = session.imu
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import struct
 import unicodedata
@@ -146,7 +147,7 @@ def _write_geopackage(path: Path, layers: Layers, origin: Origin) -> list[Notice
 
 def _write_flatgeobuf(path: Path, layer: gpd.GeoDataFrame) -> None:
     """FlatGeobuf with its spatial index."""
-    layer.to_file(path, driver="FlatGeobuf", engine="pyogrio")
+    _write_through_memory(path, layer, "FlatGeobuf")
 
 
 def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
@@ -165,7 +166,18 @@ def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
 def _write_geojson(path: Path, layer: gpd.GeoDataFrame) -> None:
     """GeoJSON after RFC 7946."""
     options = {"RFC7946": "YES", "COORDINATE_PRECISION": DIGITS_DEG, "WRITE_NAME": "YES"}
-    layer.to_file(path, driver="GeoJSON", engine="pyogrio", **options)
+    _write_through_memory(path, layer, "GeoJSON", **options)
+
+
+def _write_through_memory(path: Path, layer: gpd.GeoDataFrame, driver: str, **options: object) -> None:
+    """One file, which GDAL lays out in memory: on a disk that is full it reports no error of the last bytes.
+
+    Raises:
+        OSError: if the file cannot be written as a whole.
+    """
+    content = io.BytesIO()
+    layer.to_file(content, driver=driver, layer=path.stem, engine="pyogrio", **options)
+    path.write_bytes(content.getbuffer())
 
 
 def _write_shapefile(path: Path, layer: gpd.GeoDataFrame) -> None:

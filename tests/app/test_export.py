@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import resource
 import shutil
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -200,6 +201,20 @@ def test_export__tells_where_it_comes_from(result: Path, tmp_path: Path, to: str
     assert told["INPUT_1"] == "recording.pcap sha256:00ff"
     assert (told["TIME_START"], told["MEASURED_EPOCH"]) == ("2026-06-11T01:23:40.937Z", "2026.441")
     assert told["MAP"] == "EPSG:6677"
+
+
+@pytest.mark.parametrize("to", ["geojson", "flatgeobuf", "shapefile"])
+def test_disk_that_is_full_at_the_last_byte__leaves_nothing(result: Path, tmp_path: Path, to: str) -> None:
+    export([result], to, tmp_path / "whole")
+    largest = max(path.stat().st_size for path in (tmp_path / "whole").iterdir())
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest - 1, limits[1]))
+    try:
+        with pytest.raises(OSError):
+            export([result], to, tmp_path / "cut")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [path.name for path in tmp_path.iterdir()] == ["whole"]
 
 
 def test_export__of_fewer_layers_leaves_none_of_the_earlier_ones(result: Path, tmp_path: Path) -> None:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
-from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.reader import Inspection
-from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
@@ -86,20 +86,8 @@ class PoseCsv(PoseFile):
             lines = pieces(source, self.notices)
             header = _Header.of(next(lines, b""))
             header.check(path)
-            blocks = [np.empty((0, len(header.columns)))]
-            line = 2
-            for piece in lines:
-                blocks.append(numbers(piece, header.names, header.separator, header.columns, path, line))
-                line += piece.count(b"\n")
-            if source.fault:
-                self.notices.append(cut_notice(path, source.fault))
-        read = np.concatenate(blocks)
-        whole = np.all(np.isfinite(read[:, :NEEDED]), axis=1)
-        lacking = int(np.sum(~whole))
-        if lacking:
-            text = f"{path}: {lacking} of {len(whole)} rows have an empty field and are dropped."
-            self.notices.append(Notice("rows-incomplete", text))
-        read = read[whole]
+            names = (header.names, header.separator)
+            read = complete_rows(source, lines, names, header.columns, self.notices, NEEDED)
         if len(read) < 2:
             raise too_few(path, f"{len(read)} complete rows below the header")
         _check_units(header, read, path)

@@ -7,7 +7,8 @@ import pytest
 
 from furrowmap.core.calibration.boresight import boresight, boresight_notices
 from furrowmap.core.calibration.strips import strip_returns
-from furrowmap.core.trajectory.from_inertial import Imu, trajectory_from_inertial
+from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
+from furrowmap.core.trajectory.inertial_start import Imu
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.session.file import load_session
-from furrowmap.core.simulator.scenario import Drive, Lidar, Noise, Scenario
+from furrowmap.core.simulator.scenario import Drive, Field, Lidar, Noise, Scenario
 from furrowmap.core.simulator.scenario_file import load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
 from furrowmap.core.values.errors import InputError
@@ -214,3 +214,16 @@ def test_simulate__defaults_are_a_session_of_a_minute() -> None:
     assert (track.e_m > 10.0).all()
     assert (track.e_m < scenario.field.size_e_m - 10.0).all()
     assert np.count_nonzero(np.diff(track.down.astype(int))) == 6
+
+
+def test_simulate__a_drive_that_works_no_ground_has_empty_layers(tmp_path: Path) -> None:
+    drive = Drive(
+        passes=1, pass_m=(0.5,), accel_mps2=1.5, stand_start_s=0.2, stand_end_s=0.2, lead_in_m=0.1
+    )  # over before the tool is down
+    field = Field(size_e_m=12.0, size_n_m=12.0)
+    short = simulate(Scenario(name="short", title="Short", seed=1, field=field, drive=drive), tmp_path / "short")
+    assert (short.figures["passes"], short.figures["worked_area_m2"]) == (0, 0.0)
+    worked = short.folder / "truth" / "worked.gpkg"
+    assert {name: len(gpd.read_file(worked, layer=name)) for name in ("passes", "coverage", "overlaps")} == {
+        "passes": 0, "coverage": 0, "overlaps": 0,
+    }  # fmt: skip

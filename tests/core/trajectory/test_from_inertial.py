@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.trajectory.from_inertial import Imu, InertialTrajectory, trajectory_from_inertial
+from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
+from furrowmap.core.trajectory.inertial_start import Imu
 from furrowmap.core.trajectory.located import Companions, locate
 from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import InputError, RefusedError

@@ -15,7 +15,8 @@ import furrowmap
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.trajectory.from_inertial import Imu, trajectory_from_inertial
+from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
+from furrowmap.core.trajectory.inertial_start import Imu
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mounting import Mounting
