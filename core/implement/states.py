@@ -214,7 +214,16 @@ class _Interval(NamedTuple):
 
 
 def _tool_states(intervals: Sequence[_Interval]) -> ToolStates:
-    some = [interval for interval in intervals if interval.end.t_s > interval.begin.t_s]
+    """The intervals that last: out of view for less time than the way there takes, the tool stayed where it was."""
+    some: list[_Interval] = []
+    for one in intervals:
+        if one.end.t_s <= one.begin.t_s:
+            if some:
+                some[-1] = some[-1]._replace(end=one.end)
+        elif some and some[-1].state == one.state and some[-1].end.t_s == one.begin.t_s:
+            some[-1] = some[-1]._replace(end=one.end, confidence=min(some[-1].confidence, one.confidence))
+        else:
+            some.append(one if some else one._replace(begin=intervals[0].begin))
     return ToolStates(
         begin_s=np.array([interval.begin.t_s for interval in some], np.float64),
         end_s=np.array([interval.end.t_s for interval in some], np.float64),
