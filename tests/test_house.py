@@ -58,6 +58,7 @@ ROOMS = {
         "values",
     ],
     "checking": ["geodesy", "pointclouds", "readers", "values"],
+    "crops": ["geodesy", "pointclouds", "readers", "surfaces", "values"],
     "evaluation": ["readers", "values"],
     "simulator": [],
 }
@@ -103,7 +104,7 @@ BOUNDARIES = {
     "tarfile": [],
     "pickle": [],
     "sqlite3": ["core.readers.rosbag.db3"],
-    "zipfile": ["core.readers.isoxml.files", "core.values.npz"],
+    "zipfile": ["core.readers.isoxml.files", "core.readers.zipped_layer", "core.values.npz"],
     "xml": ["core.readers.isoxml.xml"],
     "jgdtrans": ["core.geodesy.parameter_file"],
     "japan_geoid": ["core.geodesy.height_system"],

@@ -10,8 +10,8 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from furrowmap.core.checking.survey_table import read_table
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.survey_table import read_table
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]

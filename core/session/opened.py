@@ -53,6 +53,8 @@ class Inputs:
         attitude: logs of roll and pitch, and of the heading.
         mount: attitude of a moving mount.
         boundary: boundary of the field.
+        parcels: parcels of a trial.
+        treatments: what each parcel was given.
         states: tool states.
         learned: implement learned in an earlier session.
         parameters: parameter file of the map frame.
@@ -65,6 +67,8 @@ class Inputs:
     attitude: tuple[Path, ...] = ()
     mount: Path | None = None
     boundary: Path | None = None
+    parcels: Path | None = None
+    treatments: Path | None = None
     states: tuple[Path, ...] = ()
     learned: Path | None = None
     parameters: Path | None = None
@@ -85,6 +89,7 @@ class Inputs:
             return tuple(resolve(session_file, name) for name in names)
 
         stated, implement, attitude = session.trajectory, session.implement, session.attitude
+        parcels = session.parcels
         return cls(
             lidar=several(session.recording.lidar),
             positions=several(stated.files if stated is not None else session.recording.gnss),
@@ -92,6 +97,8 @@ class Inputs:
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
+            parcels=one(parcels.file if parcels is not None else None),
+            treatments=one(parcels.treatments if parcels is not None else None),
             states=several(implement.states if implement is not None else ()),
             learned=one(implement.learned if implement is not None else None),
             parameters=one(session.crs.parameters),
@@ -101,7 +108,8 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (self.mount, self.boundary, *self.states, self.learned, self.parameters, self.geoid_grid)
+        single = (self.mount, self.boundary, self.parcels, self.treatments, *self.states)
+        single += (self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(
                 [

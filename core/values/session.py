@@ -235,6 +235,24 @@ class Mount(_Part, frozen=True):
     xyz_m: Vector3 | None = None
 
 
+class Parcels(_Part, frozen=True):
+    """`[parcels]`: the parcels of a trial.
+
+    Attributes:
+        file: vector file, or CSV of corners, with the gross parcels.
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        treatments: CSV or Excel table with what each parcel was given.
+        method: by which heights and volumes are computed; None for the default.
+        soil: where the height of the soil below the crop is from; None for the default.
+    """
+
+    file: str
+    net_inset_m: tuple[Annotated[float, Meta(ge=0.0)], Annotated[float, Meta(ge=0.0)]] = (0.0, 0.0)
+    treatments: str | None = None
+    method: str | None = None
+    soil: str | None = None
+
+
 class Run(_Part, frozen=True):
     """`[run]`: processing options.
 
@@ -256,8 +274,8 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, run: the tables.
-        camera, parcels: tables of files that a run does not read.
+        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, parcels, run: the tables.
+        camera: table of files that a run does not read.
     """
 
     furrowmap: int
@@ -272,15 +290,14 @@ class Session(_Part, frozen=True):
     implement: Implement | None = None
     field: Field = Field()
     trajectory: TrajectorySource | None = None
+    parcels: Parcels | None = None
     run: Run = Run()
     camera: dict[str, Any] | None = None
-    parcels: dict[str, Any] | None = None
 
 
 EXAMPLES: Final = {
     "name": '"North field"',
     "camera": '{ table = "images.csv" }',
-    "parcels": '{ file = "parcels.geojson" }',
     "recording.lidar": '["recording.pcap"]',
     "recording.gnss": '["gnss.nmea"]',
     "recording.lidar_minus_gnss_s": "0.0",
@@ -327,6 +344,11 @@ EXAMPLES: Final = {
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",
+    "parcels.file": '"parcels.geojson"',
+    "parcels.net_inset_m": "[1.00, 0.11]",
+    "parcels.treatments": '"treatments.csv"',
+    "parcels.method": '"christiansen2017"',
+    "parcels.soil": '"plane"',
     "run.standing": "true",
     "run.fixes": '["fixed", "float"]',
     "run.threads": "2",

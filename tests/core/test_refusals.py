@@ -17,7 +17,7 @@ from furrowmap.core.geodesy import parameter_file
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import read_parameters
-from furrowmap.core.readers import boundary
+from furrowmap.core.readers import boundary, vector_file
 from furrowmap.core.readers.isoxml import files
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.reader import ReadOptions
@@ -100,7 +100,7 @@ def test_parameters__of_an_earthquake_are_told_by_their_columns(
 
 def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounds are lowered, so that the files are small; the rule is the same."""
-    for module in (parameter_file, surveyed_points, boundary):
+    for module in (parameter_file, surveyed_points, vector_file):
         monkeypatch.setattr(module, "LARGEST_BYTES", 60)
     with refusal("parameters-unreadable", "it has [0-9,]+ bytes"):
         read_parameters(par(tmp_path, 16, COLUMNS, "54401205   0.10000   0.20000"))

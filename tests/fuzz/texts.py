@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from furrowmap import fields
+from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import read_boundary
@@ -74,6 +75,22 @@ def boundaries(folder: Path) -> list[Files]:
 
 def read_field(path: Path) -> None:
     boundary_on_map(read_boundary(path), FRAME)
+
+
+def parcels(folder: Path) -> list[Files]:
+    """The field as the only parcel: a table of its corners, KML, a zipped Shapefile, a GeoPackage."""
+    table = geopandas.GeoDataFrame({"id": [7], "block": ["A"]}, geometry=[FIELD], crs=4326)
+    table.to_file(folder / "p.kml", driver="LIBKML")
+    table.to_file(folder / "p.shp")
+    table.to_file(folder / "p.gpkg")
+    with zipfile.ZipFile(folder / "p.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for part in sorted(folder.glob("p.*[xfpj]")):
+            archive.write(part, part.name)
+    corners = "".join(f"7,A,{x},{y}\n" for x, y in FIELD.exterior.coords[:-1])
+    return [
+        {"p.csv": f"id,block,lon_deg,lat_deg\n{corners}".encode()},
+        *({name: (folder / name).read_bytes()} for name in ("p.kml", "p.zip", "p.gpkg")),
+    ]
 
 
 def parameters(folder: Path) -> list[Files]:
@@ -156,6 +173,7 @@ def drive(path: Path) -> None:
 
 TEXTS = (
     Entry("boundary", boundaries, read_field, trials=150),
+    Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=150),
     Entry("parameters", parameters, read_par),
     Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=150),
     Entry("session", sessions, read_session, trials=150),

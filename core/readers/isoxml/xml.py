@@ -15,11 +15,12 @@ MOST_ELEMENTS: Final = 5_000_000
 
 @dataclass
 class Element:
-    """An element, its attributes and its children in their order; text is ignored, as task data have none."""
+    """An element, its attributes, its children in their order, and the text directly in it (task data have none)."""
 
     tag: str
     attributes: dict[str, str]
     children: list[Element] = field(default_factory=list)
+    text: str = ""
 
     def all(self, tag: str) -> Iterator[Element]:
         """The children of that tag."""
@@ -45,6 +46,8 @@ def parse_xml(data: bytes, name: str) -> Element:
     parser = expat.ParserCreate()
     parser.StartElementHandler = tree.start
     parser.EndElementHandler = tree.end
+    parser.CharacterDataHandler = tree.characters
+    parser.buffer_text = True
     parser.StartDoctypeDeclHandler = tree.doctype
     try:
         parser.Parse(data, True)  # noqa: FBT003 (expat takes it by position only)
@@ -89,6 +92,10 @@ class _Tree:
 
     def end(self, tag: str) -> None:  # noqa: ARG002 (expat's signature)
         self._open.pop()
+
+    def characters(self, text: str) -> None:
+        if not text.isspace():
+            self._open[-1].text += text
 
     def doctype(self, *_: object) -> None:
         raise self._hostile("a document type, which can refer to other files and expand without limit")

@@ -1,0 +1,256 @@
+"""Parcels from files: polygons with identifiers, on the map, gross and net."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from pyproj import CRS, Transformer
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.crops.corner_table import IDS, corner_polygons, is_corner_table
+from furrowmap.core.crops.net_parcel import net_of
+from furrowmap.core.readers.vector_file import FORMATS, Polygons, read_polygons
+from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.parcel import Attribute, Parcel
+
+_BLOCKS: Final = ("block", "replicate", "replication", "rep", "blk")
+"""Accepted names of the column of blocks, in any case."""
+_SMALLEST_M2: Final = 1e-4
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A polygon of a file on the map."""
+
+    id: str
+    shape: shapely.Polygon
+    attributes: Mapping[str, Attribute]
+
+
+def read_parcels(
+    path: Path, target: CRS, net_inset_m: tuple[float, float] = (0.0, 0.0), net: Path | None = None
+) -> tuple[Parcel, ...]:
+    """The parcels of a vector file, or of a CSV with one row per corner, in map coordinates.
+
+    Coordinates in another CRS than `target` are projected; no datum is changed. Identifiers are those of the first
+    column named id, parcel, plot or name, else 1, 2, … in the order of the file; blocks those of a column block or rep.
+
+    Args:
+        path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV (:mod:`.corner_table`).
+        target: projected CRS of the map.
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        net: file with the net parcels, under the same identifiers, instead of an inset.
+
+    Raises:
+        InputError: if a file cannot be read or has no polygon, a polygon is invalid, identifiers repeat or differ
+            between the files, the parcels lie outside the domain of `target`, or are smaller than the inset.
+    """
+    gross = _on_map(path, target)
+    nets = {found.id: found.shape for found in _on_map(net, target)} if net is not None else None
+    if nets is not None and net is not None:
+        _expect_same(path, [found.id for found in gross], net, nets)
+    parcels, small = [], []
+    for found in gross:
+        inner = nets[found.id] if nets is not None else net_of(found.shape, *net_inset_m)
+        if inner is None or inner.area < _SMALLEST_M2:
+            small.append(found.id)
+            continue
+        rest = dict(found.attributes)
+        block = next((rest.pop(name) for name in list(rest) if name.casefold() in _BLOCKS), None)
+        parcels.append(Parcel(found.id, found.shape, inner, None if block is None else label(block), rest))
+    if small:
+        raise InputError(
+            f"{path}: nothing is left of {_listed(small, 'parcel')} after {net_inset_m[0]:g} m off each end and "
+            f"{net_inset_m[1]:g} m off each side.",
+            "Without a net parcel there are no figures.",
+            "Reduce net_inset_m (metres: off each end, off each side), or correct the parcels.",
+            code="parcels-inset",
+        )
+    return tuple(parcels)
+
+
+def expect_near(parcels: Sequence[Parcel], bounds_m: tuple[float, float, float, float], path: Path) -> None:
+    """Refuse parcels of another place.
+
+    Args:
+        parcels: on the map.
+        bounds_m: west, south, east, north of the points, in map coordinates.
+        path: of their file, for the message.
+
+    Raises:
+        InputError: if no parcel touches the bounds.
+    """
+    shapes = np.array([parcel.gross for parcel in parcels], object)
+    there = shapely.box(*bounds_m)
+    if shapely.intersects(shapes, there).any():
+        return
+    apart_m = float(shapely.distance(shapes, there).min())
+    far = f"{apart_m / 1000.0:,.1f} km" if apart_m >= 1000.0 else f"{apart_m:.0f} m"
+    raise InputError(
+        f"{path}: the nearest parcel is {far} from the points.",
+        "The parcels are of another place, or their coordinates are not in the CRS that the file states.",
+        "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
+        code="parcels-elsewhere",
+    )
+
+
+def label(value: object) -> str:
+    """An identifier as it is written: a whole number without decimals."""
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        return f"{int(value)}"
+    return str(value).strip()
+
+
+def _on_map(path: Path, target: CRS) -> list[_Found]:
+    refuse = partial(_unreadable, path)
+    table = is_corner_table(path)
+    polygons = corner_polygons(path, target, refuse) if table else read_polygons(path, refuse)
+    try:
+        shapes = _projected(path, polygons, target)
+    except InputError:
+        raise
+    except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
+        raise _unreadable(path, str(error) or type(error).__name__) from None
+    names = _identifiers(path, polygons.attributes)
+    _expect_valid(path, names, shapes)
+    return [
+        _Found(name, shape, attributes)
+        for name, shape, attributes in zip(names, shapes, _others(polygons), strict=True)
+    ]
+
+
+def _projected(path: Path, polygons: Polygons, target: CRS) -> list[shapely.Polygon]:
+    """The polygons on the map, each of one part.
+
+    Raises:
+        InputError: if they lie on a historical datum, or outside the domain of the map.
+    """
+    shapes = np.array([_single(shape) for shape in polygons.shapes], object)
+    flat = target.sub_crs_list[0].to_2d() if target.is_compound else target.to_2d()
+    source = polygons.crs.sub_crs_list[0].to_2d() if polygons.crs.is_compound else polygons.crs.to_2d()
+    if source.equals(flat, ignore_axis_order=True):
+        return list(shapes)
+    base, map_base = source.geodetic_crs, flat.geodetic_crs
+    if base is None or map_base is None:
+        raise _unreadable(path, f"its CRS {source.name} is not tied to the earth")
+    to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
+    to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
+    round_earth = shapely.transform(shapes, lambda xy: np.column_stack(to_base.transform(*xy.T)))
+    lon, lat = np.median(shapely.get_coordinates(round_earth), axis=0)
+    shifts = [datum_shift_m(crs, round(float(lon), 1), round(float(lat), 1)) for crs in (base, map_base)]
+    if not base.to_2d().equals(map_base.to_2d(), ignore_axis_order=True):
+        _expect_modern(path, (base, map_base), shifts)
+    placed = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
+    if not np.isfinite(shapely.get_coordinates(placed)).all():
+        raise InputError(
+            f"{path}: the parcels lie at {lat:.4f}, {lon:.4f} (latitude, longitude): {flat.name} is not for there.",
+            "They are not the parcels of this map.",
+            "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
+            code="parcels-elsewhere",
+        )
+    return list(placed)
+
+
+def _expect_modern(path: Path, bases: tuple[CRS, CRS], shifts: Sequence[float | None]) -> None:
+    for base, shift in zip(bases, shifts, strict=True):
+        if shift is not None and shift > LARGEST_DATUM_SHIFT_M:
+            raise InputError(
+                f"{path}: the coordinates of {base.name} and of the other CRS differ by {shift:.0f} m.",
+                "The parcels would be shifted by that distance.",
+                "Export them from a GIS in the CRS of the map, which transforms the datum.",
+                code="parcels-datum",
+            )
+
+
+def _single(shape: BaseGeometry) -> BaseGeometry:
+    """A polygon of one part instead of a multipolygon of one."""
+    return shape.geoms[0] if isinstance(shape, shapely.MultiPolygon) and len(shape.geoms) == 1 else shape
+
+
+def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[str]:
+    column = _id_column(attributes)
+    if column is None:
+        return [str(k) for k in range(1, len(attributes) + 1)]
+    names = ["" if row.get(column) is None else label(row[column]) for row in attributes]
+    nameless = [str(k) for k, name in enumerate(names, start=1) if not name]
+    repeated = [name for name, count in Counter(names).items() if count > 1 and name]
+    if nameless or repeated:
+        fault = (
+            f"{_listed(nameless, 'polygon')} without one" if nameless else f"{_listed(repeated, 'identifier')} twice"
+        )
+        raise InputError(
+            f"{path}: the column {column} has {fault}.",
+            "Treatments and figures could not be told apart.",
+            "Give each parcel an identifier of its own.",
+            code="parcels-identifiers",
+        )
+    return names
+
+
+def _id_column(attributes: Sequence[Mapping[str, Any]]) -> str | None:
+    names = {name.casefold(): name for row in reversed(attributes) for name in row}
+    return next((names[name] for name in IDS if name in names), None)
+
+
+def _others(polygons: Polygons) -> list[dict[str, Attribute]]:
+    """The attributes besides the identifier: numbers as such, all else as text; empty cells are left out."""
+    column = _id_column(polygons.attributes)
+    return [
+        {
+            name: float(value)
+            if isinstance(value, int | float | np.number) and not isinstance(value, bool)
+            else str(value)
+            for name, value in row.items()
+            if name != column and value is not None
+        }
+        for row in polygons.attributes
+    ]
+
+
+def _expect_valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometry]) -> None:
+    several = [name for name, shape in zip(names, shapes, strict=True) if not isinstance(shape, shapely.Polygon)]
+    crossed = [
+        name for name, shape in zip(names, shapes, strict=True) if not (shape.is_valid and shape.area > _SMALLEST_M2)
+    ]
+    for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
+        if faulty:
+            raise InputError(
+                f"{path}: {_listed(faulty, 'parcel')} with {fault}.",
+                "It is not clear what belongs to the parcel.",
+                "Correct the polygons in a GIS (QGIS: Fix geometries, Multipart to singleparts).",
+                code="parcels-invalid",
+            )
+
+
+def _expect_same(path: Path, gross: Sequence[str], net_path: Path, nets: Mapping[str, BaseGeometry]) -> None:
+    missing = [name for name in gross if name not in nets] + [name for name in nets if name not in gross]
+    if missing:
+        raise InputError(
+            f"{path} and {net_path}: {_listed(missing, 'identifier')} in only one of the files.",
+            "Gross and net parcels belong together by their identifiers.",
+            "Correct the identifiers, or leave the net parcels out and state net_inset_m.",
+            code="parcels-identifiers",
+        )
+
+
+def _listed(names: Sequence[str], what: str) -> str:
+    """Such as "2 parcels (3, 17)"."""
+    shown = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
+    return f"{len(names)} {what}{'s' if len(names) > 1 else ''} ({shown})"
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path}: {why}.",
+        "Without parcels there are no figures of them.",
+        f"Provide polygons as {FORMATS}, or a CSV with one row per corner: id, e_m, n_m (or lon_deg, lat_deg).",
+        code="parcels-unreadable",
+    )

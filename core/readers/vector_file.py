@@ -1,0 +1,127 @@
+"""Polygons with attributes from vector files: GeoPackage, Shapefile (zipped too), FlatGeobuf, GeoJSON, KML."""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.readers.kml import is_kml, kml_polygons
+from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
+from furrowmap.core.values.errors import InputError, RefusedError
+
+LARGEST_BYTES: Final = 100_000_000
+FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
+_MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
+"""The first bytes of GeoPackage, FlatGeobuf and Shapefile."""
+
+Unreadable = Callable[[str], InputError]
+"""The error of a file, from what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """n polygons of a file, in its coordinates, and their attributes.
+
+    Attributes:
+        shapes: polygons and multipolygons, flat; their rings may cross.
+        attributes: of each, by the column's name; None where a cell is empty.
+        crs: of the coordinates.
+        others: number of features with other geometries, which are left out.
+    """
+
+    shapes: tuple[BaseGeometry, ...]
+    attributes: tuple[dict[str, Any], ...]
+    crs: CRS
+    others: int
+
+
+def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
+    """The polygons of the first layer of a vector file.
+
+    Only formats are read whose GDAL drivers open no other files.
+
+    Args:
+        path: of the file.
+        unreadable: makes the error of what is wrong with the file.
+
+    Raises:
+        InputError: made by `unreadable`, if the file has another format, cannot be read, has no polygon, states no CRS,
+            or has coordinates that are not finite.
+        RefusedError: if an archive unpacks to far more than its size.
+    """
+    head = _head(path, unreadable)
+    try:
+        found = _read(path, head)
+    except RefusedError:
+        raise
+    except InputError as error:
+        raise unreadable(error.what.removeprefix(f"{path}: ").rstrip(".")) from None
+    except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS, PROJ and pandas have no family of their own
+        raise unreadable(str(error) or type(error).__name__) from None
+    if not found.shapes:
+        raise unreadable(f"{found.others} features, but no polygon")
+    if not np.isfinite(shapely.get_coordinates(np.array(found.shapes, object))).all():
+        raise unreadable("a corner has coordinates that are not finite")
+    return found
+
+
+def _head(path: Path, unreadable: Unreadable) -> bytes:
+    """The first bytes of a file of a known format.
+
+    Raises:
+        InputError: if the file has another format, or is larger than any set of polygons.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+        size = path.stat().st_size
+    except OSError as error:
+        raise unreadable(str(error.strerror)) from None
+    json = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    if not (json or head.startswith((*_MAGIC, ZIP)) or is_kml(head)):
+        raise unreadable("neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or KML")
+    if size > LARGEST_BYTES:
+        raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
+    return head
+
+
+def _read(path: Path, head: bytes) -> Polygons:
+    with ExitStack() as stack:
+        if head.startswith(ZIP):
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="furrowmap-"))
+            path = unpacked_layer(path, Path(folder))
+            head = path.read_bytes()[:4096]
+            if not (is_kml(head) or head.startswith(_MAGIC[2])):
+                raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
+        if is_kml(head):
+            shapes, attributes, others = kml_polygons(path)
+            return Polygons(shapes, attributes, CRS.from_epsg(4326), others)
+        return _by_gdal(path)
+
+
+def _by_gdal(path: Path) -> Polygons:
+    import geopandas  # half a second, and most sessions name no vector file
+    import pandas as pd
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a ring that is not closed is closed
+        table = geopandas.read_file(path, engine="pyogrio")
+    kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in table.geometry], bool)
+    if kept.any() and table.crs is None:
+        raise ValueError("it states no CRS")
+    polygons = table[kept]
+    columns = polygons.drop(columns=table.geometry.name).astype(object)
+    rows = columns.where(~pd.isna(columns), None).to_dict("records")
+    shapes = tuple(shapely.force_2d(np.array(polygons.geometry, object)))
+    attributes = tuple({str(name): value for name, value in row.items()} for row in rows)
+    return Polygons(shapes, attributes, CRS.from_user_input(table.crs or 4326), len(table) - len(shapes))

@@ -1,0 +1,29 @@
+"""A parcel of a field trial, or of any other set of polygons that figures are computed for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import shapely
+
+Attribute = str | float
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A parcel on the map.
+
+    Attributes:
+        id: its name, unique in its set.
+        gross: the sown area, in map coordinates (m).
+        net: the part of it that figures are of, in map coordinates (m).
+        block: the block (replicate) that it belongs to; None where none is stated.
+        attributes: what else is known of it, such as its treatment, by name.
+    """
+
+    id: str
+    gross: shapely.Polygon
+    net: shapely.Polygon
+    block: str | None = None
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
