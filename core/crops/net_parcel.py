@@ -38,9 +38,10 @@ def net_of(gross: shapely.Polygon, ends_m: float, sides_m: float) -> shapely.Pol
     widths = np.where((np.arange(4) % 2 == 0) == first_are_ends, ends_m, sides_m)
     inner = gross
     for start, step, reach, width in zip(corners, along, length, widths, strict=True):
-        inner = inner.intersection(_inside(start, step / reach, float(width), gross))
-        if not isinstance(inner, shapely.Polygon) or inner.is_empty:
+        left = inner.intersection(_inside(start, step / reach, float(width), gross))
+        if not isinstance(left, shapely.Polygon) or left.is_empty:
             return None
+        inner = left
     return inner
 
 
@@ -48,7 +49,7 @@ def _corners(shape: shapely.Geometry) -> FloatArray | None:
     """The four corners (4, 2) of a convex quadrilateral, counterclockwise; None for any other shape."""
     if not isinstance(shape, shapely.Polygon) or shape.interiors:
         return None
-    corners = np.asarray(shapely.orient_polygons(shape).simplify(_STRAIGHT_M).exterior.coords)[:-1, :2]
+    corners = shapely.get_coordinates(shapely.orient_polygons(shape).simplify(_STRAIGHT_M))[:-1]
     if len(corners) != 4:
         return None
     along = np.roll(corners, -1, axis=0) - corners
