@@ -104,7 +104,7 @@ BOUNDARIES = {
     "tarfile": [],
     "pickle": [],
     "sqlite3": ["core.readers.rosbag.db3"],
-    "zipfile": ["core.readers.isoxml.files", "core.readers.zipped_layer", "core.values.npz"],
+    "zipfile": ["core.readers.isoxml.files", "core.readers.sheet", "core.readers.zipped_layer", "core.values.npz"],
     "xml": ["core.readers.isoxml.xml"],
     "jgdtrans": ["core.geodesy.parameter_file"],
     "japan_geoid": ["core.geodesy.height_system"],

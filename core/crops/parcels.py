@@ -21,7 +21,7 @@ from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
-_BLOCKS: Final = ("block", "replicate", "replication", "rep", "blk")
+BLOCKS: Final = ("block", "replicate", "replication", "rep", "blk")
 """Accepted names of the column of blocks, in any case."""
 _SMALLEST_M2: Final = 1e-4
 
@@ -64,11 +64,11 @@ def read_parcels(
             small.append(found.id)
             continue
         rest = dict(found.attributes)
-        block = next((rest.pop(name) for name in list(rest) if name.casefold() in _BLOCKS), None)
+        block = next((rest.pop(name) for name in list(rest) if name.casefold() in BLOCKS), None)
         parcels.append(Parcel(found.id, found.shape, inner, None if block is None else label(block), rest))
     if small:
         raise InputError(
-            f"{path}: nothing is left of {_listed(small, 'parcel')} after {net_inset_m[0]:g} m off each end and "
+            f"{path}: nothing is left of {listed(small, 'parcel')} after {net_inset_m[0]:g} m off each end and "
             f"{net_inset_m[1]:g} m off each side.",
             "Without a net parcel there are no figures.",
             "Reduce net_inset_m (metres: off each end, off each side), or correct the parcels.",
@@ -183,9 +183,7 @@ def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[st
     nameless = [str(k) for k, name in enumerate(names, start=1) if not name]
     repeated = [name for name, count in Counter(names).items() if count > 1 and name]
     if nameless or repeated:
-        fault = (
-            f"{_listed(nameless, 'polygon')} without one" if nameless else f"{_listed(repeated, 'identifier')} twice"
-        )
+        fault = f"{listed(nameless, 'polygon')} without one" if nameless else f"{listed(repeated, 'identifier')} twice"
         raise InputError(
             f"{path}: the column {column} has {fault}.",
             "Treatments and figures could not be told apart.",
@@ -223,7 +221,7 @@ def _expect_valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometr
     for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
         if faulty:
             raise InputError(
-                f"{path}: {_listed(faulty, 'parcel')} with {fault}.",
+                f"{path}: {listed(faulty, 'parcel')} with {fault}.",
                 "It is not clear what belongs to the parcel.",
                 "Correct the polygons in a GIS (QGIS: Fix geometries, Multipart to singleparts).",
                 code="parcels-invalid",
@@ -234,14 +232,14 @@ def _expect_same(path: Path, gross: Sequence[str], net_path: Path, nets: Mapping
     missing = [name for name in gross if name not in nets] + [name for name in nets if name not in gross]
     if missing:
         raise InputError(
-            f"{path} and {net_path}: {_listed(missing, 'identifier')} in only one of the files.",
+            f"{path} and {net_path}: {listed(missing, 'identifier')} in only one of the files.",
             "Gross and net parcels belong together by their identifiers.",
             "Correct the identifiers, or leave the net parcels out and state net_inset_m.",
             code="parcels-identifiers",
         )
 
 
-def _listed(names: Sequence[str], what: str) -> str:
+def listed(names: Sequence[str], what: str) -> str:
     """Such as "2 parcels (3, 17)"."""
     shown = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
     return f"{len(names)} {what}{'s' if len(names) > 1 else ''} ({shown})"

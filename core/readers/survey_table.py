@@ -66,12 +66,17 @@ def read_table(path: Path) -> SurveyTable:
     if separator not in head:
         raise ValueError("its first line has no comma, semicolon or tab")
     rows = list(csv.reader(StringIO("\n".join(line for _, line in lines)), delimiter=separator, skipinitialspace=True))
-    names = [_UNIT.sub("", name.strip()).casefold() for name in rows[0]]
+    names = [column_name(name) for name in rows[0]]
     body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
     columns = {name: [row[k] for row in body] for k, name in enumerate(names) if name}
     cells = [cell for row in body for cell in row]
     comma = separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
     return SurveyTable(columns, [k for k, _ in lines[1 : 1 + len(body)]], comma)
+
+
+def column_name(cell: str) -> str:
+    """A column's name in lower case, without a unit in brackets."""
+    return _UNIT.sub("", cell.strip()).casefold()
 
 
 def _text(content: bytes) -> str:

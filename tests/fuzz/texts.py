@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import io
 import json
 import zipfile
@@ -9,10 +10,12 @@ from pathlib import Path
 
 import geopandas
 import numpy as np
+import openpyxl
 import shapely
 
 from furrowmap import fields
 from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import read_boundary
@@ -91,6 +94,17 @@ def parcels(folder: Path) -> list[Files]:
         {"p.csv": f"id,block,lon_deg,lat_deg\n{corners}".encode()},
         *({name: (folder / name).read_bytes()} for name in ("p.kml", "p.zip", "p.gpkg")),
     ]
+
+
+def treatments(folder: Path) -> list[Files]:
+    """Doses by date, as a table and as a spreadsheet."""
+    rows = [["id", "2017-03-16", "2017-04-20", "variety"], *([k, 50, 25.5 * k, "Benchmark"] for k in range(1, 6))]
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    book.save(folder / "t.xlsx")
+    text = "\n".join(";".join(str(cell) for cell in row) for row in rows)
+    return [{"t.csv": text.encode()}, {"t.xlsx": (folder / "t.xlsx").read_bytes()}]
 
 
 def parameters(folder: Path) -> list[Files]:
@@ -174,6 +188,7 @@ def drive(path: Path) -> None:
 TEXTS = (
     Entry("boundary", boundaries, read_field, trials=150),
     Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=150),
+    Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=150),
     Entry("parameters", parameters, read_par),
     Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=150),
     Entry("session", sessions, read_session, trials=150),

@@ -1,0 +1,301 @@
+"""The logistic response to a dose (Christiansen et al. 2017, equation 3), with profile-likelihood intervals.
+
+height = lower + rise / (1 + exp(−gradient · (dose − midpoint))), with an offset for each block.
+
+Lower, rise and the offsets are linear: for each gradient and midpoint they follow by least squares in closed form. So
+the sum of squares is a function of two parameters, and is computed on a grid that is narrowed to the region of
+S ≤ S_min · (1 + t²/ν) with t of Student's distribution (Bates and Watts 1988, Nonlinear regression analysis and its
+applications, section 6.1). The extremes of a quantity in that region are its interval. Where the region reaches the end
+of what the doses can show, the interval is open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special, stats
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+NODES: Final = 90
+"""Nodes of each axis of the grid."""
+ROUNDS: Final = 12
+"""The grid is narrowed at most so often."""
+STEEPEST: Final = 20.0
+"""Gradient times the least distance of two doses: steeper curves are steps between these."""
+FLATTEST: Final = 0.3
+"""Gradient times the range of doses: flatter curves are straight lines within it."""
+BEYOND: Final = 1.5
+"""The midpoint is sought this many ranges beyond the least and the highest dose."""
+BAND: Final = 61
+"""Abscissae of the confidence band."""
+PLATEAU: Final = 0.95
+"""Share of the rise beyond which nothing is said to be gained."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval; an end that the data leave open is infinite.
+
+    Attributes:
+        value: the estimate.
+        low: lower end.
+        high: upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies in the interval."""
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class Logistic:
+    """A logistic curve through n observations.
+
+    Attributes:
+        lower: asymptote towards low doses (mean of the blocks).
+        rise: upper asymptote minus lower; negative where doses lower the crop.
+        gradient: per unit of the dose.
+        midpoint: dose at half the rise.
+        plateau: dose at PLATEAU of the rise: beyond it nothing is gained.
+        sigma: standard deviation of the residuals.
+        freedom: degrees of freedom of the residuals.
+        r2: share of the variance within blocks that the curve explains.
+        offsets: of each block, in the order of their labels; their mean is 0.
+        dose: (m,) abscissae of the band, from the least dose to the highest.
+        fitted, band_low, band_high: (m,) the curve and its pointwise 95 % confidence band.
+    """
+
+    lower: Estimate
+    rise: Estimate
+    gradient: Estimate
+    midpoint: Estimate
+    plateau: Estimate
+    sigma: float
+    freedom: int
+    r2: float
+    offsets: FloatArray
+    dose: FloatArray
+    fitted: FloatArray
+    band_low: FloatArray
+    band_high: FloatArray
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Sums of n observations by block and dose, which is all that the fit needs.
+
+    Attributes:
+        doses: (d,) distinct doses, ascending.
+        count: (b, d) observations.
+        total: (b, d) sum of their heights.
+        squares: sum of the squared heights about the means of their blocks.
+    """
+
+    doses: FloatArray
+    count: FloatArray
+    total: FloatArray
+    squares: float
+
+    @classmethod
+    def of(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> Observations:
+        """The sums of observations (n,), with blocks numbered from 0 without gaps."""
+        doses, index = np.unique(dose, return_inverse=True)
+        shape = (int(block.max(initial=0)) + 1, len(doses))
+        count, total = np.zeros(shape), np.zeros(shape)
+        np.add.at(count, (block, index), 1.0)
+        np.add.at(total, (block, index), height)
+        means = total.sum(axis=1) / count.sum(axis=1)
+        return cls(doses, count, total, float(((height - means[block]) ** 2).sum()))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the residuals of a curve with an offset for each block."""
+        return int(self.count.sum()) - len(self.count) - 3
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """Least squares at nodes (k,) of gradient and midpoint.
+
+    Attributes:
+        gradient, midpoint: of each node.
+        sum_squares: of the residuals.
+        rise: by least squares.
+        precision: sum of squares of the curve of unit rise about the means of its blocks.
+        mean: of that curve over the blocks.
+        lower: by least squares.
+    """
+
+    gradient: FloatArray
+    midpoint: FloatArray
+    sum_squares: FloatArray
+    rise: FloatArray
+    precision: FloatArray
+    mean: FloatArray
+    lower: FloatArray
+
+
+def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logistic:
+    """The curve by least squares, with 95 % intervals.
+
+    Args:
+        dose: (n,) of each observation.
+        height: (n,) or any other quantity that responds.
+        block: (n,) number of its block, from 0 without gaps; all 0 without blocks.
+
+    Raises:
+        ValueError: if there are fewer than four distinct doses, or fewer observations than parameters plus one.
+    """
+    seen = Observations.of(dose, height, block)
+    if len(seen.doses) < 4 or seen.freedom < 1:
+        raise ValueError("a logistic curve needs four doses, and more observations than parameters")
+    t = float(stats.t.ppf(0.975, seen.freedom))
+    outer = _outer(seen.doses)
+    nodes, best, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
+    inside = nodes.sum_squares <= limit
+    inside[best] = True
+    kept = _Nodes(*(getattr(nodes, name)[inside] for name in _Nodes.__dataclass_fields__))
+    at = int(np.argmin(kept.sum_squares))
+    edge = _on_edge(kept, outer)
+    weights = 1.0 / seen.count.sum(axis=1)
+    spread = np.sqrt(np.maximum(limit - kept.sum_squares, 0.0))
+    one = float(weights.sum()) / len(weights) ** 2
+    lower = _estimate(kept.lower, spread * np.sqrt(one + kept.mean**2 / kept.precision), at, edge)
+    rise = _estimate(kept.rise, spread / np.sqrt(kept.precision), at, edge)
+    gradient = _estimate(kept.gradient, np.zeros(len(spread)), at, edge, least=0.0)
+    midpoint = _estimate(kept.midpoint, np.zeros(len(spread)), at, edge)
+    reach = kept.midpoint + np.log(PLATEAU / (1.0 - PLATEAU)) / kept.gradient
+    plateau = _estimate(reach, np.zeros(len(spread)), at, edge)
+    x = np.linspace(seen.doses[0], seen.doses[-1], BAND)
+    unit = special.expit(kept.gradient[:, None] * (x - kept.midpoint[:, None]))
+    curve = kept.lower[:, None] + kept.rise[:, None] * unit
+    width = spread[:, None] * np.sqrt(one + (kept.mean[:, None] - unit) ** 2 / kept.precision[:, None])
+    block_means = (seen.total * weights[:, None]).sum(axis=1)
+    unit_means = seen.count @ special.expit(kept.gradient[at] * (seen.doses - kept.midpoint[at])) * weights
+    offsets = block_means - kept.rise[at] * unit_means - kept.lower[at]
+    least = float(kept.sum_squares[at])
+    return Logistic(
+        *(lower, rise, gradient, midpoint, plateau),
+        sigma=float(np.sqrt(least / seen.freedom)),
+        freedom=seen.freedom,
+        r2=1.0 - least / seen.squares if seen.squares > 0.0 else 0.0,
+        offsets=offsets,
+        dose=x,
+        fitted=curve[at],
+        band_low=(curve - width).min(axis=0),
+        band_high=(curve + width).max(axis=0),
+    )
+
+
+def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, trials: int) -> float:
+    """Probability of as good a curve where doses have no effect: heights are permuted within blocks.
+
+    The distribution of F does not hold here, since without an effect gradient and midpoint have no meaning (Davies
+    1987, Biometrika 74:33-43); permutation does. The random numbers are the same every time.
+
+    Args:
+        dose: (n,) of each observation.
+        height: (n,)
+        block: (n,) number of its block.
+        trials: number of permutations.
+    """
+    rng = np.random.default_rng(20170523)
+    gradient, midpoint = (axis.ravel() for axis in np.meshgrid(*_axes(_outer(np.unique(dose)), 24), indexing="ij"))
+    unit = special.expit(gradient[:, None] * (dose - midpoint[:, None]))
+    members = [np.flatnonzero(block == k) for k in np.unique(block)]
+    centred = height.astype(np.float64)
+    for rows in members:
+        unit[:, rows] -= unit[:, rows].mean(axis=1, keepdims=True)
+        centred[rows] -= centred[rows].mean()
+    length = np.sqrt((unit**2).sum(axis=1))
+    unit = unit[length > 1e-9] / length[length > 1e-9, None]
+    shuffled = np.tile(centred[:, None], (1, trials + 1))
+    for rows in members:
+        order = np.argsort(rng.random((len(rows), trials)), axis=0)
+        shuffled[rows, 1:] = centred[rows][order]
+    explained = (np.abs(unit @ shuffled)).max(axis=0)
+    return float((explained >= explained[0] * (1.0 - 1e-9)).sum()) / (trials + 1)
+
+
+def _outer(doses: FloatArray) -> FloatArray:
+    """(2, 2) least and greatest logarithm of the gradient, and midpoint, that doses (d,) can show."""
+    span, step = float(doses[-1] - doses[0]), float(np.diff(doses).min())
+    return np.array(
+        [
+            [np.log(FLATTEST / span), np.log(STEEPEST / step)],
+            [doses[0] - BEYOND * span, doses[-1] + BEYOND * span],
+        ]
+    )
+
+
+def _axes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
+    return np.exp(np.linspace(*box[0], number)), np.linspace(*box[1], number)
+
+
+def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_Nodes, int, float]:
+    """Nodes in and around the region of `factor` times the least sum of squares, the best node, and the limit."""
+    box, least = outer, np.inf
+    for _ in range(ROUNDS):
+        gradient, midpoint = _axes(box, NODES)
+        nodes = _least_squares(seen, *(axis.ravel() for axis in np.meshgrid(gradient, midpoint, indexing="ij")))
+        best = int(np.argmin(nodes.sum_squares))
+        least = min(least, float(nodes.sum_squares[best]))
+        inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
+        inside.flat[best] = True
+        ends = [np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]
+        step = np.diff(box, axis=1)[:, 0] / (NODES - 1)
+        narrow = np.array(
+            [[box[k, 0] + (ends[k][0] - 1) * step[k], box[k, 0] + (ends[k][1] + 1) * step[k]] for k in (0, 1)]
+        )
+        narrow = np.clip(narrow, outer[:, :1], outer[:, 1:])
+        if (np.diff(narrow, axis=1) > 0.8 * np.diff(box, axis=1)).all():
+            break
+        box = narrow
+    return nodes, best, least * factor
+
+
+def _least_squares(seen: Observations, gradient: FloatArray, midpoint: FloatArray) -> _Nodes:
+    unit = special.expit(gradient[:, None] * (seen.doses - midpoint[:, None]))
+    number = seen.count.sum(axis=1)
+    means = unit @ (seen.count.T / number)
+    block_means = seen.total.sum(axis=1) / number
+    precision = (unit**2) @ seen.count.sum(axis=0) - (means**2) @ number
+    precision = np.maximum(precision, 1e-12 * number.sum())
+    product = unit @ seen.total.sum(axis=0) - means @ (number * block_means)
+    rise = product / precision
+    mean = means.mean(axis=1)
+    return _Nodes(
+        gradient=gradient,
+        midpoint=midpoint,
+        sum_squares=np.maximum(seen.squares - product * rise, 0.0),
+        rise=rise,
+        precision=precision,
+        mean=mean,
+        lower=block_means.mean() - rise * mean,
+    )
+
+
+def _on_edge(nodes: _Nodes, outer: FloatArray) -> NDArray[np.bool_]:
+    """Whether nodes lie on the border of what the doses can show."""
+    place = np.array([np.log(nodes.gradient), nodes.midpoint])
+    near = 1e-6 * np.diff(outer, axis=1)
+    on: NDArray[np.bool_] = ((place < outer[:, :1] + near) | (place > outer[:, 1:] - near)).any(axis=0)
+    return on
+
+
+def _estimate(value: FloatArray, half: FloatArray, at: int, edge: NDArray[Any], least: float = -np.inf) -> Estimate:
+    """The value at a node, and the extremes of value ± half over all nodes; open where a border has them."""
+    low, high = value - half, value + half
+    first, last = int(np.argmin(low)), int(np.argmax(high))
+    return Estimate(
+        float(value[at]), least if edge[first] else float(low[first]), np.inf if edge[last] else float(high[last])
+    )
