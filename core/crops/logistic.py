@@ -238,7 +238,8 @@ def _outer(doses: FloatArray) -> FloatArray:
 
 
 def _axes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
-    return np.exp(np.linspace(*box[0], number)), np.linspace(*box[1], number)
+    flattest, steepest, first, last = (float(end) for end in box.ravel())
+    return np.exp(np.linspace(flattest, steepest, number)), np.linspace(first, last, number)
 
 
 def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_Nodes, int, float]:
@@ -288,7 +289,8 @@ def _on_edge(nodes: _Nodes, outer: FloatArray) -> NDArray[np.bool_]:
     """Whether nodes lie on the border of what the doses can show."""
     place = np.array([np.log(nodes.gradient), nodes.midpoint])
     near = 1e-6 * np.diff(outer, axis=1)
-    on: NDArray[np.bool_] = ((place < outer[:, :1] + near) | (place > outer[:, 1:] - near)).any(axis=0)
+    outside = (place < outer[:, :1] + near) | (place > outer[:, 1:] - near)
+    on: NDArray[np.bool_] = np.any(outside, axis=0)
     return on
 
 
