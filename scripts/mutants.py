@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -63,6 +64,8 @@ MOST_FILES: Final = 8
 """Test files that are run on a mutant, the nearest first."""
 FARTHEST: Final = 3
 """Imports between a test and the mutated module."""
+OF_ALL: Final = ("tests/test_neutral_defaults.py",)
+"""Tests that read the source of every module, run on each mutant besides."""
 TEST_S: Final = 60
 """A test that takes longer hangs."""
 ALL_TESTS_S: Final = 40
@@ -204,6 +207,17 @@ def imports(path: Path, known: set[str]) -> set[str]:
     return names & known
 
 
+def loaded_by_name(known: set[str]) -> dict[str, set[str]]:
+    """The modules that others load by a name that is made or installed: commands, workflows and readers."""
+    project = tomllib.loads((COPY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    readers = project["entry-points"]["furrowmap.readers"].values()
+    return {
+        "furrowmap.cli.main": {name for name in known if name.startswith("furrowmap.cli.")} - {"furrowmap.cli.main"},
+        "furrowmap": {name for name in known if name.startswith("furrowmap.workflows.")},
+        "furrowmap.core.readers.reader": {reader.partition(":")[0] for reader in readers},
+    }
+
+
 def words_of(text: str) -> set[str]:
     """The longer words of a text, and its names."""
     return set(re.findall(r"[A-Za-z]{5,}", text)) | set(re.findall(r"\b[a-z]+_[a-z_]+\b", text))
@@ -216,9 +230,10 @@ class Tests:
         files = {path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")}
         self._modules = {module_of(file): path for file, path in files.items()}
         known = set(self._modules)
+        loaded = loaded_by_name(known)
         self._importers: defaultdict[str, set[str]] = defaultdict(set)
         for module, path in self._modules.items():
-            for name in imports(path, known):
+            for name in imports(path, known) | loaded.get(module, set()):
                 self._importers[name].add(module)
         self._tests = {
             path: imports(path, known)
@@ -331,7 +346,7 @@ def fate(mutant: Mutant, tests: Tests) -> tuple[str, list[str]]:
                 for stem in tests.users(mutant.file):
                     for cached in kernels.rglob(f"{stem}.*"):
                         cached.unlink()
-            passed, failed = run_tests(nearest, kernels, "-x")
+            passed, failed = run_tests([*OF_ALL, *nearest], kernels, "-x")
     finally:
         path.write_bytes(source)
         os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it

@@ -10,24 +10,32 @@ import msgspec
 import numpy as np
 import pytest
 
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.states_csv import StatesCsv
+from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.surfaces.cloth import cloth_ground
 from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.surfaces.ground import classify_ground
 from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.values import npz
+from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.npz import read_npz
 from furrowmap.core.values.packed import pack, unpack
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
+from furrowmap.core.values.trajectory import Poses
 
 ONE, TWO, THREE = (np.arange(n, dtype=np.float64) for n in (1, 2, 3))
 
@@ -41,6 +49,10 @@ def scan(**changes: Any) -> Scan:
     return Scan(**(usual | changes))
 
 
+def velodyne(payloads: Any, host_s: Any) -> object:
+    return PacketDecoder("VLP-16").push(np.array(payloads), np.array(host_s))
+
+
 def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
     return ToolStates(np.array(begin_s), np.array(end_s), np.zeros(2, np.int8), confidence, TWO, TWO)
 
@@ -50,6 +62,12 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
     [
         (lambda: InertialTrack(TWO, np.zeros((2, 3)), np.zeros((3, 3))), "different lengths"),
         (lambda: InertialTrack(TWO[::-1], np.zeros((2, 3)), np.zeros((2, 3))), "does not increase"),
+        (lambda: AttitudeTrack(TWO, TWO, THREE, TWO), "different lengths"),
+        (lambda: AttitudeTrack(TWO, TWO, TWO, THREE), "different lengths"),
+        (lambda: AttitudeTrack(np.zeros(2), TWO, TWO, TWO), "does not increase"),
+        (lambda: MountMotion(TWO, np.zeros((3, 4))), r"shape \(3, 4\), not \(2, 4\)"),
+        (lambda: MountMotion(TWO[::-1], np.zeros((2, 4))), "does not increase"),
+        (lambda: MountMotion(ONE, np.zeros((1, 4))), "does not increase"),
         (lambda: Mounting((0.0, np.nan, 0.0)), "finite numbers"),
         (lambda: Mounting(rpy_deg=(0.0, 0.0, np.inf)), "finite numbers"),
         (lambda: scan(laser=np.zeros(3, np.uint8)), "laser"),
@@ -62,6 +80,11 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
         (lambda: mean_neighbour_distance(np.zeros((4, 3)), reach_m=0.0), "neighbours"),
         (lambda: list(tiles(np.zeros((4, 3)), 2.0, 2.5)), "a margin of 2.5 m round squares of 2.0 m"),
         (lambda: list(tiles(np.zeros((4, 3)), 2.0, -0.1)), "a margin"),
+        (lambda: classify_ground(np.zeros((3, 2))), r"points of shape \(3, 2\)"),
+        (lambda: classify_ground(THREE), r"points of shape \(3,\)"),
+        (lambda: unpack(msgspec.msgpack.encode(msgspec.msgpack.Ext(2, b"")), np.ndarray), "unknown code 2"),
+        (lambda: velodyne([np.zeros(1205, np.uint8)], [0.0]), "must be"),
+        (lambda: velodyne([np.zeros(1206, np.uint8)], [0.0, 1.0]), "must be"),
         (lambda: cloth_ground(np.array([[0.0, 0.0, np.nan]])), "not finite"),
     ],
 )
@@ -77,6 +100,24 @@ def test_nothing__gives_nothing() -> None:
     assert mean_distance_to(np.zeros((2, 3)), np.zeros((0, 3)), 1.0).tolist() == [np.inf, np.inf]
     assert not ground_cells(np.full((3, 3), np.nan), Smrf()).any()
     assert filled(np.array([[5.0]])).tolist() == [[5.0]]
+    nowhere = Poses(np.full((2, 3), np.nan), np.full((2, 4), np.nan))
+    assert np.isnan(nowhere.attitude_deg()).tolist() == [[True, True]] * 3
+    assert len(Sentences.joined([])) == 0
+    frame = map_frame(Crs(map="EPSG:6677"))
+    assert [len(axis) for axis in frame.project(TWO[:0], TWO[:0])] == [0, 0]
+    assert classify_ground(np.full((3, 3), np.nan)).tolist() == [False] * 3
+
+
+def test_ground__is_sought_only_in_squares_of_the_points_asked_about() -> None:
+    rng = np.random.default_rng(1)
+    near = np.column_stack([rng.uniform(0.0, 20.0, (2000, 2)), rng.normal(0.0, 0.01, 2000)])
+    far = near + np.array([1000.0, 0.0, 0.0])
+    both = np.concatenate([near, far])
+    asked = np.arange(4000) < 10
+    found = classify_ground(both, asked=asked)
+    assert found[:2000].all()
+    assert not found[2000:].any()
+    assert classify_ground(both).all()
 
 
 def test_packed__numbers_come_back_and_other_types_of_arrays_do_not() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 
 LAT, LON, HEIGHT = 36.1, 140.2, 60.0
 T0 = 1_780_000_000.0
+NAMES = ("test", "reference")
 
 
 def track(t_s: np.ndarray, enu_m: np.ndarray, **columns: Any) -> GnssTrack:
@@ -408,3 +410,51 @@ def test_rows_of_nothing__say_so() -> None:
     row = Row.of(np.full(3, np.nan))
     assert row.n == 0
     assert np.isnan(row.rmse_m)
+
+
+@pytest.mark.parametrize("empty", ["test", "reference"])
+def test_a_log_without_positions__is_named(empty: str) -> None:
+    t_s, way = straight()
+    tracks = {name: track(t_s[: 0 if name == empty else 200], way[: 0 if name == empty else 200]) for name in NAMES}
+    tracks[empty] = replace(tracks[empty], source="empty.nmea")
+    with pytest.raises(InputError, match=r"empty\.nmea: it has no positions") as error:
+        evaluate(*tracks.values())
+    assert error.value.code == "nothing-to-compare"
+
+
+def test_antenna_offset__epochs_far_from_any_known_heading_are_skipped_and_counted() -> None:
+    """A heading holds for two seconds; the compass of this receiver stops after ten."""
+    t = np.arange(0.05, 30.0, 0.1)
+    way = np.column_stack([t, 0.0 * t, 0.0 * t])
+    heading = np.where(t < 10.0, 90.0, np.nan)
+    test = track(T0 + t, way + np.array([1.0, 0.0, 0.0]), heading_deg=heading)
+    found = evaluate(test, track(T0 + t, way), antenna_offset_m=(1.0, 0.0, 0.0))
+    (notice,) = [notice for notice in found.notices if notice.code == "heading-unknown"]
+    skipped = found.matched.without_heading
+    assert notice.text.startswith(f"{skipped} epochs are skipped")
+    assert skipped + len(found.matched) == 300
+    assert len(found.matched) in (119, 120)
+    assert found.tables["all"]["2D"].greatest_m < 1e-3
+
+
+def test_interpolation_error__of_a_reference_with_gaps_between_all_epochs_is_unknown() -> None:
+    t = np.arange(0.0, 80.0, 8.0)
+    way = np.column_stack([t, 0.0 * t, 0.0 * t])
+    found = evaluate(track(T0 + t, way), track(T0 + t, way), max_gap_s=5.0)
+    assert len(found.matched) == 10
+    assert np.isnan(found.matched.interpolation_m).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("35.3,139.5", "neither a file nor a place"),
+        ("139.5,35.3,60.0", r"no latitude 139\.5°, longitude 35\.3°"),
+        ("-90.1,35.3,60.0", r"no latitude -90\.1°"),
+        ("35.3,360.5,60.0", r"longitude 360\.5°"),
+    ],
+)
+def test_place__that_is_none(text: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        evaluate_logs(tmp_path / "gone.nmea", text)
+    assert error.value.code == "bad-place"

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.elsewhere import FARTHEST_M, elsewhere
+from furrowmap.core.readers import elsewhere as module
+from furrowmap.core.readers.elsewhere import FARTHEST_M, elsewhere, far_from_middle, strays
 from furrowmap.core.readers.framing import find_frames
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
@@ -162,3 +163,27 @@ def test_find_frames__counts_only_bytes_of_no_known_protocol(noise: list[bytes],
         foreign += frames.foreign
         rest = data[frames.used :]
     assert foreign == noise.count(b"\x80")
+
+
+def test_far_from_middle__a_way_leads_there_unless_it_is_in_too_many_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ship leaves the middle by steps that count as a way; with more stretches than are followed, it does not."""
+    way = np.zeros((400, 3))
+    way[:, 0] = np.concatenate([np.zeros(300), np.linspace(0.0, 2.0 * FARTHEST_M, 100)])
+    jump = way.copy()
+    jump[350:, 1] += 10.0 * FARTHEST_M
+    assert not far_from_middle(way).any()
+    assert far_from_middle(jump).tolist() == [False] * 350 + [True] * 50
+    outlier = way.copy()
+    outlier[380] = 10.0 * FARTHEST_M
+    assert np.flatnonzero(far_from_middle(outlier)).tolist() == [380]  # the way goes on behind it
+    monkeypatch.setattr(module, "MOST_STRETCHES", 2)
+    assert np.flatnonzero(far_from_middle(outlier)).tolist() == list(range(380, 400))
+
+
+def test_strays__of_more_stretches_than_are_followed_none_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    t_s, sigma = np.arange(40.0), np.full(40, 0.02)
+    place = np.where(np.arange(40)[:, None] >= 30, 5000.0, 0.0) * np.ones(2)
+    assert strays(t_s, place, sigma).tolist() == [False] * 30 + [True] * 10
+    assert not strays(t_s[:6], place[28:34], sigma[:6]).any()  # too few to tell which are the rest
+    monkeypatch.setattr(module, "MOST_STRETCHES", 1)
+    assert strays(t_s, place, sigma).all()

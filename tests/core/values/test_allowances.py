@@ -110,3 +110,19 @@ def test_promise_10__no_file_takes_more_than_half_of_what_is_free(tmp_path: Path
         assert isinstance(error.value, FurrowmapError)
         with allowing("large"):
             expect()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
+def test_free_memory__is_what_a_limit_of_the_process_leaves() -> None:
+    import resource
+
+    had = resource.getrlimit(resource.RLIMIT_AS)
+    held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    limit = held + (200 << 20)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, had[1]))
+    try:
+        left = free_memory_bytes()
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, had)
+    assert left == pytest.approx(200 << 20, abs=32 << 20)
+    assert free_memory_bytes() > left

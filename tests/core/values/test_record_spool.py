@@ -75,3 +75,11 @@ def test_squares__have_one_key_each_on_both_sides_of_zero() -> None:
     keys = square_keys(*np.transpose(places)).tolist()
     assert [square_of(key) for key in keys] == places
     assert keys == sorted(keys)
+
+
+def test_read__a_file_that_lost_its_end_is_an_error_and_nothing_made_up(tmp_path: Path) -> None:
+    with filled(tmp_path) as spool:
+        keys = list(spool.counts)
+        spool._file.truncate(1000 * LAYOUT.itemsize)
+        with pytest.raises(OSError, match="1,201 records is shorter than was written"):
+            spool.read(keys)

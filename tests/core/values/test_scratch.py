@@ -53,6 +53,16 @@ def test_no_room_is_an_error_when_the_array_is_made() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, had)
 
 
+def test_no_room_is_an_error_where_the_system_reserves_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """macOS and Windows have no posix_fallocate: the zeros are written."""
+    monkeypatch.delattr(scratch.os, "posix_fallocate")
+    made = scratch.zeros(2 * scratch.LARGE + 5, np.uint8)
+    assert not made.any()
+    made += 1
+    assert made.sum() == 2 * scratch.LARGE + 5
+    test_no_room_is_an_error_when_the_array_is_made()
+
+
 def test_parts_cover_all_rows_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch, "PART", 4)
     assert [np.arange(10)[part].tolist() for part in scratch.parts(10)] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Sequence
 
@@ -29,6 +30,19 @@ def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
     with using_threads(6, by_default=True):
         assert threads() == 6
     assert threads() == 3
+
+
+def test_processors__are_those_of_the_process_where_the_system_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, there[:1])
+    try:
+        assert available_processors() == 1
+    finally:
+        os.sched_setaffinity(0, there)
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert available_processors() == os.cpu_count()
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert available_processors() == 1
 
 
 @pytest.mark.parametrize("stated", ["0", "-1", "many", "2.5"])
