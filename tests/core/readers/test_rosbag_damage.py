@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import lzma
 import random
@@ -12,13 +13,16 @@ import sys
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
+import lz4.frame
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.rosbag.files import BagFiles
+from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, Damage, inflate, unpacked
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, velodyne_scan, write_bag1, write_bag2
@@ -382,3 +386,94 @@ def test_packets_that_are_none__are_left_out_and_counted(tmp_path: Path) -> None
     found = Recognised.of(write_bag2(tmp_path / "bag", recorded)).inspect()
     (notice,) = (notice for notice in found.notices if notice.code == "packets-damaged")
     assert "2 packets" in notice.text
+
+
+WORDS = {"within the header of a record", "the last record is truncated by"}
+
+
+@pytest.mark.parametrize("kind", ["plain.bag", "plain.mcap"])
+def test_promise_06__a_cut_at_any_byte_gives_the_messages_before_it(tmp_path: Path, kind: str) -> None:
+    """Also within the few bytes of a record's header, where no size is known yet."""
+    path = KINDS[kind](tmp_path)
+    data = path.read_bytes()
+    whole = list(BagFiles([path]).messages())
+    cut = tmp_path / f"cut{path.suffix}"
+    said = set()
+    for at in [*range(20, 400, 7), *range(len(data) - 400, len(data) - 9)]:
+        cut.write_bytes(data[:at])
+        files = BagFiles([cut])
+        left = list(files.messages())
+        assert left == whole[: len(left)]
+        said |= {word for notice in files.notices for word in WORDS if word in notice.text}
+    assert said == WORDS
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_promise_06__a_compressed_bag_that_was_cut_is_read_up_to_there(tmp_path: Path, kind: str) -> None:
+    path = KINDS[kind](tmp_path)
+    whole = [message.topic for message in BagFiles([path]).messages()]
+    packed = gzip.compress(path.read_bytes())
+    for share in (0.5, 0.9):
+        cut = tmp_path / f"cut{path.suffix}"
+        cut.write_bytes(packed[: int(share * len(packed))])
+        files = BagFiles([cut])
+        with suppress(InputError) if "db3" in kind else nullcontext():  # SQLite may not open half a database
+            left = [message.topic for message in files.messages()]
+            assert left == whole[: len(left)]
+        assert "bag-cut" in codes(files)
+
+
+def test_rows_of_a_database_that_are_no_messages_are_counted(tmp_path: Path) -> None:
+    path = KINDS["plain.db3"](tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE messages SET timestamp = 'noon' WHERE id = 2")
+        database.execute("UPDATE messages SET data = 'text' WHERE id = 3")
+    database.close()
+    files = BagFiles([path])
+    assert len(list(files.messages())) == 8
+    (notice,) = [notice for notice in files.notices if notice.code == "bag-orphans"]
+    assert "2 rows that are not messages of a known topic are skipped" in notice.text
+
+
+def test_messages_in_another_encoding_are_refused(tmp_path: Path) -> None:
+    path = KINDS["plain.db3"](tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE topics SET serialization_format = 'xml'")
+    database.close()
+    with pytest.raises(InputError, match="unsupported encoding 'xml'"):
+        open_recording([path], ReadOptions()).track()
+
+
+def test_a_position_that_is_no_number_has_no_fix(tmp_path: Path) -> None:
+    places = [(43.0, 141.0), (float("nan"), 141.0), (43.0, float("nan")), (43.0, 141.0)]
+    recorded = [
+        ("/fix", T0_NS + k, nav_sat_fix(T0_NS + k * 10**8, lat_deg=lat, lon_deg=lon))
+        for k, (lat, lon) in enumerate(places)
+    ]
+    track = open_recording([write_bag2(tmp_path / "bag", recorded)], ReadOptions()).track()
+    assert track.fix.tolist() == [Fix.FIXED, Fix.NONE, Fix.NONE, Fix.FIXED]
+
+
+@pytest.mark.parametrize("method", ["bz2", "lz4", "zstd"])
+def test_inflate__stops_at_the_declared_size(method: str) -> None:
+    """A chunk that holds more than it declares is no bomb; one that holds less says how much is missing."""
+    pack = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": zstd.compress}[method]
+    content = random.Random(1).randbytes(50_000) * 4
+    packed = pack(content)
+    assert inflate(packed, method, len(content)) == (content, "")
+    assert inflate(packed + b"more" * 300_000, method, len(content)) == (content, "")
+    assert inflate(packed, method, 1000) == (content[:1000], "")
+    assert inflate(packed, method, len(content) + 5) == (content, "it has 200000 bytes instead of the declared 200005")
+    with pytest.raises(Damage, match=f"a chunk of {LARGEST_BYTES + 1} bytes is declared"):
+        inflate(packed, method, LARGEST_BYTES + 1)
+
+
+def test_unpacked__a_message_in_zstd_is_whole_or_damaged() -> None:
+    content = random.Random(1).randbytes(5000)
+    packed = zstd.compress(content)
+    assert unpacked(packed) == content
+    assert unpacked(content) == content
+    with pytest.raises(Damage, match="truncated"):
+        unpacked(packed[:-9])
+    with pytest.raises(Damage, match="its zstd data are damaged"):
+        unpacked(packed[:4] + b"\xff" * 20)
