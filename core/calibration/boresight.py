@@ -12,19 +12,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.calibration.strips import (
-    LASERS,
-    PARAMETERS,
-    CellHeights,
-    StripReturns,
-    at_shifted_times,
-    cell_heights,
-    smooth_groups,
-)
-from furrowmap.core.estimation.robust import huber_weight
+from furrowmap.core.calibration.cell_adjustment import GroupHeights, adjusted
+from furrowmap.core.calibration.cell_heights import PARAMETERS, cell_heights, derivatives, smooth_groups
+from furrowmap.core.calibration.strips import LASERS, StripReturns, at_shifted_times
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory
@@ -53,7 +45,6 @@ NOTICEABLE: Final = np.array([0.0, 0.0, 0.0, 0.0005, 0.02, 0.02, 0.02])
 ROUNDS: Final = 6
 SETTLED: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5, 5e-4, 5e-4, 5e-4])
 """Smaller corrections end the rounds."""
-ROBUST_ROUNDS: Final = 3
 LEAST_GROUPS: Final = 500
 CERTAIN_DEG: Final = 0.2
 """Largest standard deviation of an angle with which the boresight is used."""
@@ -132,15 +123,14 @@ def boresight(
     carrier = trajectory if carrier is None else carrier
     begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
     settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < TIME)
-    free = _fitted(settled.heights, FREE) if settled is not None else None
-    if settled is None or free is None:
+    if settled is None:
         return None
-    first_m, freed = settled.first_m, _certainly_off(free)
+    first_m, free = settled.first_m, _fitted(settled.observed, FREE)
+    freed = _certainly_off(free)
     if freed[TIME:].any():
         again = _settled(returns, carrier, settled.state, freed)
-        after = _fitted(again.heights, FREE) if again is not None else None
-        if again is not None and after is not None:
-            settled, free = again, after
+        if again is not None:
+            settled, free = again, _fitted(again.observed, FREE)
     state, fitted = settled.state, settled.fitted
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)[:3]))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
@@ -172,13 +162,39 @@ class _State:
         return _State(rotation, self.place_m + values[PLACE], self.clock_s + float(values[TIME]))
 
 
-def _heights(returns: StripReturns, carrier: Trajectory, state: _State) -> CellHeights:
-    """Heights of cells with the scanner in a state."""
+@dataclass(frozen=True)
+class _Observed:
+    """Heights of smooth cells at several times with the scanner in a state.
+
+    Attributes:
+        groups: the heights.
+        count: (g,) their returns.
+        cells: number of cells.
+        windows: number of windows.
+    """
+
+    groups: GroupHeights
+    count: NDArray[np.int64]
+    cells: int
+    windows: int
+
+
+def _observed(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
+    """Heights of cells with the scanner in a state; None where too little ground is seen at several times."""
     if state.clock_s:
         returns = at_shifted_times(returns, carrier, state.clock_s)
     length_s = max(WINDOW_S, float(np.ptp(returns.t_s)) / MOST_WINDOWS)
     window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
-    return cell_heights(returns, window, state.rotation, state.place_m)
+    heights = cell_heights(returns, window, state.rotation, state.place_m)
+    variance, chosen = smooth_groups(heights)
+    seen, cell = np.unique(heights.cell[chosen], return_inverse=True)
+    if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(seen):
+        return None
+    count = heights.count[chosen]
+    design = derivatives(returns, heights, chosen, state.rotation, state.place_m)
+    weight = 1.0 / (variance / count + HEIGHT_M**2)
+    groups = GroupHeights(cell, heights.window[chosen], heights.height_m[chosen], weight, design)
+    return _Observed(groups, count, len(seen), int(heights.window.max()) + 1)
 
 
 @dataclass(frozen=True)
@@ -187,7 +203,7 @@ class _Settled:
 
     first_m: float
     state: _State
-    heights: CellHeights
+    observed: _Observed
     fitted: _Fitted
 
 
@@ -203,19 +219,21 @@ def _settled(
         corrected: (PARAMETERS,) which parameters are corrected; the others stay nearly as they are.
     """
     prior = np.where(corrected, FREE, AS_STATED)
-    state, heights = begin, _heights(returns, carrier, begin)
-    fitted = _fitted(heights, prior)
-    first_m = fitted.apart_m if fitted is not None else 0.0
+    state, observed = begin, _observed(returns, carrier, begin)
+    if observed is None:
+        return None
+    fitted = _fitted(observed, prior)
+    first_m = fitted.apart_m
     for _ in range(ROUNDS):
-        if fitted is None:
-            return None
         values = np.where(corrected, fitted.values, 0.0)
         if bool((np.abs(values) < SETTLED).all()):
             break
         state = state.corrected(values)
-        heights = _heights(returns, carrier, state)
-        fitted = _fitted(heights, prior)
-    return _Settled(first_m, state, heights, fitted) if fitted is not None else None
+        observed = _observed(returns, carrier, state)
+        if observed is None:
+            return None
+        fitted = _fitted(observed, prior)
+    return _Settled(first_m, state, observed, fitted)
 
 
 def _certainly_off(free: _Fitted) -> NDArray[np.bool_]:
@@ -298,38 +316,16 @@ class _Fitted:
     cells: int
 
 
-def _fitted(heights: CellHeights, prior: FloatArray) -> _Fitted | None:
+def _fitted(observed: _Observed, prior: FloatArray) -> _Fitted:
     """Least squares of all parameters, the heights of the cells eliminated.
 
     Args:
-        heights: of the cells at several times.
+        observed: heights of the cells at several times.
         prior: (PARAMETERS,) standard deviations of the parameters before.
     """
-    windows = int(heights.window.max(initial=0)) + 1
-    variance, chosen = smooth_groups(heights)
-    cell, several = np.unique(heights.cell[chosen], return_inverse=True)
-    if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(cell):
-        return None
-    count, height = heights.count[chosen], heights.height_m[chosen]
-    rows = np.arange(len(chosen))
-    windowed = sparse.csr_matrix((np.ones(len(rows)), (rows, heights.window[chosen])), (len(rows), windows))
-    design = sparse.hstack([sparse.csr_matrix(heights.design[chosen]), windowed]).tocsr()
-    member = sparse.csr_matrix((np.ones(len(rows)), (several, rows)), (len(cell), len(rows)))
-    spread = np.concatenate([prior, np.full(LASERS + windows, HEIGHT_M)])
-    independent = 1.0 / (variance / count + HEIGHT_M**2)
-    robust = np.ones(len(rows))
-    for _ in range(ROBUST_ROUNDS):
-        weight = independent * robust
-        total: FloatArray = np.asarray(member @ weight)
-        weighted = sparse.diags(weight) @ design
-        means = sparse.diags(1.0 / total) @ (member @ weighted)
-        normal = (design.T @ weighted - means.T @ sparse.diags(total) @ means).toarray() + np.diag(1.0 / spread**2)
-        middle: FloatArray = np.asarray(member @ (weight * height)) / total
-        right = np.asarray(weighted.T @ height - means.T @ (total * middle))
-        covariance = np.asarray(np.linalg.inv(normal), np.float64)
-        off = covariance @ right
-        residual = np.asarray(height - design @ off - member.T @ (middle - means @ off))
-        robust = huber_weight(np.abs(residual) * np.sqrt(independent))
-    apart = height - middle[several]
-    rms = float(np.sqrt(np.average(apart**2, weights=count)))
-    return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, len(cell))
+    groups = observed.groups
+    spread = np.concatenate([prior, np.full(LASERS + observed.windows, HEIGHT_M)])
+    off, covariance, middle = adjusted(groups, spread)
+    apart = groups.height_m - middle[groups.cell]
+    rms = float(np.sqrt(np.average(apart**2, weights=observed.count)))
+    return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, observed.cells)
