@@ -7,6 +7,7 @@ import math
 import os
 import shutil
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +19,7 @@ import tomli_w
 from furrowmap.core import pipeline
 from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.values.ahead import beside
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
@@ -149,13 +151,14 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
             return _Made(found, inputs)
         origin = run_origin(found, inputs)
         begin = perf_counter()
-        summary = cloud.finish(
-            progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
-        )
-        written = perf_counter()
-        rasters = write_rasters(staging, land, found, origin, progress)
+        with beside(partial(write_rasters, staging, land, found, origin), progress) as rasters:
+            summary = cloud.finish(
+                progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
+            )
+            written = perf_counter()
+        # Seconds of the surfaces beyond those of the cloud.
         seconds = {"cloud": written - begin, "surfaces": perf_counter() - written}
-        return _Made(found, inputs, summary, rasters, seconds)
+        return _Made(found, inputs, summary, rasters.result(), seconds)
 
 
 def _strips(made: _Made) -> list[Layer]:

@@ -72,7 +72,8 @@ def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan
         keeps_all = (rest <= 2 * node_points) | (level == depth)
         passed = np.where(keeps_all, 0.0, passed * (1.0 - node_points / np.maximum(rest, 1.0)))
         threshold[first[level] : first[level + 1]] = np.rint((1.0 - passed) * CERTAIN)
-        passed = np.repeat(passed, 8)
+        if level < depth:
+            passed = np.repeat(passed, 8)
     return Plan(depth, first, threshold, rest > 2 * node_points)
 
 

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from furrowmap.core.values.ahead import ahead, behind
+from furrowmap.core.values.ahead import ahead, behind, beside
+from furrowmap.core.values.errors import Cancelled
+from furrowmap.core.values.progress import Progress
+from furrowmap.core.values.threads import using_threads
 
 
 def threads() -> set[str]:
@@ -78,3 +81,50 @@ def test_a_sink_behind_is_given_up_when_the_items_end_with_an_error() -> None:
         put(1)
         raise KeyError
     assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_work_beside__has_its_result_at_the_end_and_reports_after_the_body(count: int) -> None:
+    reported: list[str] = []
+
+    def work(progress: Progress) -> int:
+        for k in range(5):
+            progress("beside", k / 4)
+        return 7
+
+    def report(stage: str, share: float) -> None:
+        assert 0.0 <= share <= 1.0
+        assert threading.current_thread() is threading.main_thread()
+        reported.append(stage)
+
+    with using_threads(count), beside(work, report) as found:
+        reported.append("body")
+    assert found.result() == 7
+    assert reported[0] == "body"
+    assert set(reported[1:]) <= {"beside"}
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_work_beside__that_fails_raises_at_the_end(count: int) -> None:
+    def work(progress: Progress) -> None:
+        raise OSError("disk")
+
+    body = []
+    with pytest.raises(OSError, match="disk"), using_threads(count), beside(work, lambda *_: None):
+        body.append("whole")
+    assert body == ["whole"]
+
+
+def test_work_beside__stops_where_the_body_fails_or_the_report_is_refused() -> None:
+    def endless(progress: Progress) -> None:
+        while True:
+            progress("beside", 0.5)
+
+    with pytest.raises(ValueError, match="body"), using_threads(2), beside(endless, lambda *_: None):
+        raise ValueError("body")
+
+    def refuse(stage: str, share: float) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled), using_threads(2), beside(endless, refuse):
+        pass
