@@ -178,7 +178,8 @@ def _match(
     session = opened.session
     if guess.source == "imu" and guess.antenna is None:
         implement = ImplementTracker(session, flying=True)
-        scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
+        read = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
+        scans = map(implement.looked_at, read)
         returns = strip_returns(scans, carrier if carrier is not None else guess.trajectory)
         return guess, None, _flown(returns, guess.trajectory, session, carrier), implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None

@@ -94,6 +94,9 @@ def _normal_equations(begin, window, height, design, weight, unknowns):  # type:
                 apart = design[g, j] - mean[j]
                 right[j] += off * design[g, j]
                 normal[j, u] += w * apart
-                for k in range(p):
+                for k in range(j + 1):
                     normal[j, k] += w * apart * (design[g, k] - mean[k])
+    for j in range(p):
+        for k in range(j):
+            normal[k, j] = normal[j, k]
     return normal, right, middle, means

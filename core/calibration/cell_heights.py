@@ -53,15 +53,16 @@ def cell_heights(
 
     Args:
         returns: n of them.
-        window: (n,) number of each return's window of time, not decreasing.
+        window: (n,) number of each return's window of time, not decreasing where not negative; returns with a
+            negative one do not take part.
         mounting: (3, 3) scanner to vehicle.
         lever_m: (3,) scanner in the vehicle frame.
     """
     r = returns
-    xyz, low, high = _placed(r.sensor_m, r.origin_m, r.rotation, np.ascontiguousarray(mounting), lever_m)
+    xyz, low, high = _placed(r.sensor_m, r.origin_m, r.rotation, window, np.ascontiguousarray(mounting), lever_m)
     first = np.floor(low / CELL_M)
     shape = (np.floor(high / CELL_M) - first).astype(np.int64) + 1
-    cell, sums = _plane_sums(xyz, first, int(shape[0]), int(shape[1]))
+    cell, sums = _plane_sums(xyz, window, first, int(shape[0]), int(shape[1]))
     planes = _planes(sums, int(shape[0]), int(shape[1]))
     groups, heights, member = _sums(xyz, cell, window, planes)
     count = groups[:, 2]
@@ -127,12 +128,14 @@ def _reach(m, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, nogil=True)
-def _placed(sensor, origin, rotation, mounting, lever):  # type: ignore[no-untyped-def]
+def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[no-untyped-def]
     """Returns in the map (n, 3), and their least and greatest easting and northing."""
     n = len(sensor)
     out = np.empty((n, 3))
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for i in range(n):
+        if window[i] < 0:
+            continue
         ux, uy, uz = _reach(mounting, sensor[i, 0], sensor[i, 1], sensor[i, 2])
         ax, ay, az = _turned(
             rotation[i, 0], rotation[i, 1], rotation[i, 2], rotation[i, 3], ux + lever[0], uy + lever[1], uz + lever[2]
@@ -145,11 +148,13 @@ def _placed(sensor, origin, rotation, mounting, lever):  # type: ignore[no-untyp
 
 
 @numba.njit(cache=True, nogil=True)
-def _plane_sums(xyz, first, columns, rows):  # type: ignore[no-untyped-def]
+def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-def]
     """Cell (n,) of each return, and sums (cells, 9): number, x, y, z, x², y², xy, zx, zy."""
-    cell = np.empty(len(xyz), np.int64)
+    cell = np.zeros(len(xyz), np.int64)
     out = np.zeros((columns * rows, 9))
     for i in range(len(xyz)):
+        if window[i] < 0:
+            continue
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         c = int(np.floor(x / CELL_M) - first[0]) * rows + int(np.floor(y / CELL_M) - first[1])
         cell[i] = c
@@ -204,7 +209,7 @@ def _sums(xyz, cell, window, planes):  # type: ignore[no-untyped-def]
     used = 0
     for i in range(n):
         c = cell[i]
-        if planes[c, 4] == 0.0:
+        if window[i] < 0 or planes[c, 4] == 0.0:
             continue
         if last_window[c] != window[i]:
             last_window[c], group_of[c] = window[i], used

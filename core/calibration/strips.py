@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numba
@@ -51,11 +51,6 @@ class StripReturns:
     def __len__(self) -> int:
         return len(self.t_s)
 
-    def part(self, chosen: NDArray[np.bool_]) -> StripReturns:
-        """Some of the returns."""
-        arrays = {name: value[chosen] for name, value in vars(self).items() if name != "local_m"}
-        return replace(self, **arrays)
-
 
 def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
     """Returns of all scans, evenly thinned to MOST_RETURNS."""
@@ -72,10 +67,11 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
         places.append(scan.xyz_m[chosen].copy())
         lasers.append(scan.laser[chosen].copy())
     t_s, sensor, laser = np.concatenate(times), np.concatenate(places), np.concatenate(lasers)
-    order = np.flatnonzero(np.linalg.norm(sensor, axis=1) > NEAREST_M)
-    order = order[np.argsort(t_s[order], kind="stable")]
-    group = laser[order].astype(np.int64) * LASERS // (int(laser.max(initial=0)) + 1)
-    return _with_poses(t_s[order], sensor[order].astype(np.float64), group, trajectory)
+    group = laser.astype(np.int64) * LASERS // (int(laser.max(initial=0)) + 1)
+    order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > NEAREST_M**2)
+    if (np.diff(t_s[order]) < 0.0).any():
+        order = order[np.argsort(t_s[order], kind="stable")]
+    return _with_poses(t_s[order], sensor[order].astype(np.float64), group[order], trajectory)
 
 
 def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: float) -> StripReturns:

@@ -101,10 +101,9 @@ def strip_differences(
         used: the one that was found.
     """
     number = interval_numbers(strips, returns.t_s).astype(np.int64)
-    inside = number > 0
-    if not inside.any():
+    if not number.any():
         return None
-    returns, number = returns.part(inside), number[inside]
+    number[number == 0] = -1
     before, after = (
         cell_heights(returns, number, mounting.rotation, np.asarray(mounting.xyz_m)) for mounting in (stated, used)
     )

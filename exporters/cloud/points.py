@@ -127,16 +127,17 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     n = len(batch)
     if batch.xyz_m.shape != (n, 3):
         raise ValueError(f"PointBatch.xyz_m has shape {batch.xyz_m.shape}, not ({n}, 3)")
-    into.view(np.uint8)[:] = 0
     for name in ("intensity", "classification", "point_source_id"):
         into[name] = _fitting(name, getattr(batch, name), into.dtype[name], n)
     extra = _fill_optional(batch, into)
     low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(RETURNS + 1, np.int64)
     seconds = np.empty(2)
+    shift_s = 0.0 if week_time or not n else float(utc_to_las_time(batch.t_s[0]) - batch.t_s[0])
     refused = pack_points(
         np.require(batch.xyz_m, np.float64, ["C", "W"]),
         1.0 / scale_m,
         np.require(batch.t_s, np.float64, ["C", "W"]),
+        shift_s,
         np.broadcast_to(_fitting("return_number", batch.return_number, np.dtype(np.uint8), n), n),
         np.broadcast_to(_fitting("returns", batch.returns, np.dtype(np.uint8), n), n),
         *(into[name] for name in ("X", "Y", "Z", "bit_fields", "gps_time")),
@@ -147,19 +148,13 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     )
     if refused >= 0:
         raise _refusal(batch, refused, scale_m)
-    first, last = seconds.tolist() if week_time else _to_las_time(into, seconds)
+    if not week_time and (utc_to_las_time(seconds) - seconds != shift_s).any():  # a leap second in between
+        into["gps_time"] = utc_to_las_time(batch.t_s)
+        seconds = np.array([into["gps_time"].min(), into["gps_time"].max()])
+    else:
+        seconds += shift_s
+    first, last = seconds.tolist()
     return Extent(n, low, high, by_return[1:], first, last, extra)
-
-
-def _to_las_time(records: Records, seconds: NDArray[np.float64]) -> tuple[float, float]:
-    """Convert the records' UTC, which lies between `seconds`, to adjusted standard GPS time; earliest and latest."""
-    shift = utc_to_las_time(seconds) - seconds
-    if shift[0] == shift[1]:  # no leap second in between
-        records["gps_time"] += shift[0]
-        first, last = seconds + shift
-        return float(first), float(last)
-    records["gps_time"] = utc_to_las_time(records["gps_time"])
-    return float(records["gps_time"].min()), float(records["gps_time"].max())
 
 
 def _fill_optional(batch: PointBatch, into: Records) -> dict[str, tuple[float, float]]:
@@ -222,6 +217,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
         numba.float64[:, ::1],
         numba.float64,
         numba.float64[::1],
+        numba.float64,
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
         numba.types.Array(numba.uint8, 1, "A", readonly=True),
         *(field_type(numba.int32),) * 3,
@@ -234,11 +230,11 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     nogil=True,
 )
 def pack_points(  # type: ignore[no-untyped-def]
-    xyz_m, steps_per_m, t_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
+    xyz_m, steps_per_m, t_s, shift_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds
 ):
-    """Fill coordinates, returns and times; returns the index of the first invalid point, or −1.
+    """Fill coordinates, returns and times, later by a shift; returns the index of the first invalid point, or −1.
 
-    Also computes the least and greatest steps, the number of points by return number, and the first and last time.
+    Also computes the least and greatest steps, the number of points by return number, and the first and last of `t_s`.
     """
     low[:] = 2**31 - 1
     high[:] = -(2**31)
@@ -258,7 +254,7 @@ def pack_points(  # type: ignore[no-untyped-def]
         x[i], y[i], z[i] = step[0], step[1], step[2]
         bit_fields[i] = number | of << 4
         by_return[number] += 1
-        time[i] = t_s[i]
+        time[i] = t_s[i] + shift_s
         seconds[0] = min(seconds[0], t_s[i])
         seconds[1] = max(seconds[1], t_s[i])
     return -1

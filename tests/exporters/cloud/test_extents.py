@@ -18,10 +18,13 @@ def test_packed_points__extents_are_those_of_all_points(order: list[int], number
     x, y, z = (np.empty(n, np.int32) for _ in range(3))
     low, high, by_return = np.empty(3, np.int64), np.empty(3, np.int64), np.zeros(16, np.int64)
     numbers, seconds, bits, time = np.full(n, number, np.uint8), np.empty(2), np.empty(n, np.uint8), np.empty(n)
-    refused = pack_points(xyz_m, 1000.0, t_s, numbers, numbers, x, y, z, bits, time, low, high, by_return, seconds)
+    refused = pack_points(
+        xyz_m, 1000.0, t_s, 16.0, numbers, numbers, x, y, z, bits, time, low, high, by_return, seconds
+    )
     assert refused == -1
     assert (low.tolist(), high.tolist()) == ([0, -16_000, 0], [8000, 0, 4000])
     assert seconds.tolist() == [1.75e9 - 800.0, 1.75e9]
     assert by_return.tolist() == [n if k == number else 0 for k in range(16)]
+    np.testing.assert_array_equal(time, t_s + 16.0)
     np.testing.assert_array_equal(bits, number | number << 4)
     np.testing.assert_array_equal(np.column_stack([x, y, z]), xyz_m * 1000.0)
