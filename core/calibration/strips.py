@@ -91,7 +91,8 @@ def _with_poses(
     """Returns in the order of time with the poses at theirs."""
     knot, share, inside = trajectory.interval(t_s)
     if not inside.all():
-        t_s, sensor_m, laser, knot, share = (array[inside] for array in (t_s, sensor_m, laser, knot, share))
+        t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]
+        knot, share = knot[inside], share[inside]
     steps_s = np.diff(trajectory.t_s)[:, None]
     attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
     rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
