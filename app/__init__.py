@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from furrowmap.core.checking.check import Check as Check
     from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
+    from furrowmap.core.crops.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.evaluation.evaluation import Evaluation as Evaluation
     from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
@@ -72,6 +73,9 @@ if TYPE_CHECKING:
     from furrowmap.workflows.frames import frames as frames
     from furrowmap.workflows.inspect import inspect as inspect
     from furrowmap.workflows.mosaic import mosaic as mosaic
+    from furrowmap.workflows.plots import Place as Place
+    from furrowmap.workflows.plots import Plots as Plots
+    from furrowmap.workflows.plots import plots as plots
     from furrowmap.workflows.preview import preview as preview
     from furrowmap.workflows.propose import ProposedSession as ProposedSession
     from furrowmap.workflows.propose import propose_session as propose_session
@@ -107,6 +111,9 @@ _HOMES = {
     "FrameTree": "core.session.frames",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
+    "Place": "workflows.plots",
+    "PlotGrid": "core.crops.plot_grid",
+    "Plots": "workflows.plots",
     "Points": "points",
     "ProposedSession": "workflows.propose",
     "Raster": "results",
@@ -135,6 +142,7 @@ _HOMES = {
     "open_points": "points",
     "open_recording": "recordings",
     "open_result": "results",
+    "plots": "workflows.plots",
     "preview": "workflows.preview",
     "propose_session": "workflows.propose",
     "range_image": "recordings",

@@ -40,7 +40,7 @@ def main() -> None:
     names = (*TRUTH, "plateau")
     print(f"{given.trials} trials; intervals that hold the truth (and, of these, open ones)")
     print("| design |", " | ".join(names), "| band at 100 kg/ha |")
-    for design, (blocks, parcels) in DESIGNS.items():
+    for design, (blocks, parcels) in list(DESIGNS.items())[2:]:
         rng = np.random.default_rng(given.seed)
         held, opened, band = dict.fromkeys(names, 0), dict.fromkeys(names, 0), 0
         for _ in range(given.trials):

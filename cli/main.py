@@ -26,6 +26,7 @@ COMMANDS: Final = (
     "surface",
     "cloud",
     "fields",
+    "plots",
     "export",
     "farm",
     "calibrate",

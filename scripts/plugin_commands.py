@@ -38,7 +38,7 @@ def options_of(command: click.Command) -> dict[str, dict[str, Any]]:
     """Argument's name or option → its kind, default, limits, unit and help, in the command's order."""
     found = {_name(p): _described(p) for p in command.params if _name(p) not in OF_THE_CONSOLE}
     for name in [name for name in found if f"{name}-crs" in found]:
-        found[name]["crs"] = f"{name}-crs"  # an extent in QGIS has a CRS
+        found[name]["crs"] = f"{name}-crs"  # an extent or a point in QGIS has a CRS
         del found[f"{name}-crs"]
     return found
 
@@ -81,6 +81,8 @@ def _kind(parameter: click.Parameter) -> str:
         return "number"
     if metavar == "W,S,E,N":
         return "extent"
+    if metavar == "X,Y":
+        return "point"
     if metavar == "CRS":
         return "crs"
     return "texts" if several else "numbers" if "," in metavar else "text"

@@ -19,6 +19,8 @@ EVERY_ONE: Final = {
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
     "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
     "core/calibration/clock_search.py _Trial.agreement(every)": 1,
+    "core/crops/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
+    "core/crops/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "core/readers/framing.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,

@@ -22,7 +22,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 NODES: Final = 90
-"""Nodes of each axis of the grid."""
+"""Nodes of each axis of the grid while it is narrowed."""
+FINE: Final = 240
+"""The same of the last grid: the interval misses less than its 200th part."""
 ROUNDS: Final = 12
 """The grid is narrowed at most so often."""
 STEEPEST: Final = 20.0
@@ -246,8 +248,7 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_No
     """Nodes in and around the region of `factor` times the least sum of squares, the best node, and the limit."""
     box, least = outer, np.inf
     for _ in range(ROUNDS):
-        gradient, midpoint = _axes(box, NODES)
-        nodes = _least_squares(seen, *(axis.ravel() for axis in np.meshgrid(gradient, midpoint, indexing="ij")))
+        nodes = _on_grid(seen, box, NODES)
         best = int(np.argmin(nodes.sum_squares))
         least = min(least, float(nodes.sum_squares[best]))
         inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
@@ -261,7 +262,13 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_No
         if (np.diff(narrow, axis=1) > 0.8 * np.diff(box, axis=1)).all():
             break
         box = narrow
-    return nodes, best, least * factor
+    nodes = _on_grid(seen, box, FINE)
+    best = int(np.argmin(nodes.sum_squares))
+    return nodes, best, min(least, float(nodes.sum_squares[best])) * factor
+
+
+def _on_grid(seen: Observations, box: FloatArray, number: int) -> _Nodes:
+    return _least_squares(seen, *(axis.ravel() for axis in np.meshgrid(*_axes(box, number), indexing="ij")))
 
 
 def _least_squares(seen: Observations, gradient: FloatArray, midpoint: FloatArray) -> _Nodes:

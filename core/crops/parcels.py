@@ -11,13 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from pyproj import CRS, Transformer
+from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.crops.corner_table import IDS, corner_polygons, is_corner_table
 from furrowmap.core.crops.net_parcel import net_of
+from furrowmap.core.crops.placing import placed
 from furrowmap.core.readers.vector_file import FORMATS, Polygons, read_polygons
-from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
@@ -114,7 +114,7 @@ def _on_map(path: Path, target: CRS) -> list[_Found]:
     table = is_corner_table(path)
     polygons = corner_polygons(path, target, refuse) if table else read_polygons(path, refuse)
     try:
-        shapes = _projected(path, polygons, target)
+        shapes = placed([_single(shape) for shape in polygons.shapes], polygons.crs, target, f"{path}")
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
@@ -125,49 +125,6 @@ def _on_map(path: Path, target: CRS) -> list[_Found]:
         _Found(name, shape, attributes)
         for name, shape, attributes in zip(names, shapes, _others(polygons), strict=True)
     ]
-
-
-def _projected(path: Path, polygons: Polygons, target: CRS) -> list[shapely.Polygon]:
-    """The polygons on the map, each of one part.
-
-    Raises:
-        InputError: if they lie on a historical datum, or outside the domain of the map.
-    """
-    shapes = np.array([_single(shape) for shape in polygons.shapes], object)
-    flat = target.sub_crs_list[0].to_2d() if target.is_compound else target.to_2d()
-    source = polygons.crs.sub_crs_list[0].to_2d() if polygons.crs.is_compound else polygons.crs.to_2d()
-    if source.equals(flat, ignore_axis_order=True):
-        return list(shapes)
-    base, map_base = source.geodetic_crs, flat.geodetic_crs
-    if base is None or map_base is None:
-        raise _unreadable(path, f"its CRS {source.name} is not tied to the earth")
-    to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
-    to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
-    round_earth = shapely.transform(shapes, lambda xy: np.column_stack(to_base.transform(*xy.T)))
-    lon, lat = np.median(shapely.get_coordinates(round_earth), axis=0)
-    shifts = [datum_shift_m(crs, round(float(lon), 1), round(float(lat), 1)) for crs in (base, map_base)]
-    if not base.to_2d().equals(map_base.to_2d(), ignore_axis_order=True):
-        _expect_modern(path, (base, map_base), shifts)
-    placed = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
-    if not np.isfinite(shapely.get_coordinates(placed)).all():
-        raise InputError(
-            f"{path}: the parcels lie at {lat:.4f}, {lon:.4f} (latitude, longitude): {flat.name} is not for there.",
-            "They are not the parcels of this map.",
-            "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
-            code="parcels-elsewhere",
-        )
-    return list(placed)
-
-
-def _expect_modern(path: Path, bases: tuple[CRS, CRS], shifts: Sequence[float | None]) -> None:
-    for base, shift in zip(bases, shifts, strict=True):
-        if shift is not None and shift > LARGEST_DATUM_SHIFT_M:
-            raise InputError(
-                f"{path}: the coordinates of {base.name} and of the other CRS differ by {shift:.0f} m.",
-                "The parcels would be shifted by that distance.",
-                "Export them from a GIS in the CRS of the map, which transforms the datum.",
-                code="parcels-datum",
-            )
 
 
 def _single(shape: BaseGeometry) -> BaseGeometry:

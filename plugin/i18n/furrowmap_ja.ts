@@ -8,11 +8,16 @@
   <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
   <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
   <message><source>Adds them to the project when the algorithm has finished.</source><translation>アルゴリズムの終了後にプロジェクトへ追加します。</translation></message>
+  <message><source>Alley</source><translation>通路（列の間）</translation></message>
   <message><source>Allow damaged</source><translation>破損したファイルを許可</translation></message>
   <message><source>Allow large</source><translation>大きなファイルを許可</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
+  <message><source>Azimuth</source><translation>方位角</translation></message>
+  <message><source>Between columns.</source><translation>列と列の間隔。</translation></message>
+  <message><source>Between rows.</source><translation>行と行の間隔。</translation></message>
+  <message><source>Blocks</source><translation>ブロック</translation></message>
   <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
   <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
   <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
@@ -42,6 +47,7 @@
   <message><source>Class codes to use, such as 2,9</source><translation>使用するクラスコード（例：2,9）</translation></message>
   <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
+  <message><source>Columns</source><translation>列数</translation></message>
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
   <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
@@ -53,6 +59,7 @@
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
+  <message><source>Crops and trials</source><translation>作物と試験</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
   <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
@@ -61,6 +68,7 @@
   <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
   <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>座標北から時計回りの耕うん方向。ランダム粗度から耕うんの跡を除きます。</translation></message>
   <message><source>Disc targets</source><translation>円板標的</translation></message>
+  <message><source>End of the first row</source><translation>最初の行の終点</translation></message>
   <message><source>Epochs of the reference</source><translation>基準のエポック</translation></message>
   <message><source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source><translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation></message>
   <message><source>Evaluate a GNSS log</source><translation>GNSS ログの評価</translation></message>
@@ -78,6 +86,9 @@
   <message><source>Files written</source><translation>書き出したファイル</translation></message>
   <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation>最も近い計測値からこの距離までの欠損を補間します。データの外側は補間しません。</translation></message>
   <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
+  <message><source>First corner</source><translation>最初の角</translation></message>
+  <message><source>First number</source><translation>最初の番号</translation></message>
+  <message><source>First number.</source><translation>最初の番号。</translation></message>
   <message><source>Folder for evaluation.json, evaluation.html and epochs.csv.</source><translation>evaluation.json、evaluation.html、epochs.csv のフォルダ。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
@@ -88,6 +99,7 @@
   <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation>地面の分類方法。auto は入力に地面のクラスがあればそれを、なければ smrf を使います。</translation></message>
   <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
+  <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
   <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
   <message><source>Keep points in this box, in the CRS of the output.</source><translation>この領域内の点を使います。</translation></message>
   <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
@@ -95,14 +107,18 @@
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
+  <message><source>Lay out the plots of a trial</source><translation>試験区を配置</translation></message>
   <message><source>Layers</source><translation>レイヤ</translation></message>
   <message><source>Leave out noise</source><translation>ノイズを除外</translation></message>
   <message><source>Leave out outliers and the noise classes 7 and 18 of the input.</source><translation>外れ値と、入力のノイズクラス 7、18 を除外します。</translation></message>
   <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
+  <message><source>Length of a plot</source><translation>試験区の長さ</translation></message>
+  <message><source>Length of a plot along the base line [default: what the two corners leave].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
   <message><source>Log to evaluate</source><translation>評価するログ</translation></message>
+  <message><source>Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the first plot, and the other end of the first row.</source><translation>試験区を、番号とブロックを持つ長方形の格子として作成します。最初の試験区の外側の角と、最初の行のもう一方の端を地図上でクリックしてください。</translation></message>
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
   <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
@@ -111,17 +127,24 @@
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
   <message><source>NMEA, or another log that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>Number each block anew</source><translation>ブロックごとに番号を付け直す</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
   <message><source>Number of sessions</source><translation>セッションの数</translation></message>
   <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
   <message><source>Number of sessions removed</source><translation>削除したセッション数</translation></message>
   <message><source>Number of surfaces</source><translation>サーフェスの数</translation></message>
   <message><source>Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].</source><translation>スレッド数。省略時は FURROWMAP_THREADS、なければプロセッサ数（最大 8）。</translation></message>
+  <message><source>Number the plots of each block anew: 101, 102, … 201.</source><translation>ブロックごとに番号を付け直します（101、102、… 201）。</translation></message>
+  <message><source>Numbering</source><translation>番号の付け方</translation></message>
+  <message><source>Numbers along</source><translation>番号の進む方向</translation></message>
+  <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
+  <message><source>Other end of the base line: the outer corner of the first row's last plot.</source><translation>基線のもう一方の端。最初の行の最後の試験区の外側の角です。</translation></message>
   <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>
+  <message><source>Outer corner of the first plot, where the base line begins.</source><translation>最初の試験区の外側の角。基線の始点です。</translation></message>
   <message><source>Outlier detection method</source><translation>外れ値の検出方法</translation></message>
   <message><source>Outlier detection method; outliers are left out.</source><translation>外れ値の検出方法。外れ値は除外します。</translation></message>
   <message><source>Outlier detection method; outliers become noise (class 7).</source><translation>外れ値の検出方法。外れ値はノイズ（クラス 7）になります。</translation></message>
@@ -133,6 +156,11 @@
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
   <message><source>Overwrite the products of another session</source><translation>別のセッションの成果物を上書き</translation></message>
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
+  <message><source>Path</source><translation>通路（行の間）</translation></message>
+  <message><source>Plots</source><translation>試験区</translation></message>
+  <message><source>Plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
+  <message><source>Plots beside each other.</source><translation>横に並ぶ試験区の数。</translation></message>
+  <message><source>Plots, as .gpkg or .geojson.</source><translation>試験区（.gpkg または .geojson）。</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
   <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
@@ -140,6 +168,7 @@
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
   <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
   <message><source>Products of the same session in it are replaced.</source><translation>同じセッションの成果物は置き換えられます。</translation></message>
+  <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
   <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
   <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
@@ -158,6 +187,8 @@
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
+  <message><source>Rows</source><translation>行数</translation></message>
+  <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>
@@ -165,6 +196,8 @@
   <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
+  <message><source>Side</source><translation>側</translation></message>
+  <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
@@ -189,6 +222,11 @@
   <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
+  <message><source>Whether every second run of numbers goes back.</source><translation>番号を一列おきに折り返すかどうか。</translation></message>
+  <message><source>Whether numbers run along rows (from column to column) or along columns.</source><translation>番号を行に沿って（列から列へ）進めるか、列に沿って進めるか。</translation></message>
+  <message><source>Whether rows or columns are blocks (replicates).</source><translation>行または列をブロック（反復）とするかどうか。</translation></message>
+  <message><source>Width of a plot</source><translation>試験区の幅</translation></message>
+  <message><source>Width of a plot across the base line.</source><translation>基線に直交する試験区の幅。</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>Worked ground from task data (ISOXML)</source><translation>作業データ（ISOXML）から作業した範囲</translation></message>
   <message><source>Working width</source><translation>作業幅</translation></message>

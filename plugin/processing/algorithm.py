@@ -151,7 +151,8 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             else:
                 options += [f"{parameter.option}={value}" for value in values[name]]
             if parameter.crs and values[name]:
-                crs = self.parameterAsExtentCrs(parameters, name, context)
+                of = self.parameterAsPointCrs if parameter.kind == "point" else self.parameterAsExtentCrs
+                crs = of(parameters, name, context)
                 options += [f"{parameter.crs}={crs_text(crs)}"] if crs.isValid() else []
         return [*self.description.command.split(), *options, "--", *arguments]
 
@@ -173,6 +174,9 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             box = self.parameterAsExtent(parameters, name, context)
             sides = (box.xMinimum(), box.yMinimum(), box.xMaximum(), box.yMaximum())
             return [] if box.isNull() else [",".join(f"{side:.9f}" for side in sides)]
+        if kind == "point":
+            point = self.parameterAsPoint(parameters, name, context)
+            return [f"{point.x():.9f},{point.y():.9f}"] if parameters.get(name) else []
         return self._texts(parameter, parameters, context)
 
     def _texts(self, parameter, parameters, context):

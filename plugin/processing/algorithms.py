@@ -14,6 +14,7 @@ from .description import Algorithm, Output, parameter
 GROUPS = {
     "session": "Sessions",
     "surfaces": "Surfaces and point clouds",
+    "crops": "Crops and trials",
     "farm": "Farm map",
     "exchange": "Data exchange",
     "accuracy": "Accuracy",
@@ -268,6 +269,42 @@ ALGORITHMS = (
         opens=True,
         layers=lambda answer: [answer["output"]],
         layer_group="Worked ground",
+    ),
+    Algorithm(
+        "plots",
+        "Lay out the plots of a trial",
+        "crops",
+        "Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the "
+        "first plot, and the other end of the first row.",
+        basic={
+            "--corner": parameter("CORNER", "First corner"),
+            "--end": parameter("END", "End of the first row"),
+            "--rows": parameter("ROWS", "Rows"),
+            "--columns": parameter("COLUMNS", "Columns"),
+            "--length": parameter("LENGTH", "Length of a plot"),
+            "--width": parameter("WIDTH", "Width of a plot"),
+            "--alley": parameter("ALLEY", "Alley"),
+            "--path": parameter("PATH", "Path"),
+            "--side": parameter("SIDE", "Side"),
+            "--numbering": parameter("NUMBERING", "Numbering"),
+            "--along": parameter("ALONG", "Numbers along"),
+            "--blocks": parameter("BLOCKS", "Blocks"),
+            "--crs": parameter("CRS", "CRS of the output"),
+            "--output": parameter("OUTPUT", "Plots", filter="GeoPackage (*.gpkg);;GeoJSON (*.geojson)", required=True),
+        },
+        advanced={
+            "--azimuth": parameter(
+                "AZIMUTH", "Azimuth", "Instead of the end of the first row: its direction from north."
+            ),
+            "--first": parameter("FIRST", "First number"),
+            "--block-size": parameter("BLOCK_SIZE", "Rows or columns of a block"),
+            "--by-block": parameter("BY_BLOCK", "Number each block anew"),
+            **OVERWRITE,
+        },
+        outputs=(Output("PLOTS", "number", "plots", item("plots")),),
+        opens=True,
+        layers=lambda answer: [answer["output"]],
+        layer_group="Plots",
     ),
     Algorithm(
         "export",

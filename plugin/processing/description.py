@@ -21,14 +21,14 @@ class Parameter:
         name: the id, which models and scripts keep.
         option: of the command; an argument has no dashes.
         kind: "file", "files", "new file", "new folder", "new raster", "flag", "choice", "choices", "integer", "number",
-            "numbers" (separated by commas), "text", "texts" (one per line), "crs" or "extent".
+            "numbers" (separated by commas), "text", "texts" (one per line), "crs", "extent" or "point".
         label: in the dialog, without the unit.
         help: in the help panel.
         advanced: whether the dialog shows it among the advanced parameters.
         required: whether it has to be given where it has no default.
         default, choices, minimum, maximum, unit: of the value.
         count: how many numbers.
-        crs: of an extent: the option that takes its CRS.
+        crs: of an extent or a point: the option that takes its CRS.
         filter: of the file dialog.
         adds: whether a file that exists is added to instead of replaced.
         folder_of: pattern of files that stand for their folder, since a dialog that lists files offers no folders.

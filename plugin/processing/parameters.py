@@ -20,6 +20,7 @@ from qgis.core import (
     QgsProcessingParameterFolderDestination,
     QgsProcessingParameterMultipleLayers,
     QgsProcessingParameterNumber,
+    QgsProcessingParameterPoint,
     QgsProcessingParameterRasterDestination,
     QgsProcessingParameterString,
 )
@@ -84,4 +85,6 @@ def _definition(parameter, label):
         return QgsProcessingParameterCrs(**given)
     if kind == "extent":
         return QgsProcessingParameterExtent(**given)
+    if kind == "point":
+        return QgsProcessingParameterPoint(**given)
     return QgsProcessingParameterString(**given, defaultValue=default, multiLine=kind == "texts")

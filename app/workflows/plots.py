@@ -1,0 +1,111 @@
+"""A grid of plots from the corners of a trial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from furrowmap.core.crops.placing import placed
+from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.vectors.parcel_layer import expect_suffix, write_parcels
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point on the map.
+
+    Attributes:
+        x: easting, or longitude.
+        y: northing, or latitude.
+        crs: of the point; None for that of the output.
+    """
+
+    x: float
+    y: float
+    crs: str | None = None
+
+
+@dataclass(frozen=True)
+class Plots:
+    """The plots of a grid.
+
+    Attributes:
+        parcels: in the order of their numbers, in the coordinates of the output.
+        crs: of these.
+        warnings: how well the corners fit the sizes.
+    """
+
+    parcels: tuple[Parcel, ...]
+    crs: str
+    warnings: tuple[Notice, ...]
+
+
+def plots(
+    grid: PlotGrid,
+    out: str | Path | None,
+    crs: str,
+    corner: Place,
+    *,
+    end: Place | None = None,
+    azimuth_deg: float | None = None,
+    overwrite: bool = False,
+) -> Plots:
+    """Lay out the plots of a trial.
+
+    Args:
+        grid: sizes and numbering.
+        out: GeoPackage or GeoJSON; None to write nothing.
+        crs: of the output, projected in metres.
+        corner: outer corner of the first plot, where the base line begins.
+        end: other end of the base line.
+        azimuth_deg: instead: direction of the base line, clockwise from grid north.
+        overwrite: replace an existing file.
+
+    Raises:
+        InputError: if a CRS is unknown or not projected in metres, or corners and sizes make no grid.
+        RefusedError: if the file exists.
+        UsageError: if the file's name states another format.
+    """
+    if out is not None:
+        expect_suffix(Path(out))
+        refuse_existing(Path(out), overwrite=overwrite)
+    target = _known(crs)
+    if not target.is_projected or {axis.unit_name for axis in target.axis_info[:2]} != {"metre"}:
+        raise InputError(
+            f"{crs} ({target.name}) is not projected in metres.",
+            "Sizes of plots are in metres.",
+            "State a projected CRS of the site, such as EPSG:25832.",
+            code="crs-not-projected",
+        )
+    found, notices = plot_grid(
+        grid, _on_map(corner, target), _on_map(end, target) if end is not None else None, azimuth_deg
+    )
+    if out is not None:
+        write_parcels(Path(out), found, target)
+    return Plots(found, target.to_string(), tuple(notices))
+
+
+def _on_map(place: Place, target: CRS) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    source = _known(place.crs) if place.crs is not None else target
+    point = placed([shapely.Point(place.x, place.y)], source, target, "The corner of the trial")[0]
+    return np.array([point.x, point.y])
+
+
+def _known(text: str) -> CRS:
+    try:
+        return CRS.from_user_input(text)
+    except CRSError as error:
+        raise InputError(
+            f"PROJ does not know the CRS {text!r} ({error}).",
+            "The plots cannot be placed.",
+            "Write an EPSG code such as EPSG:25832, or a WKT text.",
+            code="crs-unknown",
+        ) from None

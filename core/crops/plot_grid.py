@@ -1,0 +1,153 @@
+"""The plots of a trial as a grid: rows and columns of equal rectangles, numbered as trials are laid out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.parcel import Parcel
+
+FloatArray = NDArray[np.float64]
+
+LARGEST: int = 100_000
+"""Plots of a grid."""
+CLOSE_M = 0.10
+"""Corners that fit the sizes this well raise no notice."""
+
+
+@dataclass(frozen=True)
+class PlotGrid:
+    """A grid of plots.
+
+    Columns follow each other along the base line, rows beside it. A plot's length is along the base line.
+
+    Attributes:
+        rows: number of rows.
+        columns: number of columns.
+        length_m: of a plot along the base line; None if both ends of the base line are given.
+        width_m: of a plot across it.
+        alley_m: between columns.
+        path_m: between rows.
+        side: of the base line on which the rows lie, looking along it.
+        along: whether numbers run along "rows" (from column to column) or "columns".
+        serpentine: whether every second run of numbers goes back.
+        first: the first number.
+        block: whether each so many "rows" or "columns" are a block; None for no blocks.
+        block_size: rows or columns of a block.
+        by_block: whether numbers begin anew in each block, after its number: 101, 102, … 201.
+    """
+
+    rows: int
+    columns: int
+    length_m: float | None
+    width_m: float
+    alley_m: float = 0.0
+    path_m: float = 0.0
+    side: Literal["left", "right"] = "left"
+    along: Literal["rows", "columns"] = "rows"
+    serpentine: bool = False
+    first: int = 1
+    block: Literal["rows", "columns"] | None = None
+    block_size: int = 1
+    by_block: bool = False
+
+
+def plot_grid(
+    grid: PlotGrid, corner_m: FloatArray, end_m: FloatArray | None = None, azimuth_deg: float | None = None
+) -> tuple[tuple[Parcel, ...], list[Notice]]:
+    """The plots in the order of their numbers, and how well the corners fit the sizes.
+
+    Args:
+        grid: sizes and numbering.
+        corner_m: (2,) easting and northing of the outer corner of the first plot, where the base line begins.
+        end_m: (2,) the other end of the base line: the outer corner of the last plot of the first row.
+        azimuth_deg: instead: direction of the base line, clockwise from grid north.
+
+    Raises:
+        InputError: if direction or length are stated neither way or both ways, or the grid is too large.
+    """
+    _check(grid, end_m, azimuth_deg)
+    gaps_m = (grid.columns - 1) * grid.alley_m
+    notices: list[Notice] = []
+    if end_m is not None:
+        base = end_m - corner_m
+        measured = float(np.hypot(*base))
+        along = base / max(measured, 1e-12)
+        length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
+        if length_m <= 0.0:
+            raise _refused(f"The corners are {measured:.2f} m apart, and the alleys alone take {gaps_m:.2f} m.")
+        needed = grid.columns * length_m + gaps_m
+        if abs(needed - measured) > CLOSE_M:
+            text = (
+                f"The corners are {measured:.2f} m apart; plots and alleys take {needed:.2f} m from the first corner."
+            )
+            notices.append(Notice("plots-baseline", text))
+    else:
+        assert azimuth_deg is not None
+        assert grid.length_m is not None
+        turn = np.radians(azimuth_deg)
+        along, length_m = np.array([np.sin(turn), np.cos(turn)]), grid.length_m
+    across = np.array([-along[1], along[0]]) * (1.0 if grid.side == "left" else -1.0)
+    plots = []
+    for row, column in _order(grid):
+        start = corner_m + column * (length_m + grid.alley_m) * along + row * (grid.width_m + grid.path_m) * across
+        steps = (0.0 * along, length_m * along, length_m * along + grid.width_m * across, grid.width_m * across)
+        plots.append((row, column, shapely.Polygon([start + step for step in steps])))
+    return tuple(_numbered(grid, plots)), notices
+
+
+def _order(grid: PlotGrid) -> list[tuple[int, int]]:
+    """(row, column) of the plots in the order of their numbers, block by block where numbers begin anew."""
+    runs, steps = (grid.rows, grid.columns) if grid.along == "rows" else (grid.columns, grid.rows)
+    order: list[tuple[int, int]] = []
+    for run in range(runs):
+        forth = range(steps)[:: -1 if grid.serpentine and run % 2 == 1 else 1]
+        order += [(run, step) if grid.along == "rows" else (step, run) for step in forth]
+    if grid.by_block:
+        order.sort(key=lambda place: _block(grid, *place))  # stable: the order within a block stays
+    return order
+
+
+def _block(grid: PlotGrid, row: int, column: int) -> int:
+    """Number of a block, from 1; 0 without blocks."""
+    if grid.block is None:
+        return 0
+    return (row if grid.block == "rows" else column) // grid.block_size + 1
+
+
+def _numbered(grid: PlotGrid, plots: list[tuple[int, int, shapely.Polygon]]) -> list[Parcel]:
+    counts: dict[int, int] = {}
+    found = []
+    most = max(100, 10 ** len(str(len(plots))))
+    for k, (row, column, shape) in enumerate(plots):
+        block = _block(grid, row, column)
+        counts[block] = counts.get(block, 0) + 1
+        number = block * most + counts[block] - 1 + grid.first if grid.by_block else k + grid.first
+        place = {"row": float(row + 1), "column": float(column + 1)}
+        found.append(Parcel(str(number), shape, shape, str(block) if block else None, place))
+    return found
+
+
+def _check(grid: PlotGrid, end_m: FloatArray | None, azimuth_deg: float | None) -> None:
+    if (end_m is None) == (azimuth_deg is None):
+        raise _refused("The direction of the base line is stated " + ("twice." if end_m is not None else "nowhere."))
+    if end_m is None and grid.length_m is None:
+        raise _refused("The length of a plot is not stated, and without the end of the base line it does not follow.")
+    if grid.by_block and grid.block is None:
+        raise _refused("Numbers begin anew in each block, but there are no blocks.")
+    if grid.rows * grid.columns > LARGEST:
+        raise _refused(f"The grid has {grid.rows * grid.columns:,} plots, more than {LARGEST:,}.")
+
+
+def _refused(what: str) -> InputError:
+    return InputError(
+        what,
+        "The plots of the grid are not known.",
+        "State the first corner, and either the end of the base line or its azimuth and the length of a plot.",
+        code="plots-grid",
+    )
