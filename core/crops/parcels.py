@@ -114,7 +114,7 @@ def _on_map(path: Path, target: CRS) -> list[_Found]:
     table = is_corner_table(path)
     polygons = corner_polygons(path, target, refuse) if table else read_polygons(path, refuse)
     try:
-        shapes = placed([_single(shape) for shape in polygons.shapes], polygons.crs, target, f"{path}")
+        shapes = list(placed([_single(shape) for shape in polygons.shapes], polygons.crs, target, f"{path}"))
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
