@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
@@ -198,3 +199,60 @@ def test_init__names_a_line_scanner_as_lidar(tmp_path: Path) -> None:
     proposal = propose_session(recordings, tmp_path)
     assert parse_session(proposal.text).recording.lidar == ("line.csv",)
     assert "time-overlap" in {notice.code for notice in proposal.found}
+
+
+@pytest.mark.parametrize("greatest", [1.0, 0.4, 1.5])
+def test_intensity__in_fractions_of_one_is_scaled_to_255(greatest: float, tmp_path: Path) -> None:
+    given = np.array([0.0, 0.5 * greatest, greatest])
+    (scan,) = bag(tmp_path, laser_scan(T0_NS, [5.0, 6.0, 7.0], intensities=[*given])).scans()
+    factor = 255.0 if greatest <= 1.0 else 1.0
+    assert scan.intensity.tolist() == np.rint(factor * given.astype(np.float32)).tolist()
+
+
+def test_laser_scans__mostly_beyond_any_scanner_are_refused(tmp_path: Path) -> None:
+    """The message states its own limits; millimetres with limits in millimetres are within them."""
+    messages = [laser_scan(T0_NS + 25_000_000 * k, np.full(9, 5000.0)) for k in range(3)]
+    for message in messages:
+        message.range_max = 30_000.0
+    with pytest.raises(InputError) as caught:
+        list(bag(tmp_path, *messages).scans())
+    assert caught.value.code == "points-mostly-invalid"
+
+
+def test_csv__far_ranges_are_left_out_and_counted(tmp_path: Path) -> None:
+    rows = rows_of(np.arange(50.0))
+    rows[7] = rows[7].replace(",5.0,", ",5000.0,")
+    reader = line_csv(tmp_path, HEAD, rows)
+    (scan,) = reader.scans()
+    assert scan.column.tolist() == [k for k in range(50) if k != 7]
+    (notice,) = reader.notices
+    assert notice.code == "points-invalid"
+    assert notice.text.endswith("line.csv: 1 ranges beyond 2,000 m are left out.")
+
+
+def test_csv__that_was_cut_within_its_compression_is_read_up_to_there(tmp_path: Path) -> None:
+    rows = rows_of(np.tile(np.arange(0, 90.0), 60))
+    whole = gzip.compress("\n".join([HEAD, *rows, ""]).encode())
+    (tmp_path / "cut.csv.gz").write_bytes(whole[: len(whole) // 2])
+    reader = LineCsv([tmp_path / "cut.csv.gz"], ReadOptions())
+    points = sum(map(len, reader.scans()))
+    assert 0.3 * len(rows) < points < 0.7 * len(rows)
+    assert "stream-cut" in {notice.code for notice in reader.notices}
+
+
+def test_csv__without_any_firing_has_no_scans_and_no_times(tmp_path: Path) -> None:
+    for rows in ([], [f"{T0_S + k}," for k in range(5)], [f",{k}.0,5.0,1" for k in range(5)]):
+        reader = line_csv(tmp_path, HEAD, [f"{row},," if row.count(",") == 1 else row for row in rows])
+        assert list(reader.scans()) == []
+        assert reader.clocks == ()
+        facts = reader.inspect().facts
+        assert facts["scans"] == "none"
+        assert facts["points"] == 0
+        assert "span_s" not in facts
+
+
+def test_csv__a_sweep_without_end_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("furrowmap.core.readers.line_csv.MOST_RETURNS", 40)
+    scans = list(line_csv(tmp_path, HEAD, rows_of(np.arange(100.0))).scans())
+    assert [len(scan) for scan in scans] == [40, 40, 20]
+    assert np.concatenate([scan.t_s for scan in scans]) == pytest.approx(T0_S + 1e-4 * np.arange(100), abs=2e-6)

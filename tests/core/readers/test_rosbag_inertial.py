@@ -175,3 +175,16 @@ def test_gns_without_positions__is_none(tmp_path: Path) -> None:
     (tmp_path / "gns.nmea").write_bytes(as_gns(nmea(), b"NN"))
     with pytest.raises(InputError, match="no intact GGA"):
         NmeaLog([tmp_path / "gns.nmea"], ReadOptions()).track()
+
+
+def test_values_that_are_no_numbers__are_left_out(tmp_path: Path) -> None:
+    recorded = turning_imu()
+    recorded[5] = (*recorded[5][:2], imu(T0_NS + 50_000_000, (np.nan, 0.0, 0.0)))
+    recorded[6] = (*recorded[6][:2], imu(T0_NS + 60_000_000, force_mps2=(0.0, np.inf, 9.8)))
+    reader = RosBag2([write_bag2(tmp_path / "a", recorded)], ReadOptions())
+    track = reader.inertial()
+    assert len(track) == 38
+    assert np.isfinite(track.rate_radps).all()
+    assert np.isfinite(track.force_mps2).all()
+    (notice,) = [notice for notice in reader.notices if "is not a number" in notice.text]
+    assert notice.text.count("2") >= 1
