@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.errors import RefusedError, UsageError
+from furrowmap.exporters.exchange.trajectories import _Poses
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.workflows.export import export
 from tests.exporters.farm.result_folders import write_result
@@ -84,3 +86,27 @@ def test_sbet__is_refused_with_other_heights_and_with_layers(tmp_path: Path, res
     assert export([above], "tum").target == tmp_path / "geoid_tum.tum"
     with pytest.raises(UsageError):
         export([result], "poses", layers=["passes"])
+
+
+def test_velocity__is_the_derivative_of_the_place_and_nothing_for_one_pose() -> None:
+    """Over a tenth of a degree along a parallel and a meridian, against the lengths of PROJ's geodesics."""
+    t = np.linspace(0.0, 10.0, 11)
+    lon, lat = 140.0 + 0.001 * t, 36.0 - 0.002 * t
+    poses = _Poses(
+        t,
+        np.column_stack([0.0 * t, 0.0 * t, 50.0 + 0.3 * t]),
+        np.column_stack([lon, lat]),
+        0.0 * t,
+        np.zeros((11, 3)),
+        np.zeros((11, 6)),
+        Geod(ellps="GRS80"),
+    )
+    north = -poses.geod.inv(140.0, 36.0, 140.0, 35.98)[2] / 10.0
+    east = poses.geod.inv(140.0, 35.99, 140.01, 35.99)[2] / 10.0
+    above = 1.0 + 51.5 / 6.37e6  # ways are longer at the height of the middle
+    np.testing.assert_allclose(poses.velocity_mps[5], [above * north, above * east, -0.3], rtol=1e-6)
+    assert poses.velocity_mps.shape == (11, 3)
+    across = replace(poses, lon_lat_deg=np.column_stack([(lon + 39.995 + 180.0) % 360.0 - 180.0, lat]))
+    np.testing.assert_allclose(across.velocity_mps, poses.velocity_mps, rtol=1e-9)  # the antimeridian is no jump
+    one = replace(poses, t_s=t[:1], xyz_m=poses.xyz_m[:1], lon_lat_deg=poses.lon_lat_deg[:1])
+    assert one.velocity_mps.tolist() == [[0.0, 0.0, 0.0]]

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from pyproj.exceptions import CRSError
 from rio_cogeo import cog_validate
 
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.exporters.cloud.file import las_wkt
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import COUNT, FILLED, HEIGHT, Bands, cog_output, with_heights, write_cog
 
@@ -118,6 +120,19 @@ def test_heights__that_are_not_ellipsoidal_or_told_already_leave_the_crs() -> No
     assert with_heights(MAP, "GSIGEO2011") == MAP
     told = CRS("EPSG:6677+6695")
     assert with_heights(told) == told
+
+
+def test_crs__that_wkt_1_cannot_express_is_written_as_wkt_2(tmp_path: Path) -> None:
+    """The urban grid of Bogotá has a projection that WKT 1 does not know."""
+    crs = CRS("EPSG:6247")
+    with pytest.raises(CRSError):
+        crs.to_wkt("WKT1_GDAL")
+    assert with_heights(crs) == crs
+    write_cog(tmp_path / "a.tif", GRID, crs, [HEIGHT], bands()[:1], ORIGIN)
+    with rasterio.open(tmp_path / "a.tif") as file:
+        assert CRS.from_wkt(file.crs.to_wkt()).coordinate_operation.method_name == "Colombia Urban"
+    assert las_wkt(crs) == crs.to_wkt("WKT2_2019")
+    assert las_wkt(MAP) == MAP.to_wkt("WKT1_GDAL")
 
 
 @pytest.mark.parametrize(("heights", "code"), [("EPSG:6695", 10170), ("EPSG:3855", 6677)])

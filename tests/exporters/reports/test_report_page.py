@@ -6,6 +6,7 @@ import base64
 import io
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.png import data_uri, png
 from furrowmap.exporters.reports.drawings import map_box, pass_colour, quality_graph, quality_map, tool_graph, work_map
-from furrowmap.exporters.reports.svg import Sheet
+from furrowmap.exporters.reports.svg import WIDTH, Sheet, curve
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 from tests.exporters.vectors.worked_field import worked_field
 
@@ -120,3 +121,53 @@ def test_tool_graph__of_a_day_is_as_small_as_that_of_a_minute(seconds: float) ->
     text = tool_graph(FieldWork(history=type(history)(**values)))
     assert 1 < text.count('class="label') < 14
     assert len(text) < 60_000
+
+
+def test_drawings__of_many_passes_have_no_numbers() -> None:
+    poses, work = worked_field()
+    assert work.ground is not None
+    one = work.ground.passes[0]
+    for count, numbered in ((60, 60), (61, 0)):
+        many = tuple(replace(one, number=k) for k in range(1, count + 1))
+        text = work_map(map_box(poses, work), poses, replace(work, ground=replace(work.ground, passes=many)), None)
+        assert text.count('class="pass"') == count
+        assert text.count('class="number"') == numbered + 1  # that of the north arrow
+        if count == 60:
+            continue
+        few = replace(work, ground=replace(work.ground, passes=many[:40]))
+        assert tool_graph(few).count('class="number"') == 40
+        assert 'class="number"' not in tool_graph(replace(few, ground=replace(work.ground, passes=many[:41])))
+
+
+def test_quality_graph__without_sigmas_has_only_the_bar_of_fixes() -> None:
+    poses, _ = worked_field()
+    known, unknown = (
+        ET.fromstring(quality_graph(replace(poses, sigma=sigma)))
+        for sigma in (np.full_like(poses.sigma, 0.02), np.full_like(poses.sigma, np.nan))
+    )
+    for root, curves in ((known, 1), (unknown, 0)):
+        assert sum(shape.attrib.get("class") == "curve" for shape in root) == curves
+        bars = [float(shape.attrib["width"]) for shape in root if shape.tag.endswith("rect")]
+        assert sum(bars) == pytest.approx(WIDTH - 74.0, abs=0.5)
+    assert float(unknown.attrib["viewBox"].split()[3]) < float(known.attrib["viewBox"].split()[3])
+
+
+def test_path__of_one_pose_is_no_line() -> None:
+    poses, _ = worked_field()
+    one = replace(
+        poses, **{name: value[:1] for name, value in vars(poses).items() if isinstance(value, np.ndarray)}
+    )  # fmt: skip
+    assert 'class="fix"' in quality_map(poses)
+    assert 'class="fix"' not in quality_map(one)
+
+
+def test_curve__is_interrupted_at_nan_and_keeps_the_extremes() -> None:
+    x = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    y = np.array([1.0, 2.0, np.nan, 3.0, np.nan, 5.0, 6.0])
+    lines = [ET.fromstring(part).attrib["points"] for part in curve(x, y)]
+    assert lines == ["0.0,1.0 1.0,2.0", "5.0,5.0 6.0,6.0"]  # one value alone is no line
+    fine = np.linspace(0.0, 0.99, 100)
+    wave = np.where(np.arange(100) == 37, 9.0, np.where(np.arange(100) == 61, -9.0, 0.0))
+    (line,) = (ET.fromstring(part).attrib["points"].split() for part in curve(fine, wave))
+    assert [float(point.split(",")[1]) for point in line] == [0.0, 9.0, -9.0, 0.0]
+    assert curve(x, np.full(7, np.nan)) == []
