@@ -16,6 +16,7 @@ from hypothesis.extra import numpy as hnp
 from matplotlib import image as pictures
 
 from furrowmap.core.surfaces.visits import SwathSums
+from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.png import data_uri, png
 from furrowmap.exporters.reports.drawings import map_box, pass_colour, quality_graph, quality_map, tool_graph, work_map
@@ -132,11 +133,18 @@ def test_drawings__of_many_passes_have_no_numbers() -> None:
         text = work_map(map_box(poses, work), poses, replace(work, ground=replace(work.ground, passes=many)), None)
         assert text.count('class="pass"') == count
         assert text.count('class="number"') == numbered + 1  # that of the north arrow
-        if count == 60:
-            continue
-        few = replace(work, ground=replace(work.ground, passes=many[:40]))
-        assert tool_graph(few).count('class="number"') == 40
-        assert 'class="number"' not in tool_graph(replace(few, ground=replace(work.ground, passes=many[:41])))
+
+
+def test_tool_graph__of_many_passes_has_no_numbers() -> None:
+    _, work = worked_field()
+    assert work.history is not None
+    for count, numbered in ((40, 40), (41, 0)):
+        begin_s = work.history.t_s[0] + np.arange(count)
+        down, sure = np.full(count, ToolState.DOWN, np.int8), np.ones(count)
+        states = ToolStates(begin_s, begin_s + 0.5, down, sure, 0.0 * sure, 0.0 * sure)
+        text = tool_graph(FieldWork(history=replace(work.history, states=states)))
+        assert text.count('class="down"') == count
+        assert text.count('class="number"') == numbered
 
 
 def test_quality_graph__without_sigmas_has_only_the_bar_of_fixes() -> None:
