@@ -214,6 +214,8 @@ def _faults(session: Session) -> Iterator[str]:
     yield from _far_places(session)
     if session.imu is not None:
         yield from _imu_faults(session.imu)
+        if session.imu.heading == "attitude" and session.attitude is None:
+            yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
     attitude = session.attitude
     if attitude is not None and attitude.north == MAGNETIC and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'

@@ -1,8 +1,9 @@
 """Attitude of a vehicle from its own motion: what the IMU integrates against the GNSS positions.
 
-Gravity shows roll and pitch, changes of speed and direction show the heading; neither a magnetometer nor a stand is
-needed (optimisation-based alignment; Wu and Pan 2013, IEEE Trans. Aerospace and Electronic Systems 49, 1006-1023,
-with second differences of positions instead of velocities).
+Gravity shows roll and pitch, changes of speed and direction show the heading, or, where those are too weak, a hint
+(:mod:`furrowmap.core.trajectory.heading_hints`); neither a magnetometer nor a stand is needed (optimisation-based
+alignment; Wu and Pan 2013, IEEE Trans. Aerospace and Electronic Systems 49, 1006-1023, with second differences of
+positions instead of velocities).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.estimation.inertial import cross_matrix
 from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.estimation.preintegration import Increments
+from furrowmap.core.trajectory.heading_hints import DECISIVE, HeadingHint
 from furrowmap.core.values.inertial import InertialNoise
 
 FloatArray = NDArray[np.float64]
@@ -44,12 +46,14 @@ class Aligned:
         bias: (6,) of rate (rad/s) and force (m/s²).
         covariance: (9, 9) of the rotation vector in the map's axes and of the biases.
         misfit: RMS of the residuals over what is expected of them.
+        squares: weighted squares of the residuals of the second differences.
     """
 
     rotation: FloatArray
     bias: FloatArray
     covariance: FloatArray
     misfit: float
+    squares: float
 
     @property
     def certain(self) -> bool:
@@ -73,7 +77,13 @@ class Attitudes:
 
 
 def attitudes(
-    steps: Increments, antenna_m: FloatArray, arm_m: FloatArray, sigma_m: float, noise: InertialNoise, gravity: float
+    steps: Increments,
+    antenna_m: FloatArray,
+    arm_m: FloatArray,
+    sigma_m: float,
+    noise: InertialNoise,
+    gravity: float,
+    hint: HeadingHint | None,
 ) -> Attitudes | None:
     """First guess of the attitudes at consecutive knots; None where the motion does not show the heading.
 
@@ -84,6 +94,7 @@ def attitudes(
         sigma_m: standard deviation of an antenna's position.
         noise: of the IMU.
         gravity: m/s².
+        hint: what shows the heading beside accelerations; None for nothing.
     """
     whole = chained(steps.turn)
     n = len(whole)
@@ -91,12 +102,14 @@ def attitudes(
     begin, end, last, misfit = 0, min(CHUNK, n), None, 0.0
     while begin < n:
         motion = _Chunk.of(steps, whole, begin, end, arm_m)
-        aligned = motion.aligned(antenna_m, sigma_m, noise, gravity, last)
-        if last is None and not aligned.certain:
+        observed = _Observed.of(motion, antenna_m, sigma_m, gravity, hint)
+        aligned = _aligned(motion, observed, noise, last)
+        if last is None and (aligned is None or not aligned.certain):
             if end == n:
                 return None
             end = min(2 * end, n)
             continue
+        assert aligned is not None
         rotation[begin:end], bias[begin:end] = motion.rotations(aligned), aligned.bias
         last, misfit = motion.carried(aligned, noise), max(misfit, aligned.misfit)
         begin, end = end, min(end + CHUNK, n)
@@ -130,55 +143,6 @@ class _Chunk:
         way = np.cumsum(velocity * STEP_S + np.einsum("kij,kj->ki", turned[:-1], steps.way_m[inner]), axis=0)
         return cls(begin, turned, swept, np.concatenate([np.zeros((1, 3)), way]) + turned @ arm_m)
 
-    def aligned(
-        self,
-        antenna_m: FloatArray,
-        sigma_m: float,
-        noise: InertialNoise,
-        gravity: float,
-        prior: tuple[FloatArray, FloatArray, FloatArray] | None,
-    ) -> Aligned:
-        """The attitude at the begin and the biases that fit the antenna's second differences best.
-
-        `prior` is rotation, bias and covariance by the chunk before.
-        """
-        middle = np.arange(HALF, len(self.turned) - HALF, STRIDE)
-        seen = _second_difference(antenna_m[self.begin : self.begin + len(self.turned)], middle)
-        seen[:, 2] += gravity * (HALF * STEP_S) ** 2
-        known = np.isfinite(seen).all(axis=1)
-        middle, seen = middle[known], seen[known]
-        own = _second_difference(self.way_m, middle)
-        sweep, push = self.swept_s[middle], self.turned[middle] * (HALF * STEP_S) ** 2
-        weight = STRIDE / (2 * HALF) / (6.0 * sigma_m**2 + MODEL_M**2)  # differences overlap
-        spread = np.repeat([noise.rate_bias, noise.force_bias], 3)
-        if prior is None:
-            information = np.diag(np.concatenate([np.zeros(3), 1.0 / spread**2]))
-            rotation, bias = _wahba(seen, own), np.zeros(6)
-        else:
-            rotation, bias, covariance = prior
-            information = np.linalg.inv(covariance)
-        first, start = rotation, bias
-        normal, squares = information, 0.0
-        for _ in range(ITERATIONS):
-            body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
-            computed = body @ rotation.T
-            design = np.concatenate(
-                [-cross_matrix(computed), rotation @ cross_matrix(own) @ sweep, -rotation @ push], axis=2
-            )
-            normal = information + weight * np.einsum("kai,kaj->ij", design, design)
-            right = weight * np.einsum("kai,ka->i", design, seen - computed)
-            if prior is not None:
-                off = Rotation.from_matrix(first @ rotation.T).as_rotvec()
-                right = right + information @ np.concatenate([off, start - bias])
-            else:
-                right = right - information @ np.concatenate([np.zeros(3), bias])
-            normal[np.diag_indices(9)] += 1e-12
-            squares = float(((seen - computed) ** 2).mean()) if len(seen) else 0.0
-            step = np.linalg.solve(normal, right)
-            rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
-        misfit = float(np.sqrt(squares / (6.0 * sigma_m**2 + MODEL_M**2)))
-        return Aligned(rotation, bias, np.linalg.inv(normal), misfit)
-
     def rotations(self, aligned: Aligned) -> FloatArray:
         """(m, 3, 3) vehicle to map at the knots."""
         drift = Rotation.from_rotvec(-self.swept_s @ aligned.bias[:3]).as_matrix()
@@ -193,6 +157,89 @@ class _Chunk:
         spread = np.repeat([noise.rate**2, noise.rate_walk**2, noise.force_walk**2], 3) * length_s
         spread[:3] += np.radians(0.5) ** 2
         return self.rotations(aligned)[-1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
+
+
+@dataclass(frozen=True)
+class _Observed:
+    """What is known of the motion of a chunk.
+
+    Attributes:
+        middle: (m,) knots in the chunk about which second differences are taken.
+        seen: (m, 3) those of the antenna, without gravity.
+        weight: of each.
+        hint: what shows the heading beside them.
+    """
+
+    middle: NDArray[np.intp]
+    seen: FloatArray
+    weight: float
+    hint: HeadingHint | None
+
+    @classmethod
+    def of(
+        cls, motion: _Chunk, antenna_m: FloatArray, sigma_m: float, gravity: float, hint: HeadingHint | None
+    ) -> _Observed:
+        """Of an antenna (n, 3) at the knots of the whole chain."""
+        middle = np.arange(HALF, len(motion.turned) - HALF, STRIDE)
+        seen = _second_difference(antenna_m[motion.begin : motion.begin + len(motion.turned)], middle)
+        seen[:, 2] += gravity * (HALF * STEP_S) ** 2
+        known = np.isfinite(seen).all(axis=1)
+        weight = STRIDE / (2 * HALF) / (6.0 * sigma_m**2 + MODEL_M**2)  # differences overlap
+        return cls(middle[known], seen[known], weight, hint)
+
+
+def _aligned(
+    motion: _Chunk,
+    observed: _Observed,
+    noise: InertialNoise,
+    prior: tuple[FloatArray, FloatArray, FloatArray] | None,
+) -> Aligned | None:
+    """The attitude at the begin of a chunk and the biases that fit what is observed best; None if a hint shows none.
+
+    `prior` is rotation, bias and covariance by the chunk before. Of opposite headings that a hint leaves, the first
+    one is taken unless accelerations speak clearly for the other.
+    """
+    if prior is not None:
+        rotation, bias, covariance = prior
+        return _fitted(motion, observed, rotation, bias, np.linalg.inv(covariance))
+    information = np.diag(np.concatenate([np.zeros(3), 1.0 / np.repeat([noise.rate_bias, noise.force_bias], 3) ** 2]))
+    own = _second_difference(motion.way_m, observed.middle)
+    start = _wahba(observed.seen, own)
+    starts = [start] if observed.hint is None else observed.hint.starts(start, motion)
+    found = [_fitted(motion, observed, rotation, np.zeros(6), information) for rotation in starts]
+    if len(found) == 2 and found[1].squares < found[0].squares - DECISIVE:
+        return found[1]
+    return found[0] if found else None
+
+
+def _fitted(
+    motion: _Chunk, observed: _Observed, first: FloatArray, start: FloatArray, information: FloatArray
+) -> Aligned:
+    """Gauss-Newton rounds from an attitude (3, 3) and biases (6,) of an information (9, 9), zero where unknown."""
+    middle, seen, weight = observed.middle, observed.seen, observed.weight
+    own = _second_difference(motion.way_m, middle)
+    sweep, push = motion.swept_s[middle], motion.turned[middle] * (HALF * STEP_S) ** 2
+    normal, squares, rotation, bias = information, 0.0, first, start
+    for _ in range(ITERATIONS):
+        body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
+        computed = body @ rotation.T
+        design = np.concatenate(
+            [-cross_matrix(computed), rotation @ cross_matrix(own) @ sweep, -rotation @ push], axis=2
+        )
+        off = Rotation.from_matrix(first @ rotation.T).as_rotvec()
+        normal = information + weight * np.einsum("kai,kaj->ij", design, design)
+        right = weight * np.einsum("kai,ka->i", design, seen - computed)
+        right += information @ np.concatenate([off, start - bias])
+        if observed.hint is not None:
+            rows = observed.hint.rows(rotation, bias, motion)
+            normal = normal + np.einsum("k,ki,kj->ij", rows.weight, rows.design, rows.design)
+            right += (rows.weight * rows.residual) @ rows.design
+        normal[np.diag_indices(9)] += 1e-12
+        squares = float(((seen - computed) ** 2).sum())
+        step = np.linalg.solve(normal, right)
+        rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
+    misfit = float(np.sqrt(squares / max(seen.size, 1) * weight * (2 * HALF) / STRIDE))
+    return Aligned(rotation, bias, np.linalg.inv(normal), misfit, weight * squares)
 
 
 def _second_difference(values: FloatArray, middle: NDArray[np.intp]) -> FloatArray:

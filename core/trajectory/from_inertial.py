@@ -30,7 +30,16 @@ from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_mounting import check_mounting
-from furrowmap.core.trajectory.inertial_start import PAUSE_S, Imu, Problem, first_guess, site_of, without_positions
+from furrowmap.core.trajectory.inertial_start import (
+    NO_HINTS,
+    PAUSE_S,
+    Hints,
+    Imu,
+    Problem,
+    first_guess,
+    site_of,
+    without_positions,
+)
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.positions import (
     Offsets,
@@ -41,6 +50,8 @@ from furrowmap.core.trajectory.positions import (
     usable,
     white_noise_m,
 )
+from furrowmap.core.trajectory.shown_noise import with_shown_noise
+from furrowmap.core.trajectory.whiteness import Whiteness
 from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -70,6 +81,9 @@ class InertialFigures:
         force_bias_sigma_mps2: (3,) its standard deviation.
         position_rms_m: (3,) residuals of the positions: easting, northing, height.
         doubted: positions of less than their whole weight.
+        residuals: whether those of the positions are white, in words.
+        residual_correlation: (3,) from one position to the next.
+        variance_factor: squared residuals of all observations over their expected ones; 1 where sigmas are right.
     """
 
     knots: int
@@ -80,6 +94,9 @@ class InertialFigures:
     force_bias_sigma_mps2: tuple[float, ...]
     position_rms_m: tuple[float, ...]
     doubted: int
+    residuals: str
+    residual_correlation: tuple[float, ...]
+    variance_factor: float
 
 
 @dataclass(frozen=True)
@@ -94,7 +111,12 @@ class InertialTrajectory(GnssTrajectory):
 
 
 def trajectory_from_inertial(
-    track: GnssTrack, imu: Imu, frame: MapFrame, lever_m: tuple[float, float, float], fixes: tuple[Fix, ...] | None
+    track: GnssTrack,
+    imu: Imu,
+    frame: MapFrame,
+    lever_m: tuple[float, float, float],
+    fixes: tuple[Fix, ...] | None,
+    hints: Hints = NO_HINTS,
 ) -> InertialTrajectory:
     """The trajectory of the vehicle frame.
 
@@ -104,6 +126,7 @@ def trajectory_from_inertial(
         frame: the map frame.
         lever_m: the antenna in the vehicle frame.
         fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
+        hints: what shows the heading beside accelerations.
 
     Raises:
         InputError: if no position is left to use, or IMU and positions have no time in common.
@@ -115,7 +138,8 @@ def trajectory_from_inertial(
     white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
     runs = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
-    whole = Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64))
+    imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
+    whole = Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64), hints)
     problem, start = first_guess(whole, notices)
     adjusted = _adjusted(problem, start)
     trajectory = _trajectory(adjusted)
@@ -157,7 +181,7 @@ def _adjusted(problem: Problem, state: State) -> _Adjusted:
     """
     knots = problem.knots
     antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
-    beside: tuple[Observation, ...] = (GnssDrift(problem.positions), problem.links)
+    beside: tuple[Observation, ...] = (GnssDrift(problem.positions), problem.links, *problem.hints.observations)
     for number in range(1, ROUNDS + 1):
         equations = normal_equations((antenna, *beside), knots, state)
         solution = equations.solve()
@@ -266,6 +290,8 @@ def _figures(adjusted: _Adjusted, imu: Imu) -> InertialFigures:
     state, layout, turn = adjusted.state, adjusted.state.layout, imu.mounting.rotation
     residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)
 
+    white = Whiteness.of(residual, adjusted.problem.positions.white_m)
+
     def of(block_values: FloatArray, digits: int) -> tuple[float, ...]:
         return tuple(np.round(block_values, digits).tolist())
 
@@ -283,4 +309,7 @@ def _figures(adjusted: _Adjusted, imu: Imu) -> InertialFigures:
         force_bias_sigma_mps2=of(sigma(layout.column(FORCE_BIAS)), 5),
         position_rms_m=of(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
         doubted=int((adjusted.observed.weight < 1.0).sum()),
+        residuals=white.words,
+        residual_correlation=white.correlation,
+        variance_factor=round(adjusted.variance_factor, 3),
     )

@@ -11,17 +11,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.inertial import (
-    INERTIAL,
-    InertialLinks,
-    Site,
-)
+from furrowmap.core.estimation.along_nose import AlongNose
+from furrowmap.core.estimation.headings import RecordedHeadings
+from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
+from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.preintegration import increments
 from furrowmap.core.estimation.states import State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.trajectory.alignment import attitudes
+from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, HeadingLog, RecordedHeading
 from furrowmap.core.values import scratch
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
@@ -90,6 +90,38 @@ def site_of(track: GnssTrack, frame: MapFrame) -> Site:
 
 
 @dataclass(frozen=True)
+class Hints:
+    """What shows the heading beside accelerations.
+
+    Attributes:
+        on_wheels: whether the vehicle's origin moves along its nose, forward or in reverse.
+        heading: the vehicle's heading by another device, or by the IMU's own filter; None without.
+    """
+
+    on_wheels: bool = False
+    heading: HeadingLog | None = None
+
+    def of_chain(self, t_s: FloatArray, antenna_m: FloatArray, p: Positions, lever_m: FloatArray) -> HeadingHint | None:
+        """The hint for alignment at knots (n,), between which the antenna (n, 3) is at metres on the ground."""
+        if self.heading is not None:
+            return RecordedHeading(self.heading.at(t_s), self.heading.sigma_rad)
+        if self.on_wheels:
+            white, drift = (float(np.median(sigma[:, 0])) for sigma in (p.white_m, p.drift_m))
+            return Course.of(antenna_m, white, drift, lever_m)
+        return None
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """What joins the adjustment."""
+        wheels = (AlongNose(),) if self.on_wheels else ()
+        log = self.heading
+        return wheels if log is None else (*wheels, RecordedHeadings(log.t_s, log.yaw_rad, log.sigma_rad))
+
+
+NO_HINTS: Final = Hints()
+
+
+@dataclass(frozen=True)
 class Problem:
     """Input of the adjustment.
 
@@ -99,6 +131,7 @@ class Problem:
         lever_m: (3,) the antenna in the vehicle frame.
         origin_m: (3,) local origin.
         knots: at which poses are estimated.
+        hints: what shows the heading beside accelerations.
     """
 
     positions: Positions
@@ -106,9 +139,10 @@ class Problem:
     lever_m: FloatArray
     origin_m: FloatArray
     knots: Knots
+    hints: Hints
 
     @classmethod
-    def of(cls, positions: Positions, imu: Imu, site: Site, lever_m: FloatArray) -> Problem:
+    def of(cls, positions: Positions, imu: Imu, site: Site, lever_m: FloatArray, hints: Hints) -> Problem:
         """Of an IMU and positions that go together.
 
         Raises:
@@ -116,7 +150,7 @@ class Problem:
         """
         links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
         knots = knots_over(_common_s(positions.t_s, imu.track), PAUSE_S)
-        return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots)
+        return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots, hints)
 
 
 def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
@@ -177,7 +211,7 @@ def first_guess(problem: Problem, notices: list[Notice]) -> tuple[Problem, State
     ]
     guesses = [guess for guess in found if guess is not None]
     if not guesses:
-        raise _no_heading(problem.links.track, problem.knots)
+        raise _no_heading(problem.links.track, problem.knots, problem.hints)
     if left:
         notices.append(
             Notice("imu-not-aligned", f"The motion shows no heading from {', '.join(left)}: there are no poses there.")
@@ -220,7 +254,8 @@ def _guessed(problem: Problem, chain: Chain, track: InertialTrack) -> _Guess | N
     seen = np.where(without_positions(t_s, p.t_s)[:, None], np.nan, antenna)
     steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + STEP_S)
     sigma = float(np.median(np.hypot(p.white_m, p.drift_m)[:, 0]))
-    found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2)
+    hint = problem.hints.of_chain(t_s, seen, p, problem.lever_m)
+    found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2, hint)
     if found is None:
         return None
     velocity = np.gradient(antenna - found.rotation @ arm, STEP_S, axis=0)
@@ -249,12 +284,15 @@ def _contradiction(problem: Problem, misfit: float) -> InputError:
     )
 
 
-def _no_heading(track: InertialTrack, knots: Knots) -> RefusedError:
+def _no_heading(track: InertialTrack, knots: Knots, hints: Hints) -> RefusedError:
     begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
+    remedy = "Record some seconds of acceleration, turns or figures of eight, best soon after the start."
+    if not hints.on_wheels:
+        remedy += " Of a vehicle on wheels or tracks, write `on_wheels = true` under `[imu]`: its course then shows it."
     return RefusedError(
         f"{track.source or 'The IMU'}: its motion from {iso_utc(begin_s)} to {iso_utc(end_s)} shows no heading.",
         "Only changes of speed or direction show it, and the attitude of all points depends on it.",
-        "Record some seconds of acceleration, turns or figures of eight, best soon after the start.",
+        remedy,
         code="heading-unknown",
     )
 

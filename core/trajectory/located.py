@@ -11,7 +11,7 @@ import numpy as np
 
 from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
-from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.trajectory.from_attitude import (
@@ -24,9 +24,11 @@ from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.inertial_start import Imu, site_of
+from furrowmap.core.trajectory.heading_hints import HeadingLog
+from furrowmap.core.trajectory.inertial_start import Hints, Imu, site_of
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
-from furrowmap.core.values.errors import Notice, RefusedError
+from furrowmap.core.values.attitude import TRUE
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting
@@ -36,6 +38,8 @@ from furrowmap.core.values.trajectory import Trajectory
 
 SLOWEST_DIRECTIONS_S: Final = 0.3
 """Positions further apart than this do not show whether a vehicle reverses."""
+HEADING_SIGMA_DEG: Final = 5.0
+"""Of a recorded heading where `[attitude]` states none: what a magnetometer beside iron and motors is good for."""
 OpenInertial: TypeAlias = Callable[[float], InertialReader]
 OpenAttitude: TypeAlias = Callable[[float], tuple[AttitudeReader, AttitudeReader]]
 _FORWARD: Final = Notice(
@@ -111,8 +115,12 @@ def locate(
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     track, transformed = transform_track(positions.track(), frame)
     if beside.inertial is not None and session.imu is not None:
-        found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(middle_s(track)))
-        return replace(found, notices=(*found.notices, *_unused_attitude(session, "[imu]")))
+        near_s, told = middle_s(track), _unused_attitude(session, "[imu]")
+        hints = Hints(session.imu.on_wheels)
+        if session.imu.heading == "attitude" and beside.attitude is not None:
+            hints, told = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
+        found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(near_s), hints)
+        return replace(found, notices=(*found.notices, *told))
     if beside.attitude is not None and session.attitude is not None:
         found = _with_attitude(track, session, frame, fixes, beside.attitude(middle_s(track)))
         return replace(found, notices=(*transformed.notices, *found.notices), transformed=transformed)
@@ -143,6 +151,31 @@ def middle_s(track: GnssTrack) -> float:
     return float(np.median(track.t_s)) if len(track) else 0.0
 
 
+def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: AttitudeReader) -> HeadingLog:
+    """The headings of the vehicle that `[attitude] heading` names, from grid north.
+
+    Raises:
+        InputError: if it holds none, or their north or the declination is not known.
+    """
+    table = session.attitude
+    assert table is not None
+    log = from_stated_north(of_vehicle(reader.attitude(), table.heading_rpy_deg), table.north, table.declination_deg)
+    known = np.isfinite(log.heading_deg)
+    if known.sum() < 2:
+        raise InputError(
+            f"{log.source}: the log holds no headings.",
+            '`[imu] heading = "attitude"` takes them for the begin of the adjustment.',
+            "Name a log with headings under `[attitude] heading`, or leave `[imu] heading` out.",
+            code="heading-missing",
+        )
+    heading = log.heading_deg[known]
+    if log.north == TRUE:
+        lon, lat = middle_deg(track.lon_deg, track.lat_deg)
+        heading = heading - float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
+    sigma_deg = table.heading_sigma_deg or HEADING_SIGMA_DEG
+    return HeadingLog(log.t_s[known], np.radians(90.0 - heading), float(np.radians(sigma_deg)))
+
+
 def _with_imu(
     track: GnssTrack,
     transformed: TransformSummary,
@@ -150,6 +183,7 @@ def _with_imu(
     frame: MapFrame,
     fixes: tuple[Fix, ...] | None,
     inertial: InertialReader,
+    hints: Hints,
 ) -> Located:
     """The trajectory from GNSS and an IMU; of a machine on the ground, from GNSS with what its IMU adds to matching."""
     assert session.imu is not None
@@ -162,13 +196,14 @@ def _with_imu(
     # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
     if on_ground and session.recording.lidar:
-        return _aided(track, imu, transformed, frame, lever_m, fixes, told)
+        return _aided(track, imu, transformed, frame, lever_m, fixes, told, hints)
+    hints = replace(hints, on_wheels=hints.on_wheels or on_ground)
     try:
-        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes)
+        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError:
         if not on_ground:
             raise
-        return _aided(track, imu, transformed, frame, lever_m, fixes, told)
+        return _aided(track, imu, transformed, frame, lever_m, fixes, told, hints)
     notices = (*transformed.notices, *told, *found.notices)
     used = {"used": found.used, "unused": found.unused}
     return Located(found.trajectory, "imu", used, notices, None, transformed, found.figures)
@@ -182,13 +217,14 @@ def _aided(
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
     told: tuple[Notice, ...],
+    hints: Hints,
 ) -> Located:
     """The trajectory of a machine on the ground from GNSS, and what its IMU adds to scan matching."""
     found = trajectory_from_gnss(track, frame, lever_m, fixes)
     aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
     notices, figures = [*transformed.notices, *told, *found.notices], None
     try:
-        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes)
+        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError as refused:
         text = f"{refused.what} Its gyroscopes take part in scan matching, its accelerometers do not."
         notices.append(Notice("imu-not-aligned", text))

@@ -188,6 +188,9 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
         noise: figures that replace those of the class.
         minus_gnss_s: IMU clock minus GNSS clock, if they differ by a constant.
         columns: what the columns of a CSV are whose names do not say it.
+        on_wheels: whether the vehicle is on wheels or tracks: its origin moves along its nose, forward or in reverse.
+        heading: what shows the heading where accelerations do not: nothing else ("motion"), or the log that
+            `[attitude] heading` names.
     """
 
     files: tuple[str, ...]
@@ -198,6 +201,8 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     noise: ImuNoise = ImuNoise()
     minus_gnss_s: float = 0.0
     columns: dict[str, ImuColumn] = {}  # msgspec copies an empty default
+    on_wheels: bool = False
+    heading: Literal["motion", "attitude"] = "motion"
 
 
 class Attitude(_Part, frozen=True):
@@ -318,6 +323,8 @@ EXAMPLES: Final = {
     "imu.rpy_deg": "[180.0, 0.0, 0.0]",
     "imu.class": '"VN-200"',
     "imu.minus_gnss_s": "0.0",
+    "imu.on_wheels": "true",
+    "imu.heading": '"attitude"',
     "imu.columns": '{ gyroX = { quantity = "gyro_x", unit = "deg/s" } }',
     "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
     "attitude.roll_pitch": '"ahrs_imu.csv"',

@@ -13,6 +13,7 @@ from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_start import Imu
 from furrowmap.core.trajectory.located import Companions, locate
+from furrowmap.core.trajectory.shown_noise import densities
 from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
@@ -103,16 +104,29 @@ def test_outliers__lose_their_weight() -> None:
     assert np.abs(errors(result.trajectory, flight)[:, :3]).max() < 0.06
 
 
-def test_force_noisier_than_stated__is_told_and_sigmas_follow() -> None:
+def below(limit: int, noisy: InertialTrack, exact: InertialTrack) -> InertialTrack:
+    """The measurements with noise that a filter over some of them has passed."""
+    smooth = np.ones(limit) / limit
+    force, rate = (
+        np.column_stack([np.convolve(one[:, k] - other[:, k], smooth, "same") for k in range(3)]) + other
+        for one, other in ((noisy.force_mps2, exact.force_mps2), (noisy.rate_radps, exact.rate_radps))
+    )
+    return InertialTrack(exact.t_s, rate, force)
+
+
+@pytest.mark.parametrize(("filtered", "code"), [(1, "imu-shaken"), (10, "imu-noisier")])
+def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, code: str) -> None:
+    """White noise shows itself in the measurements, filtered noise by the positions alone."""
     real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
-    for seed in (7, 8, 9):
+    for seed in (7, 8):
         flight = Flight(40.0, seed)
-        result = found(flight.noisy_track(), flight.noisy_imu(real))
-        assert "imu-noisier" in {notice.code for notice in result.notices}
+        result = found(flight.noisy_track(), below(filtered, flight.noisy_imu(real), flight.imu()))
+        assert code in {notice.code for notice in result.notices}
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
     assert np.sqrt(np.concatenate(squares).mean()) < 2.0
     usual = found(flight.noisy_track(), flight.noisy_imu())
-    assert "imu-noisier" not in {notice.code for notice in usual.notices}
+    assert not {"imu-noisier", "imu-shaken"} & {notice.code for notice in usual.notices}
+    assert "GNSS residuals are white" in usual.figures.residuals
 
 
 def test_biases__are_found_in_the_axes_of_the_imu() -> None:
@@ -124,6 +138,14 @@ def test_biases__are_found_in_the_axes_of_the_imu() -> None:
     ).figures
     assert figures.rate_bias_dps == pytest.approx(np.degrees(bias[0]), abs=0.003)
     assert figures.force_bias_mps2 == pytest.approx(bias[1], abs=0.005)
+
+
+def test_densities__are_those_of_the_noise() -> None:
+    shown = densities(Flight(40.0, 7).noisy_imu())
+    assert shown == pytest.approx((INDUSTRIAL.rate, INDUSTRIAL.force), rel=0.1)
+    exact = Flight(40.0, 7).imu()
+    line = 2.0 * np.sin(2 * np.pi * 87.0 * exact.t_s)[:, None]
+    assert densities(replace(exact, force_mps2=exact.force_mps2 + line))[1] < INDUSTRIAL.force
 
 
 def test_hover__shows_no_heading_and_is_refused() -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import reduce
 from operator import xor
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from furrowmap.core.pipeline import companions
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import Companions, Located, locate
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.errors import InputError, RefusedError
 
 BEGIN_S = 1_779_529_272.0
 SESSION = """\
@@ -60,18 +63,69 @@ def located(opened: OpenSession) -> Located:
     return locate(opened.positions(), opened.session, opened.frame, Companions(opened.inertial))
 
 
-def test_a_machine_on_wheels_starts_from_its_course_and_keeps_its_gyroscopes(tmp_path: Path) -> None:
-    found = located(straight_drive(tmp_path, IMPLEMENT))
+def grid_east_deg() -> float:
+    """Grid heading of true east: grid north lies (11.5° - 9°) · sin 55° = 2.05° clockwise of true north."""
+    return 90.0 - 2.05
+
+
+@pytest.mark.parametrize("tables", [IMPLEMENT, "on_wheels = true\n"])
+def test_a_machine_on_wheels_has_the_heading_of_its_course(tmp_path: Path, tables: str) -> None:
+    found = located(straight_drive(tmp_path, tables))
+    assert found.source == "imu"
+    assert found.inertial is not None
+    heading, sigma = found.trajectory.attitude_deg()[2], found.trajectory.sigma[:, 5]
+    assert np.abs(heading - grid_east_deg()).max() < 0.5
+    assert 0.2 < np.median(sigma) < 5.0
+
+
+def test_a_machine_whose_scans_are_matched_keeps_its_gyroscopes(tmp_path: Path) -> None:
+    (tmp_path / "recording.pcap").write_bytes(b"")
+    opened = straight_drive(tmp_path, IMPLEMENT)
+    recording = msgspec.structs.replace(opened.session.recording, lidar=("recording.pcap",))
+    found = located(replace(opened, session=msgspec.structs.replace(opened.session, recording=recording)))
     assert found.source == "gnss"
     assert "imu-not-aligned" in {notice.code for notice in found.notices}
     assert found.aid is not None
     assert found.aid.trajectory is None
-    heading = found.trajectory.attitude_deg()[2]
-    # Grid north lies (11.5° - 9°) · sin 55° = 2.05° clockwise of true north.
-    assert np.abs(heading - (90.0 - 2.05)).max() < 0.5
+    assert np.abs(found.trajectory.attitude_deg()[2] - grid_east_deg()).max() < 0.5
+
+
+def attitude_log(opened: OpenSession, header: str, *values: float) -> None:
+    rows = [",".join(map(str, (f"{BEGIN_S + 0.1 * k:.1f}", *values))) for k in range(300)]
+    (opened.file.parent / "compass.csv").write_text("\n".join([f"time_unix_s,{header}", *rows, ""]))
+
+
+COMPASS = """heading = "attitude"
+
+[attitude]
+roll_pitch = "compass.csv"
+heading = "compass.csv"
+north = "magnetic"
+declination_deg = 4.0
+heading_sigma_deg = 3.0
+"""
+
+
+def test_a_compass_shows_the_heading_where_it_is_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "compass.csv").write_text("")
+    opened = straight_drive(tmp_path, COMPASS)
+    attitude_log(opened, "roll_deg,pitch_deg,heading_deg", 0.0, 0.0, 87.0)
+    found = locate(opened.positions(), opened.session, opened.frame, companions(opened))
+    assert np.abs(found.trajectory.attitude_deg()[2] - (grid_east_deg() + 1.0)).max() < 0.1
+    assert 3.0 < np.median(found.trajectory.sigma[:, 5]) < 5.0
+    attitude_log(opened, "roll_deg,pitch_deg", 0.0, 0.0)
+    with pytest.raises(InputError) as caught:
+        locate(opened.positions(), opened.session, opened.frame, companions(opened))
+    assert caught.value.code == "heading-missing"
+
+
+def test_a_compass_without_a_log_is_no_session(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="needs \\[attitude\\]"):
+        straight_drive(tmp_path, 'heading = "attitude"\n')
 
 
 def test_an_aircraft_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RefusedError) as caught:
+    with pytest.raises(RefusedError, match="shows no heading") as caught:
         located(straight_drive(tmp_path, ""))
     assert caught.value.code == "heading-unknown"
+    assert "on_wheels = true" in caught.value.remedy

@@ -1,0 +1,74 @@
+"""The noise that measurements of an IMU show at the upper end of their band.
+
+A machine that shakes faster than its IMU is sampled folds that shaking into all frequencies below, where it is noise of
+angular rate and specific force like any other. The upper end of the band, in which vehicles do not steer and drones do
+not correct their attitude, shows its density, and at least that of the device. Lines of motors do not count: the
+median over the frequencies passes them by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.inertial import InertialNoise, InertialTrack
+
+FloatArray = NDArray[np.float64]
+
+WINDOW: Final = 256
+"""Measurements of which a spectrum is taken."""
+UPPER: Final = 0.75
+"""The upper end of the band begins at this share of it."""
+LARGER: Final = 1.5
+"""A noise that is larger than stated by less than this factor stays as stated."""
+
+
+def densities(track: InertialTrack) -> tuple[float, float]:
+    """Noise density of the angular rate, rad/s/√Hz, and of the specific force, m/s²/√Hz; zero of too few measurements.
+
+    Welch's spectra (1967, IEEE Trans. Audio Electroacoustics 15, 70-73), the worst of the three axes.
+    """
+    count = len(track) // WINDOW
+    if not count:
+        return 0.0, 0.0
+    step_s = float(np.median(np.diff(track.t_s)))
+    taper = np.hanning(WINDOW)
+    upper = slice(int(UPPER * WINDOW / 2), WINDOW // 2)
+    found = []
+    for values in (track.rate_radps, track.force_mps2):
+        parts = values[: count * WINDOW].reshape(count, WINDOW, 3)
+        power = np.zeros((upper.stop - upper.start, 3))
+        for part in parts:
+            tapered = (part - part.mean(axis=0)) * taper[:, None]
+            power += np.abs(np.fft.rfft(tapered, axis=0)[upper]) ** 2
+        found.append(float(np.sqrt(np.median(power, axis=0).max() * step_s / (count * (taper**2).sum()))))
+    return found[0], found[1]
+
+
+def with_shown_noise(noise: InertialNoise, track: InertialTrack, notices: list[Notice]) -> InertialNoise:
+    """The stated noise, or that which the measurements show if it is clearly larger; a notice tells of it."""
+    shown = densities(track)
+    times = shown[0] / noise.rate, shown[1] / noise.force
+    if max(times) < LARGER:
+        return noise
+    words = [
+        f"{name} {factor:.1f} times"
+        for name, factor in zip(("angular rate", "specific force"), times, strict=True)
+        if factor >= LARGER
+    ]
+    rate_hz = 1.0 / float(np.median(np.diff(track.t_s)))
+    text = (
+        f"{track.source or 'The IMU'}: at {rate_hz:.0f} Hz its measurements scatter more than `[imu]` states "
+        f"({' and '.join(words)}): the machine shakes faster than the IMU measures, or the IMU is of a lower class. "
+        "Standard deviations follow what is found; record at a higher rate, or with the filter of the IMU."
+    )
+    notices.append(Notice("imu-shaken", text))
+    return replace(
+        noise,
+        rate=shown[0] if times[0] >= LARGER else noise.rate,
+        force=shown[1] if times[1] >= LARGER else noise.force,
+    )

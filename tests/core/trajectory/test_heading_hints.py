@@ -1,0 +1,77 @@
+"""The course of a vehicle on wheels as a hint of its heading, against a drive whose heading is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.trajectory.heading_hints import Course
+
+FloatArray = NDArray[np.float64]
+LEVER_M = np.array([0.8, 0.3, 1.0])
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A minute in curves at 1 m/s, with turns by the gyroscopes and the antenna of noisy positions."""
+
+    turned: FloatArray
+    swept_s: FloatArray
+    antenna_m: FloatArray
+    begin: int = 0
+
+    @classmethod
+    def of(cls, heading_rad: float, reverse: float, white_m: float) -> Drive:
+        t_s = STEP_S * np.arange(2400)
+        yaw = 0.8 * np.sin(0.2 * t_s)
+        turned = Rotation.from_euler("z", yaw[:, None]).as_matrix()
+        speed = np.where(t_s < reverse * t_s[-1], -1.0, 1.0)
+        nose = np.column_stack([np.cos(heading_rad + yaw), np.sin(heading_rad + yaw), 0.0 * t_s])
+        rotation = Rotation.from_euler("z", heading_rad).as_matrix()
+        way = np.cumsum(speed[:, None] * nose * STEP_S, axis=0) + turned @ LEVER_M @ rotation.T
+        noise = np.random.default_rng(5).normal(0.0, white_m, (len(t_s) // 10 + 1, 3))  # four positions a second
+        at_s = 0.25 * np.arange(len(noise))
+        seen = way + np.column_stack([np.interp(t_s, at_s, noise[:, k]) for k in range(3)])
+        return cls(turned, np.cumsum(turned, axis=0) * STEP_S, seen)
+
+
+@settings(deadline=None, max_examples=20)
+@given(heading=st.floats(-3.1, 3.1), reverse=st.floats(0.0, 0.25), white_m=st.floats(0.0, 0.5))
+def test_course__shows_the_heading(heading: float, reverse: float, white_m: float) -> None:
+    drive = Drive.of(heading, reverse, white_m)
+    course = Course.of(drive.antenna_m, max(white_m, 0.01), 0.1, LEVER_M)
+    rotation = course.starts(Rotation.from_euler("z", 1.0).as_matrix(), drive)[0]
+    for _ in range(3):
+        rows = course.rows(rotation, np.zeros(6), drive)
+        weighted = rows.weight * rows.design[:, 2]
+        variance = 1.0 / (weighted @ rows.design[:, 2])
+        rotation = Rotation.from_euler("z", variance * (weighted @ rows.residual)).as_matrix() @ rotation
+    off = (Rotation.from_matrix(rotation) * Rotation.from_euler("z", -heading)).magnitude()
+    assert off < 4.0 * np.sqrt(variance)
+    assert np.degrees(np.sqrt(variance)) < 5.0
+
+
+def test_as_much_in_reverse_as_forward__shows_no_nose() -> None:
+    drive = Drive.of(0.5, 0.5, 0.05)
+    assert Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive) == []
+
+
+def test_derivatives__are_those_of_the_residuals() -> None:
+    drive = Drive.of(0.5, 0.1, 0.05)
+    course = Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M)
+    rotation, bias = Rotation.from_euler("ZYX", [0.55, 0.02, -0.03]).as_matrix(), np.full(6, 0.001)
+    rows = course.rows(rotation, bias, drive)
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = 1e-6
+        turned = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation
+        after = course.rows(turned, bias + np.append(step[3:], np.zeros(3)), drive)
+        change = -(after.residual - rows.residual) / 1e-6
+        assert change == pytest.approx(rows.design[:, k], abs=2e-3 * max(1.0, np.abs(rows.design[:, k]).max()))

@@ -1,0 +1,90 @@
+"""A real robot on wheels with positions of a metre: the log of robot_localization's first test (Clearpath Husky).
+
+The mounting of its IMU is that of the launch file of that test. The odometry of its wheels, which takes no part, is an
+independent truth of its speed.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Reader as Rosbags1
+from rosbags.typesys import Stores, get_typestore
+
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.rosbag.bags import RosBag1
+from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
+from furrowmap.core.trajectory.inertial_start import Hints, Imu
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.inertial import inertial_noise
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.session import Crs
+
+BAG = "rosbag/husky_imu_odom_fix.bag"
+FRAME = map_frame(Crs(map="EPSG:32619"))
+LENGTH_S = 200.0
+"""Half of the drive is enough."""
+
+
+@pytest.fixture(scope="module")
+def robot(shared_data: Path) -> tuple[GnssTrack, Imu]:
+    track, imu = RosBag1([shared_data / BAG], ReadOptions()).track(), RosBag1([shared_data / BAG], ReadOptions())
+    measured = imu.inertial()
+    part = measured.part(slice(0, int(np.searchsorted(measured.t_s, track.t_s[0] + LENGTH_S))))
+    mounting = Mounting((0.0, -0.3, 0.52), (90.0, 0.0, -90.0))
+    return track[track.t_s < track.t_s[0] + LENGTH_S], Imu(part, mounting, inertial_noise("industrial"))
+
+
+@pytest.fixture(scope="module")
+def half(robot: tuple[GnssTrack, Imu]) -> InertialTrajectory:
+    """By one in two of the positions."""
+    track, imu = robot
+    return trajectory_from_inertial(track[::2], imu, FRAME, (0.0, 0.0, 0.0), None, Hints(on_wheels=True))
+
+
+def test_without_wheels__the_heading_is_not_shown(robot: tuple[GnssTrack, Imu]) -> None:
+    with pytest.raises(RefusedError) as caught:
+        trajectory_from_inertial(*robot, FRAME, (0.0, 0.0, 0.0), None)
+    assert caught.value.code == "heading-unknown"
+
+
+def test_positions_left_out__are_met_within_their_sigmas(
+    robot: tuple[GnssTrack, Imu], half: InertialTrajectory
+) -> None:
+    left, poses = robot[0][1::2], half.trajectory
+    left = left[(left.t_s > poses.t_s[0]) & (left.t_s < poses.t_s[-1])]
+    seen = np.column_stack([*FRAME.project(left.lon_deg, left.lat_deg), left.height_m])
+    computed, sigma = (
+        np.column_stack([np.interp(left.t_s, poses.t_s, values[:, k]) for k in range(3)])
+        for values in (poses.xyz_m, poses.sigma)
+    )
+    ratio = (seen - computed) / sigma
+    assert len(ratio) > 240
+    assert (np.sqrt((ratio**2).mean(axis=0)) < 1.2).all()
+    assert (np.abs(ratio) < 2.0).mean() > 0.95
+
+
+def test_residuals__are_called_white_or_not(half: InertialTrajectory) -> None:
+    """This receiver filters its positions: what one is off, the next is off too."""
+    figures = half.figures
+    assert "GNSS residuals are not white" in figures.residuals
+    assert "which is what was assumed" in figures.residuals
+    assert 0.2 < max(figures.residual_correlation) < 0.7
+    assert "imu-shaken" in {notice.code for notice in half.notices}
+
+
+def test_speed__is_that_of_the_wheels(shared_data: Path, half: InertialTrajectory) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Rosbags1(shared_data / BAG) as bag:
+        chosen = [c for c in bag.connections if c.topic.endswith("/odom")]
+        odometry = [store.deserialize_ros1(raw, c.msgtype) for c, _, raw in bag.messages(chosen)]
+    t_s = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in odometry])
+    wheels = np.array([m.twist.twist.linear.x for m in odometry])
+    inside = (t_s > half.trajectory.t_s[0] + 5.0) & (t_s < half.trajectory.t_s[-1] - 5.0)
+    speed = np.interp(t_s[inside], half.trajectory.t_s, half.trajectory.speed_mps)
+    assert np.sqrt(((speed - wheels[inside]) ** 2).mean()) < 0.3
+    assert np.corrcoef(speed, wheels[inside])[0, 1] > 0.8
