@@ -201,7 +201,8 @@ def _aligned(
     """
     if prior is not None:
         rotation, bias, covariance = prior
-        return _fitted(motion, observed, rotation, bias, np.linalg.inv(covariance))
+        known = np.asarray(np.linalg.inv(covariance), np.float64)
+        return _fitted(motion, observed, rotation, bias, known)
     information = np.diag(np.concatenate([np.zeros(3), 1.0 / np.repeat([noise.rate_bias, noise.force_bias], 3) ** 2]))
     own = _second_difference(motion.way_m, observed.middle)
     start = _wahba(observed.seen, own)
@@ -239,7 +240,8 @@ def _fitted(
         step = np.linalg.solve(normal, right)
         rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
     misfit = float(np.sqrt(squares / max(seen.size, 1) * weight * (2 * HALF) / STRIDE))
-    return Aligned(rotation, bias, np.linalg.inv(normal), misfit, weight * squares)
+    covariance = np.asarray(np.linalg.inv(normal), np.float64)
+    return Aligned(rotation, bias, covariance, misfit, weight * squares)
 
 
 def _second_difference(values: FloatArray, middle: NDArray[np.intp]) -> FloatArray:

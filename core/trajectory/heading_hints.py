@@ -123,16 +123,15 @@ class Course(HeadingHint):
         way[:, 2] = 0.0 * way[:, 2]  # roll and pitch are small, heights are noisier than positions
         return cls(way, knots, sigma, lever_m)
 
-    def _ways(self, motion: Motion) -> tuple[NDArray[np.intp], FloatArray, FloatArray, FloatArray]:
+    def _ways(self, motion: Motion) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
         """Ways within a chunk: first knots (k,), ways (k, 3), mean axes of the vehicle (k, 3, 3), turns (k,)."""
-        first = np.arange(0, max(0, len(motion.turned) - self.knots), self.knots)
+        first = np.arange(0, max(0, len(motion.turned) - self.knots), self.knots, dtype=np.int64)
         way = self.way_m[motion.begin + first]
         known = np.isfinite(way).all(axis=1)
         first, way = first[known], way[known]
         axes = np.array([motion.turned[k : k + self.knots].mean(axis=0) for k in first]).reshape(-1, 3, 3)
-        turn = Rotation.from_matrix(
-            np.einsum("kji,kjl->kil", motion.turned[first], motion.turned[first + self.knots])
-        ).magnitude() if len(first) else np.empty(0)  # fmt: skip
+        turned = np.einsum("kji,kjl->kil", motion.turned[first], motion.turned[first + self.knots])
+        turn = np.arccos(np.clip(0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
         return first, way, axes, turn
 
     def _sigma_m(self, way: FloatArray, turn: FloatArray) -> FloatArray:

@@ -1,14 +1,14 @@
-"""The noise that measurements of an IMU show at the upper end of their band.
+"""The noise that measurements of an IMU show: white noise is in all frequencies, so it is no more than the least of them.
 
 A machine that shakes faster than its IMU is sampled folds that shaking into all frequencies below, where it is noise of
-angular rate and specific force like any other. The upper end of the band, in which vehicles do not steer and drones do
-not correct their attitude, shows its density, and at least that of the device. Lines of motors do not count: the
-median over the frequencies passes them by.
+angular rate and specific force like any other. What a vehicle does adds to it at some frequencies; the band in which
+the spectrum is least has the least of that. Lines of motors do not count: the median within a band passes them by.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -21,8 +21,8 @@ FloatArray = NDArray[np.float64]
 
 WINDOW: Final = 256
 """Measurements of which a spectrum is taken."""
-UPPER: Final = 0.75
-"""The upper end of the band begins at this share of it."""
+BANDS: Final = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
+"""Borders of the bands that are compared, as shares of half the sampling rate."""
 LARGER: Final = 1.5
 """A noise that is larger than stated by less than this factor stays as stated."""
 
@@ -37,15 +37,14 @@ def densities(track: InertialTrack) -> tuple[float, float]:
         return 0.0, 0.0
     step_s = float(np.median(np.diff(track.t_s)))
     taper = np.hanning(WINDOW)
-    upper = slice(int(UPPER * WINDOW / 2), WINDOW // 2)
+    border = [int(share * WINDOW / 2) for share in BANDS]
     found = []
     for values in (track.rate_radps, track.force_mps2):
-        parts = values[: count * WINDOW].reshape(count, WINDOW, 3)
-        power = np.zeros((upper.stop - upper.start, 3))
-        for part in parts:
-            tapered = (part - part.mean(axis=0)) * taper[:, None]
-            power += np.abs(np.fft.rfft(tapered, axis=0)[upper]) ** 2
-        found.append(float(np.sqrt(np.median(power, axis=0).max() * step_s / (count * (taper**2).sum()))))
+        power = np.zeros((WINDOW // 2 + 1, 3))
+        for part in values[: count * WINDOW].reshape(count, WINDOW, 3):
+            power += np.abs(np.fft.rfft((part - part.mean(axis=0)) * taper[:, None], axis=0)) ** 2
+        bands = [np.median(power[low:high], axis=0) for low, high in pairwise(border)]
+        found.append(float(np.sqrt(np.min(bands, axis=0).max() * step_s / (count * (taper**2).sum()))))
     return found[0], found[1]
 
 

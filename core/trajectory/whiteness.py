@@ -39,7 +39,7 @@ class Whiteness:
     @classmethod
     def of(cls, residual_m: FloatArray, assumed_m: FloatArray) -> Whiteness:
         """Of residuals (n, 3) in the order of time, nan where one takes no part, and the noise assumed (n, 3)."""
-        part = np.isfinite(residual_m).all(axis=1)
+        part = np.asarray(np.isfinite(residual_m).all(axis=1))
         pairs = part[1:] & part[:-1]
         count = int(pairs.sum())
         if count < FEWEST:
