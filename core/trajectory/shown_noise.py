@@ -1,4 +1,4 @@
-"""The noise that measurements of an IMU show: white noise is in all frequencies, so it is no more than the least of them.
+"""The noise that an IMU shows: white noise is in all frequencies, so it is no more than the least of the spectrum.
 
 A machine that shakes faster than its IMU is sampled folds that shaking into all frequencies below, where it is noise of
 angular rate and specific force like any other. What a vehicle does adds to it at some frequencies; the band in which
