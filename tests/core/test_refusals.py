@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import zipfile
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
 import geopandas
+import numpy as np
 import pytest
 import shapely
 from pyproj import CRS
 
 from furrowmap.core.checking import surveyed_points
 from furrowmap.core.checking.surveyed_points import read_points
+from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.geodesy import parameter_file
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.readers import boundary, vector_file
-from furrowmap.core.readers.isoxml import files
+from furrowmap.core.readers.isoxml import files, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
-from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.poses.file import RawPoses
+from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import RosBag2
 from furrowmap.core.readers.rosbag.storage import ByteStream, Damage
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.readers.states_csv import StatesCsv
+from furrowmap.core.session.opened import open_session
+from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.farm.connection import public_name
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 
@@ -155,3 +161,127 @@ def test_task_data__of_too_many_or_too_large_files(tmp_path: Path, monkeypatch: 
 def test_farm_map__of_a_service_is_called_by_its_name_alone() -> None:
     assert public_name("service=farm password=secret") == "service=farm"
     assert public_name("postgresql://me:secret@server:5433/farm") == "postgresql://me@server:5433/farm"
+
+
+def test_parameters__in_a_folder_or_of_numbers_that_are_none(tmp_path: Path) -> None:
+    with refusal("parameters-unreadable", "cannot be read|Is a directory|Permission denied"):
+        read_parameters(tmp_path)
+    with refusal("parameters-unreadable", "No such file"):
+        read_parameters(tmp_path / "gone.par")
+
+
+def test_survey__in_a_geopackage_that_is_damaged(tmp_path: Path) -> None:
+    (tmp_path / "points.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
+    with refusal("points-unreadable", "points.gpkg cannot be read"):
+        read_points(tmp_path / "points.gpkg", CRS(6677))
+
+
+def test_survey__in_a_geopackage_is_not_in_degrees_by_its_columns(tmp_path: Path) -> None:
+    shapes = [shapely.Point(1, 2, 3), shapely.Point(4, 5, 6), shapely.Point(7, 8, 9)]
+    geopandas.GeoDataFrame({"name": ["a", "b", "c"]}, geometry=shapes, crs="EPSG:6677").to_file(tmp_path / "a.gpkg")
+    found = read_points(tmp_path / "a.gpkg", CRS(6677))
+    assert (found.name, found.xyz_m.tolist()) == (("a", "b", "c"), [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+    (tmp_path / "a.gpkg").rename(tmp_path / "a.csv")
+    assert not surveyed_points.in_degrees(tmp_path / "a.csv")
+    (tmp_path / "b.csv").write_text("name,lon_deg,lat_deg,h_m\na,139.8,36,3\n")
+    assert surveyed_points.in_degrees(tmp_path / "b.csv")
+
+
+@pytest.mark.parametrize("text", ["EPSG:999999", "no such", "", "+proj=nothing"])
+def test_crs__that_proj_does_not_know(text: str) -> None:
+    with refusal("crs-unknown", "PROJ does not know the CRS"):
+        crs_of(text)
+
+
+def test_time_log__of_more_values_than_can_be_numbered() -> None:
+    most = time_log.MOST_VALUES + 1
+    assert len(time_log.read_header(header([(141, "DET-1")] * most), "TLG00001").channels) == most
+    with refusal("time-log-header", rf"TLG00001\.xml: {most + 1} values; at most {most} can be numbered"):
+        time_log.read_header(header([(141, "DET-1")] * (most + 1)), "TLG00001")
+
+
+def test_task_data__in_an_archive_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "a.zip").write_bytes(b"PK\x03\x04" + bytes(100))
+    with refusal("task-data-unreadable", "a.zip: File is not a zip file"):
+        files.open_task_files(tmp_path / "a.zip")
+
+
+def poses(lon: list[float], seconds: list[float] | None = None, scale: str = "unix") -> RawPoses:
+    """A file of poses on a parallel, one a second."""
+    values = np.zeros((len(lon), 12))
+    values[:, 0], values[:, 1] = lon, 10.0
+    t_s = np.array(seconds) if seconds is not None else 1.78e9 + np.arange(len(lon))
+    return RawPoses(t_s, scale, "", values, projected=False, true_north=True, name="poses.csv")
+
+
+def test_poses__elsewhere_are_left_out_but_not_half_of_them() -> None:
+    notices: list[Notice] = []
+    assert len(poses([140.0] * 20 + [20.0] * 19).track(ReadOptions(), notices)) == 20
+    assert [notice.code for notice in notices] == ["positions-elsewhere"]
+    with refusal("positions-impossible", r"poses\.csv: \d+ of 39 poses are impossible or far from the others"):
+        poses([9.0 * k for k in range(39)]).track(ReadOptions(), [])
+
+
+def test_poses__of_an_unknown_week_are_reported_and_other_faults_are_errors() -> None:
+    week = poses([140.0] * 20, [345_600.0 + k for k in range(20)], scale="gps")
+    notices: list[Notice] = []
+    facts, clocks = week.facts(ReadOptions(), notices)
+    assert facts["seconds_of_week"] == [345_600.0, 345_619.0]
+    assert clocks == ()
+    assert [notice.code for notice in notices] == ["no-gps-week"]
+    with refusal("time-disorder", "19 of 20 poses are out of time order"):
+        poses([140.0] * 20, [1.78e9 - k for k in range(20)]).facts(ReadOptions(), [])
+
+
+def test_states__of_a_file_too_large_or_of_numbers_that_are_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "states.csv"
+    path.write_text("t_s,state,sigma_s,confidence\n100,down,x,1\n")
+    with refusal("states-unreadable", "line 2: sigma_s is 'x'"):
+        StatesCsv([path], ReadOptions()).states()
+    path.write_text("t_s,state,sigma_s,confidence\n100,down,0.1,7\n200,up,,-1\n300,down,,\n400,up,,\n")
+    found = StatesCsv([path], ReadOptions()).states()
+    assert found.confidence.tolist() == [1.0, 0.0, 1.0, 1.0]  # shares are between 0 and 1
+    assert found.begin_sigma_s[0] == 0.1
+    assert np.isnan(found.begin_sigma_s[1:]).all()
+    monkeypatch.setattr(states_csv, "LARGEST_BYTES", 60)
+    with refusal("states-unreadable", "more than 60 bytes"):
+        StatesCsv([path], ReadOptions()).states()
+
+
+def test_evaluation__of_a_file_without_positions(tmp_path: Path) -> None:
+    path = tmp_path / "states.csv"
+    path.write_text("t_s,state\n100,down\n200,up\n")
+    with refusal("no-positions", "holds no positions of a receiver"):
+        evaluate_logs(path, "35.0,139.0,60.0")
+
+
+def test_session__that_names_a_file_of_another_kind(tmp_path: Path) -> None:
+    (tmp_path / "states.csv").write_text("t_s,state\n100,down\n200,up\n")
+    text = 'furrowmap = 1\n[recording]\nlidar = ["states.csv"]\ngnss = ["states.csv"]\n[crs]\nmap = "EPSG:6677"\n'
+    (tmp_path / "session.toml").write_text(text)
+    with refusal("wrong-kind-of-file", "holds no"):
+        open_session(tmp_path / "session.toml").positions()
+
+
+def test_reader__of_another_package_that_cannot_be_imported_is_skipped_and_one_of_ours_is_not(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def entries(*names: str) -> Any:
+        made = [EntryPoint(name, f"{name}.gone:Reader", GROUP) for name in names]
+        return lambda group: [*known, *made]
+
+    known = list(entry_points(group=GROUP))
+    readers.cache_clear()
+    try:
+        monkeypatch.setattr(reader.importlib.metadata, "entry_points", entries("stranger"))
+        assert len(readers()) == len(known)
+        assert "the reader stranger (stranger.gone:Reader) cannot be imported" in caplog.text
+        readers.cache_clear()
+        monkeypatch.setattr(reader.importlib.metadata, "entry_points", entries("furrowmap"))
+        with pytest.raises(ImportError):
+            readers()
+    finally:
+        monkeypatch.undo()
+        readers.cache_clear()
