@@ -20,7 +20,7 @@ from furrowmap.core.geodesy import parameter_file
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import read_parameters
-from furrowmap.core.readers import boundary, vector_file
+from furrowmap.core.readers import boundary, reader, states_csv, vector_file
 from furrowmap.core.readers.isoxml import files, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.poses.file import RawPoses

@@ -9,6 +9,7 @@ import signal
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,7 @@ from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
-from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
+from furrowmap.exporters.cloud.writer import LEAST_NODE_POINTS, CopcSummary, CopcWriter, _check
 
 ORIGIN_M = (16_600.0, 96_500.0, 270.0)
 WKT = CRS("EPSG:6677").to_wkt("WKT1_GDAL")
@@ -525,3 +526,29 @@ def test_killed__leaves_nothing_that_stays(tmp_path: Path) -> None:
     assert not path.exists()
     write(path, cloud(surface(100)))
     assert names(tmp_path) == ["cloud.copc.laz"]
+
+
+@pytest.mark.parametrize("options", [{"node_points": LEAST_NODE_POINTS - 1}, {"memory_points": 0}])
+def test_octree__of_too_few_points_a_node_or_in_memory_is_refused(tmp_path: Path, options: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="no octree with"):
+        CopcWriter(tmp_path / "cloud.copc.laz", KIND, **options)
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda one: replace(one, points=one.points + 1), "contains 500 points, not the 501 written"),
+        (lambda one: replace(one, points_by_level=(one.points_by_level[0] + 1,)), "contains 500 points"),
+        (lambda one: replace(one, low_m=(one.low_m[0] + 0.001, *one.low_m[1:])), "other bounds"),
+        (lambda one: replace(one, high_m=(*one.high_m[:2], one.high_m[2] - 0.001)), "other bounds"),
+    ],
+)
+def test_file__that_differs_from_what_was_written_is_an_error(
+    tmp_path: Path, change: Callable[[CopcSummary], CopcSummary], words: str
+) -> None:
+    """A disk that lost something on the way: the file is read back before it takes its place."""
+    written = write(tmp_path / "cloud.copc.laz", cloud(surface(500)))
+    _check(written.path, written.summary)
+    with pytest.raises(OSError, match=words):
+        _check(written.path, change(written.summary))

@@ -13,12 +13,13 @@ import geopandas as gpd
 import numpy as np
 import pyogrio
 import pytest
+import shapely
 from pyproj import CRS
 
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.trajectory import Motion, trajectory_from_attitude
-from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.exporters.vectors.geopackage import _check, read_layer, write_field, write_layer
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -181,3 +182,33 @@ def test_qgis__opens_the_layer_in_its_style_and_time(field: Path, qgis: QgisRoot
     assert layer["fields"] == ["fid", *FIELDS]
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field)
     assert told.splitlines()[-1] == "True time FeatureDateTimeInstantFromField 6"
+
+
+def test_file__that_differs_from_what_was_written_is_an_error(poses: ScanPoses, tmp_path: Path) -> None:
+    """A disk that lost something on the way: the file is read back before it takes its place."""
+    path = tmp_path / "field.gpkg"
+    write_field(path, poses, JAPAN)
+    _check(path, {"trajectory": 40})
+    with pytest.raises(OSError, match=r"field\.gpkg differs from what was written \(ok; \{'trajectory': 40\} features"):
+        _check(path, {"trajectory": 41})
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA journal_mode = wal")
+    with pytest.raises(OSError, match="journal wal"):
+        _check(path, {"trajectory": 40})
+
+
+def test_read_layer__gives_back_what_was_written_but_no_coordinates_that_are_none(
+    poses: ScanPoses, tmp_path: Path
+) -> None:
+    path = tmp_path / "field.gpkg"
+    write_field(path, poses, JAPAN)
+    layer = read_layer(path, "trajectory")
+    assert (layer.name, layer.kind, len(layer.shapes)) == ("trajectory", "2.5D Point", 40)
+    assert list(layer.columns) == FIELDS
+    np.testing.assert_allclose(shapely.get_coordinates(layer.shapes, include_z=True), poses.xyz_m)
+    for odd in (np.nan, np.inf):
+        shapes = layer.shapes.copy()
+        shapes[3] = shapely.Point(odd, 1.0, 2.0)
+        write_layer(tmp_path / f"{odd}.gpkg", replace(layer, shapes=shapes), JAPAN, indexed=False)
+        with pytest.raises(ValueError, match="layer 'trajectory' has coordinates that are not finite"):
+            read_layer(tmp_path / f"{odd}.gpkg", "trajectory")
