@@ -79,6 +79,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.preview import preview as preview
     from furrowmap.workflows.propose import ProposedSession as ProposedSession
     from furrowmap.workflows.propose import propose_session as propose_session
+    from furrowmap.workflows.response import ResponseSettings as ResponseSettings
+    from furrowmap.workflows.response import response as response
     from furrowmap.workflows.run import run as run
     from furrowmap.workflows.simulate import simulate as simulate
     from furrowmap.workflows.solve_gnss import SolvedPositions as SolvedPositions
@@ -118,6 +120,7 @@ _HOMES = {
     "ProposedSession": "workflows.propose",
     "Raster": "results",
     "RefusedError": "core.values.errors",
+    "ResponseSettings": "workflows.response",
     "Result": "results",
     "Scan": "core.values.scan",
     "Simulated": "core.simulator.simulate",
@@ -147,6 +150,7 @@ _HOMES = {
     "propose_session": "workflows.propose",
     "range_image": "recordings",
     "remove_from_farm_map": "workflows.farm",
+    "response": "workflows.response",
     "run": "workflows.run",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",

@@ -27,6 +27,7 @@ COMMANDS: Final = (
     "cloud",
     "fields",
     "plots",
+    "response",
     "export",
     "farm",
     "calibrate",

@@ -11,6 +11,7 @@
   <message><source>Alley</source><translation>通路（列の間）</translation></message>
   <message><source>Allow damaged</source><translation>破損したファイルを許可</translation></message>
   <message><source>Allow large</source><translation>大きなファイルを許可</translation></message>
+  <message><source>Analyse the response of a trial</source><translation>試験の応答を解析</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
@@ -35,6 +36,7 @@
   <message><source>CRS of the vector layers, such as EPSG:4326 [default: the session's].</source><translation>ベクタレイヤの CRS（例：EPSG:4326）。省略時はセッションの CRS。</translation></message>
   <message><source>CRS of the vectors</source><translation>ベクタの CRS</translation></message>
   <message><source>CSV or GeoPackage.</source><translation>CSV または GeoPackage。</translation></message>
+  <message><source>CSV or spreadsheet with what each parcel or treatment was given.</source><translation>各区画または各処理に何を与えたかを示す CSV または表計算ファイル。</translation></message>
   <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
   <message><source>Captures, bags, GNSS logs, trajectories, point clouds.</source><translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation></message>
@@ -42,11 +44,16 @@
   <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation>セルサイズ。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
   <message><source>Cell size.</source><translation>セルサイズ。</translation></message>
   <message><source>Cell statistic</source><translation>セルの統計量</translation></message>
+  <message><source>Chart of the response</source><translation>応答のグラフ</translation></message>
   <message><source>Check against surveyed points</source><translation>測量点による精度検証</translation></message>
   <message><source>Class codes to leave out, such as 64,65</source><translation>除外するクラスコード（例：64,65）</translation></message>
   <message><source>Class codes to use, such as 2,9</source><translation>使用するクラスコード（例：2,9）</translation></message>
   <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
+  <message><source>Column of the dose</source><translation>施用量の列</translation></message>
+  <message><source>Column of the dose [default: the first such as n_kg_ha].</source><translation>施用量の列。省略時は n_kg_ha のような最初の列。</translation></message>
+  <message><source>Column of the measure</source><translation>応答する量の列</translation></message>
+  <message><source>Column of what responds [default: mean_height_m].</source><translation>応答する量の列。省略時は mean_height_m。</translation></message>
   <message><source>Columns</source><translation>列数</translation></message>
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
@@ -62,6 +69,7 @@
   <message><source>Crops and trials</source><translation>作物と試験</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
+  <message><source>Days of the flights</source><translation>飛行日</translation></message>
   <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
   <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
   <message><source>Diameter of the discs.</source><translation>円板の直径。</translation></message>
@@ -89,6 +97,7 @@
   <message><source>First corner</source><translation>最初の角</translation></message>
   <message><source>First number</source><translation>最初の番号</translation></message>
   <message><source>First number.</source><translation>最初の番号。</translation></message>
+  <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth where there are tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
   <message><source>Folder for evaluation.json, evaluation.html and epochs.csv.</source><translation>evaluation.json、evaluation.html、epochs.csv のフォルダ。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
@@ -140,6 +149,7 @@
   <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
+  <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
   <message><source>Other end of the base line: the outer corner of the first row's last plot.</source><translation>基線のもう一方の端。最初の行の最後の試験区の外側の角です。</translation></message>
@@ -208,6 +218,7 @@
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
@@ -217,6 +228,7 @@
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of the dates, such as Asia/Tokyo [default: from the longitude].</source><translation>日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation></message>
+  <message><source>Treatments</source><translation>処理</translation></message>
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
   <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
   <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
@@ -241,6 +253,7 @@
   <message><source>fixed: leave out epochs without a fixed solution in the reference.</source><translation>fixed：基準が FIX 解でないエポックを除外します。</translation></message>
   <message><source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source><translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
   <message><source>isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac accepts several results.</source><translation>isoxml は作業データをフォルダに、出力名が .zip で終わる場合は .zip に書き出します。複数の実行結果を受け付けるのは stac だけです。</translation></message>
+  <message><source>parcels.csv of runs, one for each day.</source><translation>実行結果の parcels.csv。1 日につき 1 ファイル。</translation></message>
   <message><source>{parameter}: '{text}' has the wrong format. {help}</source><translation>{parameter}：「{text}」は形式が正しくありません。{help}</translation></message>
   <message><source>{parameter}: {path} does not exist.</source><translation>{parameter}：{path} が存在しません。</translation></message>
 </context>

@@ -307,6 +307,31 @@ ALGORITHMS = (
         layer_group="Plots",
     ),
     Algorithm(
+        "response",
+        "Analyse the response of a trial",
+        "crops",
+        "Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses "
+        "the variance by treatment and block, and computes growth where there are tables of several days. Writes "
+        "charts, a table and response.json.",
+        basic={
+            "tables": parameter("TABLES", "Tables of parcels", "parcels.csv of runs, one for each day."),
+            "--treatments": parameter(
+                "TREATMENTS", "Treatments", kind="file", filter="Tables (*.csv *.xlsx *.ods *.xls)"
+            ),
+            "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the tables: 2017-05-23."),
+            "--output": parameter("OUTPUT", "Output folder", required=True),
+        },
+        advanced={
+            "--dose": parameter("DOSE", "Column of the dose"),
+            "--measure": parameter("MEASURE", "Column of the measure"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("CHART", "file", "Chart of the response", product("response.svg")),
+            FINDINGS,
+        ),
+    ),
+    Algorithm(
         "export",
         "Export results",
         "exchange",

@@ -17,7 +17,7 @@ FLAGS = {
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
-    **{name: {"overwrite"} for name in ("propose_session", "simulate", "surface")},
+    **{name: {"overwrite"} for name in ("plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""
 TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": ()}

@@ -1,0 +1,335 @@
+"""The response of a trial to its treatments, from tables of its parcels."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.crops.growth import Growth, growth_of
+from furrowmap.core.crops.logistic import Logistic
+from furrowmap.core.crops.measured_table import MEASURE, MeasuredTable, read_measured
+from furrowmap.core.crops.response import Response, response_to
+from furrowmap.core.crops.treatments import TREATMENT, read_treatments, with_treatments
+from furrowmap.core.crops.variance import Variance, analysis_of_variance
+from furrowmap.core.values.errors import InputError, Notice, UsageError
+from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.files.workbook import write_workbook
+from furrowmap.exporters.reports.trial_charts import Points, category_chart, response_chart, standalone
+
+FloatArray = NDArray[np.float64]
+
+REPORT: Final = "response.json"
+_DOSES: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
+"""What the names of columns with doses hold, the first that is found."""
+
+
+@dataclass(frozen=True)
+class ResponseSettings:
+    """What responds to what.
+
+    Attributes:
+        measure: column of the quantity that responds; None for the mean height.
+        dose: column of the dose; None for the first number whose name says so, such as n_kg_ha.
+        days: of the flights, one for each table (YYYY-MM-DD); needed for doses by date and for growth.
+    """
+
+    measure: str | None = None
+    dose: str | None = None
+    days: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """A trial on a day.
+
+    Attributes:
+        day: of the flight, where it is known.
+        parcels: with their treatments.
+        table: as read.
+        dose: (n,) of each parcel, nan where unknown; None without doses.
+        response: to the dose.
+        variance: by treatment; None where it cannot be analysed.
+    """
+
+    day: dt.date | None
+    parcels: tuple[Parcel, ...]
+    table: MeasuredTable
+    dose: FloatArray | None
+    response: Response | None
+    variance: Variance | None
+
+
+def response(
+    tables: Sequence[str | Path],
+    treatments: str | Path | None,
+    out: str | Path,
+    settings: ResponseSettings = ResponseSettings(),
+    *,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Fit the response to a dose, analyse the variance by treatment, and the growth between flights.
+
+    Args:
+        tables: CSV or spreadsheet with the figures of parcels, such as parcels.csv: one for each flight.
+        treatments: table with what each parcel was given; None if the tables hold it.
+        out: folder for response.json, charts (SVG) and the table of parcels (CSV; a spreadsheet with openpyxl).
+        settings: columns and days.
+        overwrite: replace an earlier result in the folder.
+
+    Returns:
+        The content of `response.json`.
+
+    Raises:
+        InputError: if a table cannot be read, or names a parcel that the others do not have.
+        UsageError: if there are not as many days as tables.
+        RefusedError: if the folder holds such a result.
+    """
+    folder, days = Path(out), _days(settings.days or (), len(tables))
+    refuse_existing(folder / REPORT, overwrite=overwrite)
+    measure = settings.measure or MEASURE
+    notices: list[Notice] = []
+    flights = [
+        _flight(Path(path), day, Path(treatments) if treatments is not None else None, settings, notices)
+        for path, day in zip(tables, days, strict=True)
+    ]
+    growth = _growth(flights) if len(flights) > 1 else ()
+    rows = _rows(flights, measure, growth)
+    last = flights[-1]
+    charts = _charts(last, measure, _dose_name(last.parcels, settings.dose), growth)
+    account = {
+        "measure": measure,
+        "dose": _dose_name(last.parcels, settings.dose),
+        "flights": [_account(flight) for flight in flights],
+        "growth": [asdict(each) for each in growth],
+        "warnings": list(dict.fromkeys(notices)),
+    }
+    with staged_folder(folder) as staging:
+        for name, chart in charts.items():
+            (staging / name).write_text(standalone(chart), encoding="utf-8")
+        _write_csv(staging / "trial.csv", rows)
+        if find_spec("openpyxl") is not None:
+            write_workbook(staging / "trial.xlsx", _sheets(rows, last))
+        products = sorted(path.name for path in staging.iterdir())
+        answer: dict[str, Any] = plain({**account, "products": [*products, REPORT]})
+        (staging / REPORT).write_text(json_text(answer), encoding="utf-8")
+    return answer
+
+
+def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
+    if texts and len(texts) != tables:
+        raise UsageError(
+            f"{tables} tables and {len(texts)} days.",
+            "Each table is of a flight on a day.",
+            "State --day once for each table, in their order.",
+            code="response-days",
+        )
+    if tables > 1 and len(set(texts)) != tables:
+        raise UsageError(
+            f"{tables} tables need as many different days.",
+            "Growth is the change between two days.",
+            "State --day once for each table, such as --day 2017-05-23.",
+            code="response-days",
+        )
+    try:
+        return [dt.date.fromisoformat(text) for text in texts] or [None] * tables
+    except ValueError as error:
+        raise UsageError(
+            f"A day is no date: {error}.",
+            "Doses are summed up to the day of the flight.",
+            "Write it as --day 2017-05-23.",
+            code="response-days",
+        ) from None
+
+
+def _flight(
+    path: Path, day: dt.date | None, treatments: Path | None, settings: ResponseSettings, notices: list[Notice]
+) -> _Flight:
+    measure = settings.measure or MEASURE
+    table = read_measured(path, measure)
+    parcels = table.parcels
+    if treatments is not None:
+        parcels, more = with_treatments(parcels, read_treatments(treatments, day))
+        notices += more
+    name = _dose_name(parcels, settings.dose)
+    dose = _numbers(parcels, name) if name is not None else None
+    found = None if dose is None else response_to(dose, table.value, [each.block for each in parcels], _unit(name))
+    return _Flight(day, parcels, table, dose, found, _variance(parcels, table, dose, notices))
+
+
+def _variance(
+    parcels: tuple[Parcel, ...], table: MeasuredTable, dose: FloatArray | None, notices: list[Notice]
+) -> Variance | None:
+    labels = _labels(parcels, dose)
+    known = [k for k, label in enumerate(labels) if label is not None and math.isfinite(table.value[k])]
+    if len({labels[k] for k in known}) < 2:
+        return None
+    blocks = [parcels[k].block or "" for k in known]
+    try:
+        return analysis_of_variance(table.value[known], [str(labels[k]) for k in known], blocks)
+    except InputError as error:
+        notices.append(Notice("variance-missing", f"{error.what} {error.remedy}"))
+        return None
+
+
+def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> list[str | None]:
+    """The treatment of each parcel by name; by its dose where the treatments have no names."""
+    named = [each.attributes.get(TREATMENT) for each in parcels]
+    if any(name is not None for name in named):
+        return [None if name is None else f"{name:g}" if isinstance(name, float) else name for name in named]
+    if dose is None:
+        return [None] * len(parcels)
+    return [f"{value:g}" if math.isfinite(value) else None for value in dose]
+
+
+def _dose_name(parcels: Sequence[Parcel], stated: str | None) -> str | None:
+    numbers = dict.fromkeys(
+        name for each in parcels for name, value in each.attributes.items() if isinstance(value, float)
+    )
+    if stated is not None:
+        if stated.casefold() not in numbers:
+            raise InputError(
+                f"No parcel has a number under {stated!r}.",
+                "There is no dose to respond to.",
+                f"Columns with numbers: {', '.join(numbers) or 'none'}.",
+                code="dose-unknown",
+            )
+        return stated.casefold()
+    return next((name for word in _DOSES for name in numbers if word in name), None)
+
+
+def _unit(dose: str | None) -> str:
+    return "kg/ha" if dose is not None and dose.endswith("kg_ha") else ""
+
+
+def _numbers(parcels: Sequence[Parcel], name: str) -> FloatArray:
+    values = [each.attributes.get(name) for each in parcels]
+    return np.array([value if isinstance(value, float) else np.nan for value in values])
+
+
+def _growth(flights: Sequence[_Flight]) -> tuple[Growth, ...]:
+    ids = [[each.id for each in flight.parcels] for flight in flights]
+    heights = [dict(zip(names, f.table.value.tolist(), strict=True)) for names, f in zip(ids, flights, strict=True)]
+    sigmas = [dict(zip(names, f.table.sigma.tolist(), strict=True)) for names, f in zip(ids, flights, strict=True)]
+    return growth_of([flight.day for flight in flights if flight.day is not None], heights, sigmas)
+
+
+def _account(flight: _Flight) -> dict[str, Any]:
+    found = flight.response
+    curve = found.curve if found is not None else None
+    return {
+        "day": flight.day.isoformat() if flight.day is not None else None,
+        "parcels": len(flight.parcels),
+        "words": found.words if found is not None else "The parcels have no doses.",
+        "p_no_response": found.p if found is not None else None,
+        "plateau_shown": found is not None and found.plateau_shown,
+        "curve": _curve(curve, found.blocks) if curve is not None and found is not None else None,
+        "variance": asdict(flight.variance) if flight.variance is not None else None,
+    }
+
+
+def _curve(curve: Logistic, blocks: Sequence[str]) -> dict[str, Any]:
+    values = asdict(curve)
+    band = {name: values.pop(name) for name in ("dose", "fitted", "band_low", "band_high")}
+    offsets = dict(zip(blocks, values.pop("offsets").tolist(), strict=True))
+    return {**values, "block_offsets": offsets, "band": band}
+
+
+def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) -> list[dict[str, Any]]:
+    """A row for each parcel of the last flight."""
+    rates = {each.id: each for each in growth}
+    earlier = [
+        (f"{measure}_{flight.day}", dict(zip([e.id for e in flight.parcels], flight.table.value.tolist(), strict=True)))
+        for flight in flights[:-1]
+    ]
+    last = flights[-1]
+    rows = []
+    for each, value, sigma in zip(last.parcels, last.table.value.tolist(), last.table.sigma.tolist(), strict=True):
+        row: dict[str, Any] = {"id": each.id, "block": each.block, **each.attributes, measure: value, "sigma": sigma}
+        row |= {name: values.get(each.id) for name, values in earlier}
+        if growth:
+            own = rates.get(each.id)
+            row["growth_m_day"] = own.rate_m_day if own is not None else None
+            row["growth_sigma_m_day"] = own.sigma_m_day if own is not None else None
+        rows.append(row)
+    return rows
+
+
+def _sheets(rows: list[dict[str, Any]], last: _Flight) -> dict[str, list[dict[str, Any]]]:
+    sheets = {"parcels": rows}
+    if last.variance is not None:
+        sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
+        sheets["variance"] = [asdict(row) for row in last.variance.rows]
+    curve = last.response.curve if last.response is not None else None
+    if curve is not None:
+        names = ("lower", "rise", "gradient", "midpoint", "plateau")
+        sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
+    return sheets
+
+
+def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([cell(name) for name in columns])
+        for row in rows:
+            values = (row.get(name) for name in columns)
+            table.writerow(
+                ["" if v is None or (isinstance(v, float) and not math.isfinite(v)) else cell(v) for v in values]
+            )
+
+
+def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
+    blocks = [each.block or "" for each in last.parcels]
+    points = Points(last.table.value, blocks, measure, "block")
+    charts = {}
+    if last.response is not None and last.dose is not None and dose is not None:
+        charts["response.svg"] = response_chart(last.dose, points, last.response, dose)
+    labels = [label or "" for label in _labels(last.parcels, last.dose)]
+    if last.variance is not None:
+        means = [(each.treatment, each.mean, each.low, each.high) for each in last.variance.means]
+        charts["treatments.svg"] = category_chart(labels, points, _ordered(means))
+    if len(set(blocks)) > 1:
+        by_treatment = Points(last.table.value, labels, measure)
+        charts["blocks.svg"] = category_chart(blocks, by_treatment, _means(blocks, last.table.value))
+    if growth:
+        rates = {each.id: each.rate_m_day for each in growth}
+        rate = np.array([rates.get(each.id, np.nan) for each in last.parcels])
+        named = labels if any(labels) else blocks
+        charts["growth.svg"] = category_chart(
+            named, Points(rate, blocks, "growth, m/day", "block"), _means(named, rate)
+        )
+    return charts
+
+
+def _means(names: Sequence[str], value: FloatArray) -> list[tuple[str, float, float, float]]:
+    """Mean and standard error of each name."""
+    found = []
+    for name in dict.fromkeys(names):
+        own = value[np.array([each == name for each in names], bool) & np.isfinite(value)]
+        if len(own):
+            half = float(own.std(ddof=1)) / len(own) ** 0.5 if len(own) > 1 else 0.0
+            found.append((name, float(own.mean()), float(own.mean()) - half, float(own.mean()) + half))
+    return _ordered(found)
+
+
+def _ordered(means: list[tuple[str, float, float, float]]) -> list[tuple[str, float, float, float]]:
+    """By the number in the name, where each name has one; else as they are."""
+    numbers = ["".join(c for c in name if c.isdigit() or c == ".") for name, *_ in means]
+    try:
+        order = sorted(range(len(means)), key=lambda k: float(numbers[k]))
+    except ValueError:
+        return means
+    return [means[k] for k in order]

@@ -1,0 +1,160 @@
+"""The response of a trial from tables: products, figures against the sample's truth, charts, growth, refusals."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import openpyxl
+import pytest
+
+import furrowmap
+from furrowmap.cli.main import command_line
+from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from furrowmap.exporters.files.workbook import write_workbook
+
+RATES = np.array([0, 50, 100, 150, 200, 250, 300])
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def table(file: Path, seed: int, add_m: float = 0.0) -> Path:
+    """Four complete blocks of the sample's curve, with sigmas of 1 cm."""
+    rng, lines = np.random.default_rng(seed), ["id,block,mean_height_m,height_sigma_m"]
+    for k, dose in enumerate(np.tile(RATES, 4)):
+        height = 0.34 + add_m + 0.24 / (1.0 + np.exp(-0.028 * (dose - 85.0))) + rng.normal(0.0, 0.01)
+        lines.append(f"{k + 1},{k // 7 + 1},{height:.4f},0.01")
+    file.write_text("\n".join(lines))
+    return file
+
+
+def doses(file: Path) -> Path:
+    file.write_text(
+        "\n".join(["id,treatment,n_kg_ha", *(f"{k + 1},N{d},{d}" for k, d in enumerate(np.tile(RATES, 4)))])
+    )
+    return file
+
+
+@pytest.fixture
+def trial(tmp_path: Path) -> tuple[Path, Path]:
+    return table(tmp_path / "parcels.csv", 1), doses(tmp_path / "treatments.csv")
+
+
+def test_sample__its_true_heights_give_its_true_curve(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "uav_wheat"
+    settings = furrowmap.ResponseSettings(measure="mean_height_crop_m")
+    account = furrowmap.response(
+        [folder / "truth" / "parcels_truth.csv"], folder / "treatments.csv", tmp_path / "out", settings
+    )
+    curve = account["flights"][0]["curve"]
+    truth = {"lower": 0.340, "rise": 0.240, "gradient": 0.028, "midpoint": 85.0, "plateau": 85.0 + np.log(19.0) / 0.028}
+    for name, value in truth.items():
+        assert curve[name]["low"] <= value <= curve[name]["high"], name
+    assert account["dose"] == "n_kg_ha"
+    assert account["flights"][0]["plateau_shown"]
+
+
+def test_products__are_whole(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    account = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert sorted(account["products"]) == written
+    assert set(written) >= {"response.json", "response.svg", "treatments.svg", "blocks.svg", "trial.csv", "trial.xlsx"}
+    assert json.loads((tmp_path / "out" / "response.json").read_text()) == account
+    book = openpyxl.load_workbook(tmp_path / "out" / "trial.xlsx")
+    assert book.sheetnames == ["parcels", "treatments", "variance", "curve"]
+    heads = [cell.value for cell in book["parcels"][1]]
+    assert heads == ["id", "block", "height_sigma_m", "treatment", "n_kg_ha", "mean_height_m", "sigma"]
+    assert book["parcels"].max_row == 29
+    with pytest.raises(RefusedError) as refused:
+        furrowmap.response([trial[0]], trial[1], tmp_path / "out")
+    assert refused.value.code == "output-exists"
+
+
+def test_chart__has_a_dot_for_each_parcel_a_curve_a_band_and_the_rate(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    furrowmap.response([trial[0]], trial[1], tmp_path / "out")
+    chart = ET.parse(tmp_path / "out" / "response.svg").getroot()
+    assert chart.tag == f"{SVG}svg"
+    assert len(chart.findall(f"{SVG}circle")) == 28 + 4  # and the legend
+    assert len(chart.findall(f"{SVG}polyline")) == 1
+    assert len(chart.findall(f"{SVG}polygon")) == 1
+    dots = np.array([[float(c.get("cx", 0)), float(c.get("cy", 0))] for c in chart.findall(f"{SVG}circle")[:28]])
+    assert (np.ptp(dots[::7, 0]), np.ptp(dots[:7, 0])) == pytest.approx((0.0, 520.8), abs=0.2)  # 300 of 318 kg/ha
+    assert dots[0, 1] > dots[6, 1]  # more nitrogen, taller
+    by_treatment = ET.parse(tmp_path / "out" / "treatments.svg").getroot()
+    names = [each.text for each in by_treatment.findall(f"{SVG}text")]
+    assert [name for name in names if name and name.startswith("N")] == [f"N{rate}" for rate in RATES]
+
+
+def test_growth__between_two_days(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    later = table(tmp_path / "later.csv", 1, 0.2)
+    settings = furrowmap.ResponseSettings(days=("2017-05-13", "2017-05-23"))
+    account = furrowmap.response([trial[0], later], trial[1], tmp_path / "out", settings)
+    assert [flight["day"] for flight in account["flights"]] == ["2017-05-13", "2017-05-23"]
+    assert [each["rate_m_day"] for each in account["growth"]] == pytest.approx([0.02] * 28, abs=1e-9)
+    assert account["growth"][0]["sigma_m_day"] == pytest.approx(0.01 * np.sqrt(2.0) / 10.0)
+    assert (tmp_path / "out" / "growth.svg").is_file()
+    assert "mean_height_m_2017-05-13" in (tmp_path / "out" / "trial.csv").read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "code"),
+    [
+        (furrowmap.ResponseSettings(measure="yield_t_ha"), "parcel-table-unreadable"),
+        (furrowmap.ResponseSettings(dose="p_kg_ha"), "dose-unknown"),
+        (furrowmap.ResponseSettings(days=("2017-05-23", "2017-05-24")), "response-days"),
+        (furrowmap.ResponseSettings(days=("23 May",)), "response-days"),
+    ],
+)
+def test_what_does_not_fit__is_refused(
+    trial: tuple[Path, Path], tmp_path: Path, settings: furrowmap.ResponseSettings, code: str
+) -> None:
+    with pytest.raises((InputError, UsageError)) as refused:
+        furrowmap.response([trial[0]], trial[1], tmp_path / "out", settings)
+    assert refused.value.code == code
+    assert not (tmp_path / "out").exists()
+
+
+def test_tables__of_several_days_need_them_and_each_parcel_once(trial: tuple[Path, Path], tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="2 tables need as many different days"):
+        furrowmap.response([trial[0], trial[0]], trial[1], tmp_path / "out")
+    twice = tmp_path / "twice.csv"
+    twice.write_text("id,mean_height_m\n1,0.3\n1,0.4\n")
+    with pytest.raises(InputError, match="parcel '1' is there twice"):
+        furrowmap.response([twice], None, tmp_path / "out")
+    with pytest.raises(InputError, match="No such file"):
+        furrowmap.response([tmp_path / "none.csv"], None, tmp_path / "out")
+
+
+def test_without_statsmodels_and_openpyxl__the_rest_is_there(
+    trial: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "statsmodels.formula.api", None)
+    account = furrowmap.response([trial[0]], trial[1], tmp_path / "out")
+    assert [notice["code"] for notice in account["warnings"]] == ["variance-missing"]
+    assert account["flights"][0]["variance"] is None
+    assert account["flights"][0]["curve"] is not None
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(InputError, match="openpyxl, which is not installed") as refused:
+        write_workbook(tmp_path / "x.xlsx", {"a": [{"b": 1}]})
+    assert refused.value.code == "extra-missing"
+
+
+def test_workbook__keeps_texts_that_look_like_formulas(tmp_path: Path) -> None:
+    write_workbook(tmp_path / "x.xlsx", {"a": [{"id": "=1+1", "h": float("nan")}, {"id": "2", "h": 0.5}]})
+    sheet = openpyxl.load_workbook(tmp_path / "x.xlsx")["a"]
+    assert [cell.value for cell in sheet[2]] == ["'=1+1", None]
+    assert sheet["A2"].data_type == "s"
+    assert sheet["B3"].value == 0.5
+
+
+def test_command__says_what_the_trial_shows(
+    trial: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["response", str(trial[0]), "--treatments", str(trial[1]), "-o", str(tmp_path / "out")]
+    assert command_line(line) == 0
+    words = capsys.readouterr().out
+    assert "28 parcels" in words
+    assert "nothing is gained" in words
+    assert "F of treatment" in words
