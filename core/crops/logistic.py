@@ -162,40 +162,51 @@ def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logis
         raise ValueError("a logistic curve needs four doses, and more observations than parameters")
     t = float(stats.t.ppf(0.975, seen.freedom))
     outer = _outer(seen.doses)
-    nodes, best, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
-    inside = nodes.sum_squares <= limit
-    inside[best] = True
-    kept = _Nodes(*(getattr(nodes, name)[inside] for name in _Nodes.__dataclass_fields__))
-    at = int(np.argmin(kept.sum_squares))
-    edge = _on_edge(kept, outer)
+    box, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
+    kept, spread = _inside(_on_grid(seen, box, FINE), limit)
+    at, edge = int(np.argmin(kept.sum_squares)), _on_edge(kept, outer)
     weights = 1.0 / seen.count.sum(axis=1)
-    spread = np.sqrt(np.maximum(limit - kept.sum_squares, 0.0))
     one = float(weights.sum()) / len(weights) ** 2
-    lower = _estimate(kept.lower, spread * np.sqrt(one + kept.mean**2 / kept.precision), at, edge)
-    rise = _estimate(kept.rise, spread / np.sqrt(kept.precision), at, edge)
-    gradient = _estimate(kept.gradient, np.zeros(len(spread)), at, edge, least=0.0)
-    midpoint = _estimate(kept.midpoint, np.zeros(len(spread)), at, edge)
+    none = np.zeros(len(spread))
     reach = kept.midpoint + np.log(PLATEAU / (1.0 - PLATEAU)) / kept.gradient
-    plateau = _estimate(reach, np.zeros(len(spread)), at, edge)
-    x = np.linspace(seen.doses[0], seen.doses[-1], BAND)
-    unit = special.expit(kept.gradient[:, None] * (x - kept.midpoint[:, None]))
-    curve = kept.lower[:, None] + kept.rise[:, None] * unit
-    width = spread[:, None] * np.sqrt(one + (kept.mean[:, None] - unit) ** 2 / kept.precision[:, None])
     block_means = (seen.total * weights[:, None]).sum(axis=1)
     unit_means = seen.count @ special.expit(kept.gradient[at] * (seen.doses - kept.midpoint[at])) * weights
-    offsets = block_means - kept.rise[at] * unit_means - kept.lower[at]
+    x = np.linspace(seen.doses[0], seen.doses[-1], BAND)
+    best = kept.lower[at] + kept.rise[at] * special.expit(kept.gradient[at] * (x - kept.midpoint[at]))
+    low, high = _band(_on_grid(seen, box, NODES), limit, x, one)
     least = float(kept.sum_squares[at])
     return Logistic(
-        *(lower, rise, gradient, midpoint, plateau),
+        lower=_estimate(kept.lower, spread * np.sqrt(one + kept.mean**2 / kept.precision), at, edge),
+        rise=_estimate(kept.rise, spread / np.sqrt(kept.precision), at, edge),
+        gradient=_estimate(kept.gradient, none, at, edge, least=0.0),
+        midpoint=_estimate(kept.midpoint, none, at, edge),
+        plateau=_estimate(reach, none, at, edge),
         sigma=float(np.sqrt(least / seen.freedom)),
         freedom=seen.freedom,
         r2=1.0 - least / seen.squares if seen.squares > 0.0 else 0.0,
-        offsets=offsets,
+        offsets=block_means - kept.rise[at] * unit_means - kept.lower[at],
         dose=x,
-        fitted=curve[at],
-        band_low=(curve - width).min(axis=0),
-        band_high=(curve + width).max(axis=0),
+        fitted=best,
+        band_low=np.minimum(low, best),
+        band_high=np.maximum(high, best),
     )
+
+
+def _inside(nodes: _Nodes, limit: float) -> tuple[_Nodes, FloatArray]:
+    """The nodes up to a sum of squares, at least the best one, and the roots of what each is below it."""
+    inside = nodes.sum_squares <= limit
+    inside[np.argmin(nodes.sum_squares)] = True
+    kept = _Nodes(*(getattr(nodes, name)[inside] for name in _Nodes.__dataclass_fields__))
+    return kept, np.sqrt(np.maximum(limit - kept.sum_squares, 0.0))
+
+
+def _band(nodes: _Nodes, limit: float, x: FloatArray, one: float) -> tuple[FloatArray, FloatArray]:
+    """The extremes (m,) of the curve at doses x (m,); `one` is the variance factor of the mean of the blocks."""
+    kept, spread = _inside(nodes, limit)
+    unit = special.expit(kept.gradient[:, None] * (x - kept.midpoint[:, None]))
+    curve = kept.lower[:, None] + kept.rise[:, None] * unit
+    width = spread[:, None] * np.sqrt(one + (kept.mean[:, None] - unit) ** 2 / kept.precision[:, None])
+    return (curve - width).min(axis=0), (curve + width).max(axis=0)
 
 
 def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, trials: int) -> float:
@@ -244,15 +255,14 @@ def _axes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
     return np.exp(np.linspace(flattest, steepest, number)), np.linspace(first, last, number)
 
 
-def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_Nodes, int, float]:
-    """Nodes in and around the region of `factor` times the least sum of squares, the best node, and the limit."""
+def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
+    """The box (2, 2) around the region of `factor` times the least sum of squares, and that limit."""
     box, least = outer, np.inf
     for _ in range(ROUNDS):
         nodes = _on_grid(seen, box, NODES)
-        best = int(np.argmin(nodes.sum_squares))
-        least = min(least, float(nodes.sum_squares[best]))
+        least = min(least, float(nodes.sum_squares.min()))
         inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
-        inside.flat[best] = True
+        inside.flat[np.argmin(nodes.sum_squares)] = True
         ends = [np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]
         step = np.diff(box, axis=1)[:, 0] / (NODES - 1)
         narrow = np.array(
@@ -262,9 +272,7 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[_No
         if (np.diff(narrow, axis=1) > 0.8 * np.diff(box, axis=1)).all():
             break
         box = narrow
-    nodes = _on_grid(seen, box, FINE)
-    best = int(np.argmin(nodes.sum_squares))
-    return nodes, best, min(least, float(nodes.sum_squares[best])) * factor
+    return box, least * factor
 
 
 def _on_grid(seen: Observations, box: FloatArray, number: int) -> _Nodes:

@@ -74,7 +74,7 @@ def response_chart(dose: FloatArray, points: Points, response: Response, dose_na
         line = " ".join(f"{x.at(a):.1f},{y.at(b):.1f}" for a, b in zip(curve.dose, curve.fitted, strict=True))
         parts.append(f'<polyline points="{line}" fill="none" stroke="{_INK}" stroke-width="2"/>')
     parts += _dots(
-        x.at(dose[known]), y.at(points.value[known]), [points.group[k] for k in np.flatnonzero(known)], points
+        x.at(dose[known]), y.at(points.value[known]), [points.group[k] for k in np.flatnonzero(known).tolist()], points
     )
     return drawing(WIDTH, HEIGHT, parts, f"{points.name} over {dose_name}")
 
@@ -102,7 +102,7 @@ def category_chart(category: Sequence[str], points: Points, means: Sequence[tupl
         turn = f' transform="rotate(-40 {at:.1f} {_BOTTOM + 16:.1f})"' if turned else ""
         anchor = "end" if turned else "middle"
         parts.append(f'<text {place}{turn} {_TEXT} fill="{_INK}" text-anchor="{anchor}">{escape(name)}</text>')
-    rows = np.flatnonzero(known)
+    rows = np.flatnonzero(known).tolist()
     groups = [points.group[k] for k in rows]
     order = {name: k for k, name in enumerate(dict.fromkeys(points.group))}
     beside = [(order[group] - 0.5 * (len(order) - 1)) * min(7.0, 0.5 * step / len(order)) for group in groups]
