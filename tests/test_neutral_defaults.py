@@ -1,7 +1,7 @@
 """What is not stated is nothing: defaults of functions and values are zero, false or unknown, or listed here with why.
 
 A default that changes from 0 to 1 fails nowhere near it, because callers that state a value do not notice. Those of
-scenarios and sessions are held by their pages.
+scenarios are held by their page.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_scenario.py", "core/values/session.py")
+HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_scenario.py")
 
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning.py Cleaning.every": 1,
@@ -26,12 +26,14 @@ EVERY_ONE: Final = {
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
     "core/readers/geotiff.py open_geotiff(with_heights)": True,
     "core/values/scan.py Scan.whole": True,
+    "core/values/session.py Run.standing": True,
     "core/session/frames.py Frame.has_axes": True,  # a frame is drawn with its axes
 }
 """Nothing is left out unasked."""
 FACTORS: Final = {
     "core/readers/messages.py Messages.column(factor)": 1.0,
     "core/readers/imu_csv.py _Columns.seconds": 1.0,
+    "core/values/session.py ImuColumn.scale": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py Motion.scale": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward
