@@ -16,6 +16,7 @@ from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
+from furrowmap.core.readers.iso_times import tied_to_utc, with_unix_times
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
@@ -32,13 +33,29 @@ FORCES: Final = {"mps2": 1.0, "m_s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-
 """Units at the end of a column's name, and their factors to rad/s and m/s²."""
 NAMES: Final = {"rate": ("gyro", "rate", "gyr"), "force": ("force", "accel", "acc")}
 """Begins of the columns' names."""
+ISO: Final = "iso"
+"""Date and time of day, ISO 8601."""
 UNITS: Final = {
-    "time": {"unix_s": 1.0, "unix_ms": 1e-3, "unix_us": 1e-6, "unix_ns": 1e-9, "gps_s": 1.0, "gps_ms": 1e-3},
+    "time": {
+        "unix_s": 1.0,
+        "unix_ms": 1e-3,
+        "unix_us": 1e-6,
+        "unix_ns": 1e-9,
+        "gps_s": 1.0,
+        "gps_ms": 1e-3,
+        ISO: 1.0,
+        "s": 1.0,
+        "ms": 1e-3,
+        "us": 1e-6,
+    },
+    "utc": {ISO: 1.0},
     "gyro": {"deg/s": np.pi / 180.0, "rad/s": 1.0, "mdeg/s": 1e-3 * np.pi / 180.0, "mrad/s": 1e-3},
     "force": {"m/s2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
 }
 QUANTITIES: Final = ("time", *(f"{kind}_{axis}" for kind in ("gyro", "force") for axis in "xyz"))
-"""Quantities and units of `[imu.columns]`, and the factors of the units to s, rad/s and m/s²."""
+"""Quantities and units of `[imu.columns]`, and the factors of the units to s, rad/s and m/s². Beside them `utc`, which
+a time of the device's own clock (s, ms, us) needs."""
+_OWN: Final = ("s", "ms", "us")
 
 
 class ImuCsv(FileReader):
@@ -105,7 +122,11 @@ class ImuCsv(FileReader):
             names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
             stated = self.options.columns
             columns = _Columns.stated(names, stated, path) if stated else _Columns.of(names, path)
-            rows = complete_rows(source, lines, (names, separator), columns.names, self.notices)
+            if columns.iso:
+                lines = with_unix_times(lines, (names, separator), columns.iso, path)
+            wanted = (*columns.names, *columns.utc)
+            rows = complete_rows(source, lines, (names, separator), wanted, self.notices, len(columns.names))
+        utc_s, rows = rows[:, len(columns.names) :], rows[:, : len(columns.names)]
         values = rows[:, 1:] * columns.factors
         rows[:, 0] *= columns.seconds
         beyond = first_beyond(values)
@@ -118,6 +139,8 @@ class ImuCsv(FileReader):
                 "Rename the columns to their unit, such as gyro_x_radps or accel_x_mg.",
                 code="value-out-of-range",
             )
+        if columns.utc:
+            return tied_to_utc(rows[:, 0], utc_s[:, 0], str(path), self.notices), values
         return utc_of(rows[:, 0], columns.scale, str(path), self.options), values
 
 
@@ -130,12 +153,16 @@ class _Columns:
         scale: of the time.
         factors: (6,) to rad/s and m/s².
         seconds: the unit of the time.
+        utc: the column that ties the device's own clock to UTC, if there is one.
+        iso: columns of ISO 8601.
     """
 
     names: tuple[str, ...]
     scale: str
     factors: FloatArray
     seconds: float = 1.0
+    utc: tuple[str, ...] = ()
+    iso: tuple[str, ...] = ()
 
     @classmethod
     def stated(cls, names: Sequence[str], stated: Mapping[str, tuple[str, str, float]], path: Path) -> _Columns:
@@ -146,13 +173,13 @@ class _Columns:
         """
         found: dict[str, tuple[str, str, float]] = {}
         for name, (quantity, unit, scale) in stated.items():
-            known = UNITS.get(quantity.partition("_")[0], {}) if quantity in QUANTITIES else {}
+            known = UNITS.get(quantity.partition("_")[0], {}) if quantity in (*QUANTITIES, "utc") else {}
             if name not in names:
                 near = get_close_matches(name, names, 3, 0.4) or list(names[:8])
                 raise _bad_columns(f"{path}, line 1: no column {name!r}", f"There are {', '.join(near)}.")
-            if quantity not in QUANTITIES:
+            if quantity not in (*QUANTITIES, "utc"):
                 what = f"`imu.columns`: {name!r} is stated to be {quantity!r}"
-                raise _bad_columns(what, f"Quantities are {', '.join(QUANTITIES)}.")
+                raise _bad_columns(what, f"Quantities are {', '.join(QUANTITIES)}, utc.")
             if unit not in known:
                 what = f"`imu.columns`: {name!r} ({quantity}) is stated in {unit!r}"
                 raise _bad_columns(what, f"Units of it are {', '.join(known)}.")
@@ -165,13 +192,19 @@ class _Columns:
         if missing:
             raise _bad_columns(f"`imu.columns` has no {', '.join(missing)}", "State the column of each.")
         time, unit, _ = found["time"]
+        if (unit in _OWN) != ("utc" in found):
+            other = "a" if "utc" in found else "no"
+            what = f"`imu.columns`: the time {time!r} is in {unit!r}, and {other} column is `utc`"
+            raise _bad_columns(what, f"A device's own clock ({', '.join(_OWN)}) needs a column of `utc`, others none.")
+        utc = (found["utc"][0],) if "utc" in found else ()
+        iso = (*utc, *((time,) if unit == ISO else ()))
         axes = [found[quantity] for quantity in QUANTITIES[1:]]
         factors = [
             scale * UNITS[quantity.partition("_")[0]][unit]
             for quantity, (_, unit, scale) in zip(QUANTITIES[1:], axes, strict=True)
         ]
         scale_name = "gps" if unit.startswith("gps") else "unix"
-        return cls((time, *(name for name, _, _ in axes)), scale_name, np.array(factors), UNITS["time"][unit])
+        return cls((time, *(name for name, _, _ in axes)), scale_name, np.array(factors), UNITS["time"][unit], utc, iso)
 
     @classmethod
     def of(cls, names: Sequence[str], path: Path) -> _Columns:

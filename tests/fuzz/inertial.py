@@ -7,11 +7,13 @@ from collections import deque
 from pathlib import Path
 
 from furrowmap.cli.inspect import _value
-from furrowmap.core.readers.reader import Recognised
+from furrowmap.core.readers.imu_csv import QUANTITIES, ImuCsv
+from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.values.json_text import plain
 from tests.core.readers.inertial_bags import sentences, turning_imu
 from tests.core.readers.small_bags import ROS1, T0_NS, write_bag1, write_bag2
 from tests.core.readers.test_line_scanners import laser_scan
+from tests.core.readers.vectornav_logs import common, grouped, vnimu, vnins
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import nmea
 from tests.fuzz.reading import OPTIONS, read_recording
@@ -61,8 +63,34 @@ def read_line(path: Path) -> None:
         deque(reader.scans(), maxlen=0)
 
 
+def vectornav_seeds(folder: Path) -> list[Files]:
+    """Binary messages of two layouts, and sentences with times between them."""
+    mixed = b"".join(common(k) + grouped(k) for k in range(12))
+    return [
+        {"vn.bin": mixed},
+        {"vn.txt": b"".join(vnimu(k) + vnins(k) for k in range(12))},
+        {"stamped.txt": b"".join(f"{1.7e9 + k} ".encode() + vnimu(k) for k in range(12))},
+    ]
+
+
+STATED = {name: (name, "deg/s" if name.startswith("gyro") else "g", 1.0) for name in QUANTITIES[1:]}
+OWN_CLOCK = ReadOptions(columns={"clock": ("time", "s", 1.0), "date": ("utc", "iso", 1.0), **STATED})
+
+
+def dji_log() -> bytes:
+    rows = [f"{0.1 * k:.1f},2026-05-23 09:41:{12 + k // 10}.5Z,1,2,3,0,0,-1" for k in range(60)]
+    return "\n".join([",".join(["clock", "date", *QUANTITIES[1:]]), *rows, ""]).encode()
+
+
+def read_stated_columns(path: Path) -> None:
+    """A CSV whose columns the session states."""
+    ImuCsv([path], OWN_CLOCK).inertial()
+
+
 INERTIAL = (
     Entry("rosbag-imu", bag_seeds, read_bag, trials=150),
     Entry("line-scanner", line_seeds, read_line, trials=150),
+    Entry("vectornav", vectornav_seeds, read_recording, trials=150),
+    Entry("imu-csv-iso", lambda folder: [{"dji.csv": dji_log()}], read_stated_columns, trials=150),
     Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=150),
 )

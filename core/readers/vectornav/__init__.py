@@ -1,0 +1,1 @@
+"""Readers of VectorNav IMUs: binary messages and ASCII sentences."""

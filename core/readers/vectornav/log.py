@@ -1,0 +1,226 @@
+"""Logs of VectorNav sensors as inertial measurements and attitudes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.attitude_rows import attitude_track
+from furrowmap.core.readers.imu_check import imu_notices
+from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
+from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.vectornav import binary, sentences
+from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
+from furrowmap.core.values.clock import gps_to_utc_s
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.scan import Clock
+
+FloatArray = NDArray[np.float64]
+
+PIECE_BYTES: Final = 1 << 22
+COLUMNS: Final = 10
+"""UTC, angular rate (rad/s), specific force (m/s²), yaw, pitch, roll (degrees)."""
+
+
+class _VectorNav(FileReader, ABC):
+    """What both forms of logs have in common."""
+
+    format: ClassVar[str]
+    title: ClassVar[str]
+
+    @abstractmethod
+    def _rows(self) -> FloatArray:
+        """Rows (n, 10) of all files, see :data:`COLUMNS`; nan for what a row does not have."""
+
+    def inertial(self) -> InertialTrack:
+        """All measurements, in the axes of the sensor: forward, right, down.
+
+        Raises:
+            InputError: if there are none with a time, or the times do not increase.
+        """
+        rows, name = self._rows(), joined_name(self.paths)
+        measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
+        timed = measured[np.isfinite(measured[:, 0])]
+        if len(timed) < 2:
+            raise _nothing(name, len(measured))
+        if len(timed) < len(measured):
+            text = f"{name}: {len(measured) - len(timed)} of {len(measured)} measurements have no time and are dropped."
+            self.notices.append(Notice("rows-incomplete", text))
+        beyond = first_beyond(timed[:, 1:])
+        if beyond is not None:
+            raise InputError(
+                f"{name}: {beyond[0]} messages are beyond what an IMU measures.",
+                "The log is damaged, or of another device.",
+                "Record it again with checksums.",
+                code="value-out-of-range",
+            )
+        return inertial_track(timed[:, 0], timed[:, 1:7], name, self.notices)
+
+    def attitude(self) -> AttitudeTrack:
+        """The attitudes by the device's own filter; it does not say from which north they count.
+
+        Raises:
+            InputError: if there are none with a time, or the times do not increase.
+        """
+        rows = self._rows()
+        rows = rows[np.isfinite(rows[:, [0, 7, 8, 9]]).all(axis=1)]
+        angles = np.column_stack([rows[:, 9], rows[:, 8], rows[:, 7] % 360.0])
+        return attitude_track(rows[:, 0], angles, UNSTATED, joined_name(self.paths), self.notices)
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report rates, span and the mean specific force.
+
+        Raises:
+            InputError: as :meth:`inertial`.
+        """
+        reader = type(self)(self.paths[:1], self.options)
+        track = reader.inertial()
+        clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "of the sensor")
+        notices = (*reader.notices, *imu_notices(track))
+        return Inspection(self.paths[0], self.format, self.title, inertial_facts(track), (clock,), notices)
+
+    def _pieces(self, path: Path, *, lines: bool) -> Iterator[bytes]:
+        """The content in pieces, of whole lines if wanted."""
+        with Source(path) as source:
+            rest = b""
+            while block := source.read(PIECE_BYTES):
+                rest += block
+                end = rest.rfind(b"\n") + 1 if lines and len(rest) < 2 * PIECE_BYTES else len(rest)
+                yield rest[:end]
+                rest = rest[end:]
+            yield rest
+            if source.fault:
+                self.notices.append(cut_notice(path, source.fault))
+
+    def _damaged(self, bad: int, intact: int) -> None:
+        if bad:
+            text = f"{joined_name(self.paths)}: {bad} messages are damaged and skipped; {intact} are intact."
+            notice = Notice("sentences-damaged", text)
+            self.notices += [notice] if notice not in self.notices else []
+
+
+class VectorNavBinary(_VectorNav):
+    """Binary output messages with GPS time (TimeGps, or GpsTow and GpsWeek), angular rate and specific force."""
+
+    format: ClassVar[str] = "vectornav-binary"
+    title: ClassVar[str] = "VectorNav binary messages"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain with intact messages that hold measurements."""
+        if bytes((binary.SYNC,)) not in head.data[:8192]:
+            return 0.0
+        found = binary.Messages()
+        found.add(iter([head.data]))
+        if found.count < 2:
+            return 0.0
+        return 1.0 if any(layout.is_inertial for layout in found.layouts.values()) else 0.6
+
+    def _rows(self) -> FloatArray:
+        parts = [np.empty((0, COLUMNS))]
+        for path in self.paths:
+            found = binary.Messages()
+            found.add(self._pieces(path, lines=False))
+            self._damaged(found.bad, found.count)
+            parts += _of_one_output([_of_layout(found, header) for header in found.found])
+        return np.concatenate(parts)
+
+
+def _of_one_output(parts: list[FloatArray]) -> list[FloatArray]:
+    """The rows of several binary outputs of a sensor: measurements and attitudes of the one with most of them each."""
+    for columns in (slice(1, 7), slice(7, 10)):
+        count = [int(np.isfinite(rows[:, [0, columns.start]]).all(axis=1).sum()) for rows in parts]
+        for k, rows in enumerate(parts):
+            if k != int(np.argmax(count)):
+                rows[:, columns] = np.nan
+    return parts
+
+
+def _of_layout(found: binary.Messages, header: bytes) -> FloatArray:
+    """Rows (n, 10) of the messages of one header."""
+    layout = found.layouts[header]
+    rows = np.full((len(found.found[header]) // layout.size, COLUMNS), np.nan)
+    if layout.has_time:
+        gps_s = found.gps_s(header)
+        known = np.isfinite(gps_s)
+        rows[known, 0] = gps_to_utc_s(gps_s[known])
+    rate, force, angles = (
+        layout.measured(binary.RATES), layout.measured(binary.FORCES), layout.first(binary.ANGLES)
+    )  # fmt: skip
+    if rate is not None and force is not None:
+        rows[:, 1:4] = found.column(header, rate, "<f4", 3)
+        rows[:, 4:7] = found.column(header, force, "<f4", 3)
+    if angles is not None:
+        rows[:, 7:] = found.column(header, angles, "<f4", 3)
+    return rows
+
+
+class VectorNavAscii(_VectorNav):
+    """ASCII sentences `VNIMU`, `VNYMR` or `VNMAR`.
+
+    Their times are those that a logger wrote before each, or of `VNINS` or `VNGPS` between them. Between sentences
+    with GPS time the others are spread evenly, so both should come at constant rates.
+    """
+
+    format: ClassVar[str] = "vectornav-ascii"
+    title: ClassVar[str] = "VectorNav ASCII sentences"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """Certain with intact sentences of measurements."""
+        if b"$VN" not in head.data:
+            return 0.0
+        found = sentences.Sentences()
+        found.add(iter([head.data]))
+        if not found.kinds:
+            return 0.0
+        return 1.0 if any(kind.encode() in sentences.MEASURED for kind in found.kinds) else 0.4
+
+    def _rows(self) -> FloatArray:
+        parts = [np.empty((0, COLUMNS))]
+        for path in self.paths:
+            found = sentences.Sentences()
+            found.add(self._pieces(path, lines=True))
+            self._damaged(found.bad, sum(found.kinds.values()))
+            table = found.table()
+            parts.append(np.column_stack([_times_s(table), table[:, 3:]]))
+        return np.concatenate(parts)
+
+
+def _times_s(table: FloatArray) -> FloatArray:
+    """UTC (n,) of sentences (n, 12): as the logger wrote it, else between those with GPS time; else nan."""
+    stamped, timed = np.isfinite(table[:, 0]), np.isfinite(table[:, 1])
+    measured = np.isfinite(table[:, 3])
+    if stamped[measured].any():
+        return table[:, 0]
+    if timed.sum() < 2:
+        return np.full(len(table), np.nan)
+    utc_s = gps_to_utc_s(table[timed, 1])
+    line = table[timed, 2]
+    inside = (table[:, 2] >= line[0]) & (table[:, 2] <= line[-1])
+    return np.where(inside, np.interp(table[:, 2], line, utc_s), np.nan)
+
+
+def _nothing(name: str, measured: int) -> InputError:
+    """The error of a log without measurements, or without their times."""
+    if measured:
+        return InputError(
+            f"{name}: its {measured} measurements have no time.",
+            "Without UTC or GPS time they cannot be combined with positions.",
+            "Add TimeGps to the binary output, or VNINS to the ASCII output, or let the logger write UTC before each "
+            "sentence.",
+            code="imu-no-times",
+        )
+    return InputError(
+        f"{name}: its messages hold no angular rate with a specific force.",
+        "An IMU is integrated from both.",
+        "Add the Imu field of the common group to the binary output, or log VNIMU.",
+        code="imu-no-measurements",
+    )

@@ -1,0 +1,106 @@
+"""ASCII sentences of VectorNav sensors: ``$VNIMU,…*XX`` with a checksum of 8 or 16 bits.
+
+Sentences of measurements have no time of their own. It is what a logger wrote before them, or follows from sentences
+between them that have GPS time (`VNINS`, `VNGPS`).
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from binascii import crc_hqx
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
+MEASURED: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
+"""First fields of angular rate and specific force, and the number of fields."""
+ANGLES: Final = {b"VNYMR": 0, b"VNYPR": 0}
+TIMED: Final = {b"VNINS": 15, b"VNGPS": 15}
+"""Sentences whose first two fields are GPS seconds of the week and week, and the number of fields at least."""
+EARLIEST_S: Final = 6.0e8
+"""Seconds before a sentence that are smaller are no UTC."""
+
+
+@dataclass
+class Sentences:
+    """Sentences of a log in their order.
+
+    Attributes:
+        rows: fields 0 to 2 time before the sentence (UTC, else nan), GPS time (else nan), number of the line; then
+            angular rate and specific force (else nan), and yaw, pitch, roll (else nan).
+        kinds: intact sentences of each kind.
+        bad: sentences with a wrong checksum or fields that are no numbers.
+    """
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    kinds: dict[str, int] = field(default_factory=dict)
+    bad: int = 0
+
+    def add(self, pieces: Iterator[bytes]) -> None:
+        """Find the sentences in pieces of whole lines."""
+        for piece in pieces:
+            for before, kind, body, checksum in SENTENCE.findall(piece):
+                values = _fields(kind, body, checksum)
+                if values is None:
+                    self.bad += 1
+                    continue
+                self.kinds[kind.decode()] = self.kinds.get(kind.decode(), 0) + 1
+                self._keep(before, kind, values)
+
+    def _keep(self, before: bytes, kind: bytes, values: list[float]) -> None:
+        nan = float("nan")
+        measured: tuple[float, ...] = (nan,) * 6
+        angles: tuple[float, ...] = (nan,) * 3
+        gps_s = nan
+        if kind in MEASURED and len(values) >= MEASURED[kind][2]:
+            rate, force, _ = MEASURED[kind]
+            measured = (*values[rate : rate + 3], *values[force : force + 3])
+        if kind in ANGLES and len(values) >= 3:
+            angles = (values[0], values[1], values[2])
+        if kind in TIMED and len(values) >= TIMED[kind] and values[1] > 0:
+            gps_s = 604_800.0 * values[1] + values[0]
+        self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
+
+    def table(self) -> FloatArray:
+        """(n, 12) the rows."""
+        return np.array(self.rows, np.float64).reshape(-1, 12)
+
+
+def _fields(kind: bytes, body: bytes, checksum: bytes) -> list[float] | None:
+    """The numbers of a sentence; None if it is damaged. A checksum of XX was switched off."""
+    text = kind + b"," + body
+    if b"X" not in checksum.upper():
+        right = reduce(xor, text) if len(checksum) == 2 else crc_hqx(text, 0)
+        if len(checksum) == 3 or int(checksum, 16) != right:
+            return None
+    try:
+        # The status of VNINS is hexadecimal.
+        values = [float(part) if k != 2 or kind not in TIMED else 0.0 for k, part in enumerate(body.split(b","))]
+    except ValueError:
+        return None
+    return values if all(np.isfinite(values)) else None
+
+
+def _stamp_s(before: bytes) -> float:
+    """UTC that a logger wrote before a sentence: seconds or milliseconds since 1970, or ISO 8601; else nan."""
+    text = before.decode("latin-1").strip(" \t,;:[]\"'")
+    try:
+        number = float(text)
+    except ValueError:
+        try:
+            stamp = dt.datetime.fromisoformat(text)
+        except ValueError:
+            return float("nan")
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
+    if number > 1e3 * EARLIEST_S:
+        number *= 1e-3
+    return number if EARLIEST_S < number < 5e9 else float("nan")
