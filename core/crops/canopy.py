@@ -1,0 +1,90 @@
+"""Height of the canopy's top in the pixels of a parcel, without a bias by density, noise or penetration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
+from furrowmap.core.crops.pixels import PixelReturns, pixel_returns
+from furrowmap.core.crops.published import filled
+from furrowmap.core.surfaces.grid import Grid
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+PIXEL_M: Final = 0.04
+BARE_SIGMAS: Final = 4.0
+"""Pixels whose highest return lies no more than this many standard deviations of the noise above the soil are bare."""
+FEWEST_PIXELS: Final = 30
+"""With three returns or more, that the penetration is estimated from."""
+
+
+@dataclass(frozen=True)
+class Canopy:
+    """The canopy of one parcel.
+
+    Attributes:
+        grid: of the pixels.
+        net: (rows, columns) pixels whose middle lies in the net parcel.
+        top_m: (rows, columns) height of the top above the soil; nan outside, and where nothing is known.
+        seen: (rows, columns) net pixels with returns; the others are filled.
+        returns: by pixel.
+        penetration: of the canopy; None with too few pixels.
+        error_m: standard deviation of the top of one pixel by chance, on average.
+    """
+
+    grid: Grid
+    net: BoolArray
+    top_m: FloatArray
+    seen: BoolArray
+    returns: PixelReturns
+    penetration: Penetration | None
+    error_m: float
+
+
+def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
+    """The top of a canopy: the highest return of each pixel, raised by what the penetration of the parcel says.
+
+    Args:
+        xy_m: (n, 2) easting and northing of returns.
+        height_m: (n,) their heights above the soil.
+        grid: of the pixels.
+        net: (rows, columns) the pixels that count.
+        noise_m: standard deviation of heights of returns from one place.
+    """
+    column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
+    returns = pixel_returns(column, row, height_m, grid)
+    seen = net & (returns.count > 0)
+    crop = seen & (returns.highest_m > BARE_SIGMAS * noise_m)
+    found = _penetration(returns, crop, noise_m)
+    top = np.where(seen, np.maximum(returns.highest_m, 0.0), np.nan)
+    error = 0.0
+    if found is not None:
+        number = np.minimum(returns.count[crop], MOST_RETURNS)
+        top[crop] += found.top_above_highest_m()[number]
+        error = float(np.sqrt(np.mean(found.spread_of_highest_m()[number] ** 2)))
+    whole = _without_gaps(top, net)
+    return Canopy(grid, net, whole, seen, returns, found, error)
+
+
+def _penetration(returns: PixelReturns, crop: BoolArray, noise_m: float) -> Penetration | None:
+    """The penetration from the crop's pixels with three returns or more; None with too few."""
+    enough = crop & (returns.count >= 3)
+    if enough.sum() < FEWEST_PIXELS:
+        return None
+    one, two, three = returns.means_m[enough].mean(axis=0)
+    _, second, third = l_moments_of(one, two, three)
+    return penetration_of(float(second), float(third), noise_m)
+
+
+def _without_gaps(top: FloatArray, net: BoolArray) -> FloatArray:
+    """Net pixels without returns: the mean of their neighbours where six of eight are known, else of all."""
+    whole = np.where(net, filled(top), np.nan)
+    missing = net & np.isnan(whole)
+    if missing.any() and not missing[net].all():
+        whole[missing] = np.nanmean(whole)
+    return whole

@@ -1,0 +1,81 @@
+"""Heights and volumes of parcels: from collected points to figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.crops.canopy import PIXEL_M, Canopy, canopy_top
+from furrowmap.core.crops.figures import ParcelFigures, parcel_figures
+from furrowmap.core.crops.parcel_points import ParcelPoints
+from furrowmap.core.crops.published import christiansen2017
+from furrowmap.core.crops.soil import Soil, SoilPatch
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.parcel import Parcel
+
+FloatArray = NDArray[np.float64]
+
+Method = Literal["canopy-top", "christiansen2017"]
+METHODS: Final[tuple[Method, ...]] = ("canopy-top", "christiansen2017")
+
+
+@dataclass(frozen=True)
+class MeasuredParcel:
+    """One parcel, measured.
+
+    Attributes:
+        parcel: the parcel.
+        figures: of it, by the method asked for.
+        canopy: pixels of it, by the default method.
+        published: mean height and volume by the published method; nan where it was not asked for.
+    """
+
+    parcel: Parcel
+    figures: ParcelFigures
+    canopy: Canopy
+    published: tuple[float, float] = (math.nan, math.nan)
+
+
+def measured(
+    points: ParcelPoints, soil: Soil, noise_m: float, method: Method = "canopy-top", *, compare: bool = False
+) -> Iterator[MeasuredParcel]:
+    """The parcels one after another; memory holds the points of one.
+
+    Args:
+        points: of the parcels; collected with a strip around them for the published method.
+        soil: below them.
+        noise_m: standard deviation of heights of returns from one place.
+        method: by which mean height and volume are computed.
+        compare: whether the published method is computed, too.
+    """
+    for number, parcel in enumerate(points.parcels):
+        xyz = points.of(number)
+        published = (math.nan, math.nan)
+        if (compare or method == "christiansen2017") and len(xyz):
+            done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept_shape(number))
+            published = (done.mean_height_m, done.volume_m3)
+        canopy, patch = _canopy(parcel, xyz, soil.under(parcel), noise_m)
+        figures = parcel_figures(parcel.id, canopy, patch.sigma_m if patch is not None else math.nan)
+        if method == "christiansen2017":
+            height, volume = published
+            figures = replace(figures, mean_height_m=height, volume_m3=volume, height_sigma_m=math.nan, volume_sigma_m3=math.nan)
+        yield MeasuredParcel(parcel, figures, canopy, published)
+
+
+def _canopy(
+    parcel: Parcel, xyz_m: FloatArray, patch: SoilPatch | None, noise_m: float
+) -> tuple[Canopy, SoilPatch | None]:
+    """The canopy of a parcel; nowhere seen without points or soil."""
+    grid = Grid.of_bounds(PIXEL_M, parcel.net.bounds)
+    easting, northing = np.meshgrid(*grid.centres_m())
+    net = shapely.contains_xy(parcel.net, easting, northing)
+    if patch is None:
+        xyz_m = xyz_m[:0]
+    height = xyz_m[:, 2] - patch.at(xyz_m[:, :2]) if patch is not None else np.zeros(0)
+    return canopy_top(xyz_m[:, :2], height, grid, net, noise_m), patch

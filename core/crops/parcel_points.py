@@ -1,0 +1,230 @@
+"""Points of clouds sorted by parcel, and bare soil around the parcels by tile, in one pass and in a temporary file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.record_spool import RecordSpool, square_keys
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CLEAR_M: Final = 0.12
+"""Soil nearer than this to a gross parcel is left out: beams meet the side of the crop there."""
+REACH_M: Final = 3.0
+"""Soil farther than this from every gross parcel is not needed."""
+AROUND_M: Final = 0.25
+"""Width of the strip around a gross parcel whose points belong to the parcel too, for the published method."""
+EDGE_M: Final = 0.06
+"""Width of the strip around a net parcel whose points are kept: pixels on its outline are whole."""
+TILE_M: Final = 8.0
+"""Side of the squares by which the soil is stored."""
+USUAL_NOISE_M: Final = 0.012
+"""Standard deviation of a return's height where bare soil does not show it: range noise in data sheets."""
+_NOISE_TILES: Final = 40
+_FEWEST_PIXELS: Final = 200
+_UNEVEN: Final = 3.0
+"""Times the median noise: pixels with more hold an edge, not soil."""
+_POINT: Final = np.dtype(("<f4", 3))
+_CELL_M: Final = 0.5
+_MOST_CELLS: Final = 4_000_000
+
+
+class Rings(NamedTuple):
+    """Polygons without holes, for kernels; coordinates from an origin.
+
+    Attributes:
+        x, y: (n,) corners of all polygons, the first of each repeated at its end.
+        first: (k + 1,) first corner of each polygon, and n.
+        boxes: (k, 4) west, south, east, north.
+        starts: (rows * columns + 1,) first entry of each cell of a grid in `near`.
+        near: polygons that touch the cells.
+        grid: west, south, side, rows, columns of the grid.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    first: IntArray
+    boxes: FloatArray
+    starts: IntArray
+    near: IntArray
+    grid: tuple[float, float, float, int, int]
+
+
+def rings_of(shapes: Sequence[BaseGeometry], origin_m: tuple[float, float]) -> Rings:
+    """Polygons as rings of their outlines."""
+    rings = [shapely.get_coordinates(shapely.get_exterior_ring(shape)) - origin_m for shape in shapes]
+    first = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
+    boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for ring in rings])
+    west, south = boxes[:, :2].min(axis=0)
+    east, north = boxes[:, 2:].max(axis=0)
+    side = max(_CELL_M, math.sqrt((east - west) * (north - south) / _MOST_CELLS))
+    columns, rows = int((east - west) / side) + 1, int((north - south) / side) + 1
+    low = ((boxes[:, :2] - (west, south)) / side).astype(np.int64)
+    high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)
+    cells, members = [], []
+    for k, ((j0, i0), (j1, i1)) in enumerate(zip(low, high, strict=True)):
+        cell = (np.arange(i0, i1 + 1)[:, None] * columns + np.arange(j0, j1 + 1)).ravel()
+        cells.append(cell)
+        members.append(np.full(len(cell), k))
+    cell, member = np.concatenate(cells), np.concatenate(members)
+    order = np.argsort(cell, kind="stable")
+    starts = np.searchsorted(cell[order], np.arange(rows * columns + 1))
+    corners = np.concatenate(rings)
+    return Rings(
+        np.ascontiguousarray(corners[:, 0]),
+        np.ascontiguousarray(corners[:, 1]),
+        first,
+        boxes,
+        starts.astype(np.int64),
+        member[order].astype(np.int64),
+        (float(west), float(south), float(side), rows, columns),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _ring_of(rings, x, y):  # type: ignore[no-untyped-def]
+    """The first polygon that a point lies in; -1 for none."""
+    west, south, side, rows, columns = rings.grid
+    i, j = int(math.floor((y - south) / side)), int(math.floor((x - west) / side))
+    if i < 0 or j < 0 or i >= rows or j >= columns:
+        return -1
+    cell = i * columns + j
+    for place in range(rings.starts[cell], rings.starts[cell + 1]):
+        k = rings.near[place]
+        if x < rings.boxes[k, 0] or y < rings.boxes[k, 1] or x > rings.boxes[k, 2] or y > rings.boxes[k, 3]:
+            continue
+        inside = False
+        for c in range(rings.first[k], rings.first[k + 1] - 1):
+            y0, y1 = rings.y[c], rings.y[c + 1]
+            if (y0 > y) != (y1 > y):
+                x0, x1 = rings.x[c], rings.x[c + 1]
+                if x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+                    inside = not inside
+        if inside:
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _rings_at(rings, x, y, out):  # type: ignore[no-untyped-def]
+    for k in range(len(x)):
+        out[k] = _ring_of(rings, x[k], y[k])
+
+
+def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray) -> IntArray:
+    """Number (n,) of the first polygon that each point (n,), from the rings' origin, lies in; -1 for none."""
+    out = np.empty(len(x_m), np.int64)
+    _rings_at(rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
+    return out
+
+
+class ParcelPoints:
+    """Collects points by parcel: a context manager.
+
+    Args:
+        parcels: the parcels; their net parts do not overlap.
+        folder: for the temporary files; None for the default one.
+        around_m: width of the strip around the gross parcels whose points are kept too; None keeps the points of the
+            net parcels only.
+    """
+
+    def __init__(self, parcels: Sequence[Parcel], folder: Path | None, around_m: float | None = None) -> None:
+        self.parcels = tuple(parcels)
+        bounds = np.array([parcel.gross.bounds for parcel in parcels])
+        self.origin_m = (float(np.floor(bounds[:, 0].min())), float(np.floor(bounds[:, 1].min())))
+        self._shapes = [_wider(p.net, EDGE_M) if around_m is None else _wider(p.gross, around_m) for p in parcels]
+        self._kept = rings_of(self._shapes, self.origin_m)
+        self._crop = rings_of([_wider(parcel.gross, CLEAR_M) for parcel in parcels], self.origin_m)
+        self._reach = rings_of([_wider(parcel.gross, REACH_M) for parcel in parcels], self.origin_m)
+        self._base_m: float | None = None
+        self._own, self._soil = RecordSpool(_POINT, folder), RecordSpool(_POINT, folder)
+        self.count = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._own.close()
+        self._soil.close()
+
+    @property
+    def box_m(self) -> tuple[float, float, float, float]:
+        """West, south, east, north of all that is kept, in map coordinates."""
+        west, south = self._reach.boxes[:, :2].min(axis=0) + self.origin_m
+        east, north = self._reach.boxes[:, 2:].max(axis=0) + self.origin_m
+        return float(west), float(south), float(east), float(north)
+
+    def add(self, xyz_m: FloatArray) -> None:
+        """Add points (n, 3) float64 in map coordinates."""
+        if not len(xyz_m):
+            return
+        if self._base_m is None:
+            self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
+        x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
+        near = np.column_stack([x, y, xyz_m[:, 2] - self._base_m]).astype(np.float32)
+        kept, crop = ring_at(self._kept, x, y), ring_at(self._crop, x, y)
+        own = kept >= 0
+        self.count += int(own.sum())
+        self._own.add(near[own], kept[own])
+        open_ground = np.flatnonzero(crop < 0)
+        open_ground = open_ground[ring_at(self._reach, x[open_ground], y[open_ground]) >= 0]
+        tile = np.floor(near[open_ground, :2] / TILE_M)
+        self._soil.add(near[open_ground], square_keys(tile[:, 0], tile[:, 1]))
+
+    def of(self, number: int) -> FloatArray:
+        """The points (n, 3) float64 of a parcel by its number, in map coordinates."""
+        return self._on_map(self._own.read([number]))
+
+    def kept_shape(self, number: int) -> shapely.Polygon:
+        """The polygon whose points are kept for a parcel."""
+        return self._shapes[number]
+
+    def soil(self) -> SoilCells:
+        """The cells of bare soil near the parcels, in map coordinates."""
+        tiles = [soil_cells(self._on_map(self._soil.read([key]))) for key in self._soil.counts]
+        empty = soil_cells(np.zeros((0, 3)))
+        return SoilCells(*(np.concatenate([getattr(c, name) for c in (empty, *tiles)]) for name in vars(empty)))
+
+    def noise_m(self, pixel_m: float) -> float:
+        """Standard deviation of the heights of returns from one pixel of bare soil; `USUAL_NOISE_M` with too few."""
+        keys = list(self._soil.counts)
+        some = keys[:: max(1, len(keys) // _NOISE_TILES)]
+        noise = np.concatenate(
+            [np.zeros(0), *(noise_in_pixels(self._on_map(self._soil.read([key])), pixel_m) for key in some)]
+        )
+        if len(noise) < _FEWEST_PIXELS:
+            return USUAL_NOISE_M
+        return float(noise[noise < _UNEVEN * np.median(noise)].mean())
+
+    def _on_map(self, near: NDArray[Any]) -> FloatArray:
+        out: FloatArray = near.astype(np.float64) + (*self.origin_m, self._base_m or 0.0)
+        return out
+
+
+def soil_near(parcels: Sequence[Parcel], soil: SoilCells) -> dict[str, SoilCells]:
+    """The cells of soil within reach of each parcel, by its id."""
+    tree = shapely.STRtree(shapely.points(soil.xy_m))
+    out = {}
+    for parcel in parcels:
+        out[parcel.id] = soil.at(np.sort(tree.query(_wider(parcel.gross, REACH_M), "contains")))
+    return out
+
+
+def _wider(shape: shapely.Polygon, by_m: float) -> shapely.Polygon:
+    return shape.buffer(by_m, join_style="mitre")
+

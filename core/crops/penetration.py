@@ -1,0 +1,159 @@
+"""How deep pulses enter a canopy before they return, estimated from the parcel itself.
+
+A pulse that enters the canopy returns from depth d below the top with probability 1 − exp(−(d / s)^a): the law of Beer
+and Lambert with an optical depth that grows as a power of the depth (a = 1: leaves as dense at the tips as below;
+a > 1: less dense there). The height of a return within a pixel is the height of the top, less this depth, plus noise.
+
+Shape a and scale s follow from the second and third L-moment of the heights within pixels (J. R. M. Hosking (1990),
+L-moments: analysis and estimation of distributions using linear combinations of order statistics, J. R. Statist. Soc.
+B 52, 105-124). Their sample values are unbiased for any number of points, and so the estimate does not depend on
+density. With both known, the distance from the highest of n returns to the top is known for every n, noise included.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+SHAPES: Final = (0.8, 4.0)
+"""Range of the shape: from leaves denser at the tips than below to nearly a closed surface."""
+LARGEST_NOISE: Final = 1.0
+"""As a share of the scale."""
+MOST_RETURNS: Final = 8
+"""Of a pixel whose highest is used; of more returns, the mean highest of any eight of them."""
+MODEL_SHARE: Final = 0.05
+"""Standard deviation of the mean depth by the form of the law, as a share: what a gamma law and elements of equal
+density with scattered tops give from the same L-moments differs by that."""
+_STEPS: Final = (17, 15)
+_QUANTILES: Final = 200
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """Penetration of a canopy.
+
+    Attributes:
+        shape: exponent a of the law; 1 is Beer and Lambert's with constant density.
+        scale_m: depth s at which 1/e of the pulses are left.
+        noise_m: standard deviation of the heights of returns from one place.
+    """
+
+    shape: float
+    scale_m: float
+    noise_m: float
+
+    @property
+    def mean_depth_m(self) -> float:
+        """Mean depth of a return below the top."""
+        return self.scale_m * math.gamma(1.0 + 1.0 / self.shape)
+
+    def top_above_highest_m(self) -> FloatArray:
+        """(MOST_RETURNS + 1,) mean height of the top above the highest of n returns, for each n; nan for none."""
+        out = np.full(MOST_RETURNS + 1, np.nan)
+        out[1:] = -self.scale_m * _at(_table().highest, _table(), self.shape, self.noise_m / self.scale_m)
+        return out
+
+    def spread_of_highest_m(self) -> FloatArray:
+        """(MOST_RETURNS + 1,) standard deviation of the highest of n returns, for each n; nan for none."""
+        out = np.full(MOST_RETURNS + 1, np.nan)
+        variance = _at(_table().variance, _table(), self.shape, self.noise_m / self.scale_m)
+        out[1:] = self.scale_m * np.sqrt(np.maximum(variance, 0.0))
+        return out
+
+
+def penetration_of(second_m: float, third_m: float, noise_m: float) -> Penetration:
+    """The penetration of a canopy from L-moments of heights within pixels.
+
+    Where the heights scatter no more than the noise, the canopy is closed: the scale is as small as can be told.
+
+    Args:
+        second_m: second L-moment, half the mean distance of two returns.
+        third_m: third L-moment; negative where the deep returns lie farther from the others.
+        noise_m: standard deviation of heights of returns from one place.
+    """
+    table = _table()
+    shape, ratio = table.solved(second_m / max(noise_m, 1e-4), third_m / second_m)
+    scale = max(noise_m, 1e-4) / ratio
+    return Penetration(shape, scale, noise_m)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Moments of the law with scale 1, by shape and noise.
+
+    Attributes:
+        shapes: (k,) of the rows.
+        noises: (m,) of the columns.
+        highest: (k, m, MOST_RETURNS) mean of the highest of n returns; the top is at 0.
+        variance: (k, m, MOST_RETURNS) of the same.
+        second: (k, m) second L-moment over the noise, as its logarithm.
+        skewness: (k, m) third L-moment over the second.
+    """
+
+    shapes: FloatArray
+    noises: FloatArray
+    highest: FloatArray
+    variance: FloatArray
+    second: FloatArray
+    skewness: FloatArray
+
+    def solved(self, second: float, skewness: float) -> tuple[float, float]:
+        """Shape and noise with these L-moments; the nearest in the table where there is none."""
+        wanted = math.log(max(second, 1e-6))
+        ratios = np.array([_crossing(row, self.noises, wanted) for row in self.second])
+        found = np.array([np.interp(r, self.noises, row) for r, row in zip(ratios, self.skewness, strict=True)])
+        shape = float(np.interp(skewness, found, self.shapes))  # the skewness grows with the shape
+        return shape, float(np.interp(shape, self.shapes, ratios))
+
+
+def _crossing(values: FloatArray, at: FloatArray, wanted: float) -> float:
+    """Where decreasing values reach the one wanted."""
+    return float(np.interp(-wanted, -values, at))
+
+
+def _at(values: FloatArray, table: _Table, shape: float, noise: float) -> FloatArray:
+    """Values (k, m, n) of the table at a shape and a noise, bilinear."""
+    i, u = _place(table.shapes, shape)
+    j, v = _place(table.noises, noise)
+    low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
+    high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
+    out: FloatArray = (1.0 - u) * low + u * high
+    return out
+
+
+def _place(grid: FloatArray, value: float) -> tuple[int, float]:
+    i = int(np.clip(np.searchsorted(grid, value, side="right") - 1, 0, len(grid) - 2))
+    return i, float(np.clip((value - grid[i]) / (grid[i + 1] - grid[i]), 0.0, 1.0))
+
+
+@lru_cache(maxsize=1)
+def _table() -> _Table:
+    from scipy.special import ndtr
+
+    shapes, noises = np.linspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, LARGEST_NOISE, _STEPS[1])
+    share = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    number = np.arange(1, MOST_RETURNS + 1)[:, None]
+    highest, variance = np.empty((2, *_STEPS, MOST_RETURNS))
+    for i, shape in enumerate(shapes):
+        depth = (-np.log1p(-share)) ** (1.0 / shape)
+        for j, noise in enumerate(noises):
+            x = np.linspace(-depth[-1] - 5.0 * noise, 5.0 * noise, 401)
+            below = ndtr((x[:, None] + depth) / noise).mean(axis=1) ** number
+            highest[i, j] = x[-1] - np.trapezoid(below, x, axis=1)
+            square = x[-1] ** 2 - 2.0 * np.trapezoid(x * below, x, axis=1)
+            variance[i, j] = square - highest[i, j] ** 2
+    _, second, third = l_moments_of(*(highest[..., n] for n in range(3)))
+    return _Table(shapes, noises, highest, variance, np.log(second / noises), third / second)
+
+
+def l_moments_of(one: ArrayLike, two: ArrayLike, three: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The first three L-moments from the means of one value, of the higher of two, of the highest of three."""
+    a, b, c = (np.asarray(values, np.float64) for values in (one, two, three))
+    return a, b - a, 2.0 * c - 3.0 * b + a

@@ -1,0 +1,215 @@
+"""Height of the soil under a parcel, with its standard deviation: from the bare soil around it, or from a raster."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.distance import cdist
+
+from furrowmap.core.crops.soil_cells import SoilCells, without_crop
+from furrowmap.core.values.parcel import Parcel
+
+FloatArray = NDArray[np.float64]
+SoilMethod = Literal["surface", "plane"]
+
+NODE_M: Final = 0.5
+"""Distance of the nodes of a patch."""
+MOST_CELLS: Final = 240
+"""Nearest cells of soil that one parcel's surface is made from."""
+FEWEST_CELLS: Final = 6
+RANGES_M: Final = (1.0, 1.7, 3.0, 5.0, 8.0, 14.0)
+"""Correlation lengths of the soil's relief that are tried."""
+RATIOS: Final = (0.3, 1.0, 3.0, 10.0, 30.0)
+"""Standard deviations of the relief, over those of a cell, that are tried."""
+TRIED: Final = 12
+"""Parcels whose surroundings the relief is estimated from."""
+
+
+@dataclass(frozen=True)
+class SoilPatch:
+    """The soil under one parcel.
+
+    Attributes:
+        west_m: easting of the first node.
+        south_m: northing of the first node.
+        height_m: (rows, columns) float64 heights of nodes at a distance of NODE_M, row 0 in the south.
+        sigma_m: standard deviation of the mean height under the net parcel.
+    """
+
+    west_m: float
+    south_m: float
+    height_m: FloatArray
+    sigma_m: float
+
+    def at(self, xy_m: FloatArray) -> FloatArray:
+        """Heights (n,) at positions (n, 2), bilinear."""
+        rows, columns = self.height_m.shape
+        x = np.clip((xy_m[:, 0] - self.west_m) / NODE_M, 0.0, columns - 1.001)
+        y = np.clip((xy_m[:, 1] - self.south_m) / NODE_M, 0.0, rows - 1.001)
+        i, j = y.astype(np.intp), x.astype(np.intp)
+        v, u = y - i, x - j
+        z = self.height_m
+        south = (1.0 - u) * z[i, j] + u * z[i, j + 1]
+        north = (1.0 - u) * z[i + 1, j] + u * z[i + 1, j + 1]
+        out: FloatArray = (1.0 - v) * south + v * north
+        return out
+
+
+class Soil(Protocol):
+    """What knows the height of the soil."""
+
+    def under(self, parcel: Parcel) -> SoilPatch | None:
+        """The soil under the net parcel; None where it is not known."""
+
+
+@dataclass(frozen=True)
+class Relief:
+    """How the soil's height varies about a plane: covariance relief² · (1 + d / r) · exp(−d / r) at distance d.
+
+    Attributes:
+        relief_m: standard deviation.
+        range_m: r.
+        cell_m: standard deviation of a cell by itself: its roughness, and noise.
+    """
+
+    relief_m: float
+    range_m: float
+    cell_m: float
+
+    def covariance(self, distance_m: FloatArray) -> FloatArray:
+        """Covariance (n, m) of heights at these distances."""
+        d = distance_m / self.range_m
+        out: FloatArray = self.relief_m**2 * (1.0 + d) * np.exp(-d)
+        return out
+
+
+def relief_of(surroundings: list[SoilCells]) -> Relief:
+    """The relief of the soil by restricted maximum likelihood, from the cells around some parcels."""
+    groups = [cells for cells in surroundings if len(cells) > FEWEST_CELLS]
+    best, found = -math.inf, Relief(0.0, RANGES_M[0], 0.01)
+    for range_m in RANGES_M:
+        for ratio in RATIOS:
+            likelihood, cell = _likelihood(groups, Relief(ratio, range_m, 1.0))
+            if likelihood > best:
+                best, found = likelihood, Relief(ratio * cell, range_m, cell)
+    return found
+
+
+def _likelihood(groups: list[SoilCells], relief: Relief) -> tuple[float, float]:
+    """Restricted log-likelihood of a relief but for its scale, and the scale."""
+    logs, squares, freedom = 0.0, 0.0, 0
+    for cells in groups:
+        design = _design(cells.xy_m, cells.xy_m.mean(axis=0))
+        matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.eye(len(cells))
+        factor = cho_factor(matrix, lower=True)
+        weighted = cho_solve(factor, design)
+        normal = design.T @ weighted
+        height = cells.height_m - cells.height_m.mean()
+        plane = np.linalg.solve(normal, weighted.T @ height)
+        off = height - design @ plane
+        squares += float(off @ cho_solve(factor, off))
+        logs += 2.0 * float(np.log(np.diag(factor[0])).sum()) + float(np.linalg.slogdet(normal)[1])
+        freedom += len(cells) - design.shape[1]
+    if freedom <= 0 or squares <= 0.0:
+        return -math.inf, 0.01
+    scale = squares / freedom
+    return -0.5 * (logs + freedom * math.log(scale)), math.sqrt(scale)
+
+
+def _design(xy_m: FloatArray, middle_m: FloatArray) -> FloatArray:
+    return np.column_stack([np.ones(len(xy_m)), xy_m - middle_m])
+
+
+def nodes_of(parcel: Parcel) -> tuple[float, float, FloatArray, tuple[int, int]]:
+    """West and south of the nodes of a parcel's patch, the nodes (rows * columns, 2), rows and columns."""
+    west, south, east, north = (float(v) for v in parcel.net.bounds)
+    columns = max(2, math.ceil((east - west) / NODE_M) + 1)
+    rows = max(2, math.ceil((north - south) / NODE_M) + 1)
+    x, y = np.meshgrid(west + NODE_M * np.arange(columns), south + NODE_M * np.arange(rows))
+    return west, south, np.column_stack([x.ravel(), y.ravel()]), (rows, columns)
+
+
+def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief) -> SoilPatch | None:
+    """The soil under a parcel by universal kriging of the cells around it, with a plane as the trend.
+
+    See N. Cressie (1993), Statistics for Spatial Data, section 3.4; the standard deviation is that of the mean over the
+    net parcel (block kriging).
+
+    Args:
+        parcel: the parcel.
+        cells: around it, without crop.
+        relief: of the soil; one of 0 m makes the plane by least squares.
+    """
+    if len(cells) < FEWEST_CELLS:
+        return None
+    west, south, nodes, shape = nodes_of(parcel)
+    middle = cells.xy_m.mean(axis=0)
+    inside = shapely.contains_xy(parcel.net.buffer(0.5 * NODE_M), nodes[:, 0], nodes[:, 1])
+    design, at_nodes = _design(cells.xy_m, middle), _design(nodes, middle)
+    matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
+    factor = cho_factor(matrix, lower=True)
+    weighted = cho_solve(factor, design)
+    normal = np.linalg.inv(design.T @ weighted)
+    if not np.isfinite(normal).all() or np.linalg.cond(design) > 1e6:
+        return None
+    base = float(cells.height_m.mean())
+    plane = normal @ (weighted.T @ (cells.height_m - base))
+    off = cho_solve(factor, cells.height_m - base - design @ plane)
+    near = relief.covariance(cdist(nodes, cells.xy_m))
+    heights = base + at_nodes @ plane + near @ off
+    mean_near, mean_design = near[inside].mean(axis=0), at_nodes[inside].mean(axis=0)
+    lacking = mean_design - weighted.T @ mean_near
+    block = float(relief.covariance(cdist(nodes[inside], nodes[inside])).mean())
+    variance = block - float(mean_near @ cho_solve(factor, mean_near)) + float(lacking @ normal @ lacking)
+    return SoilPatch(west, south, heights.reshape(shape), math.sqrt(max(variance, 0.0)))
+
+
+@dataclass(frozen=True)
+class SoilAround:
+    """Soil from the bare cells around each parcel.
+
+    Attributes:
+        cells: around each parcel by its id, without crop.
+        relief: of the site.
+        method: "surface" interpolates with the relief; "plane" fits a plane by least squares.
+    """
+
+    cells: dict[str, SoilCells]
+    relief: Relief
+    method: SoilMethod
+
+    def under(self, parcel: Parcel) -> SoilPatch | None:
+        """See :class:`Soil`."""
+        cells = self.cells.get(parcel.id)
+        if cells is None:
+            return None
+        patch = interpolated(parcel, cells, self.relief)
+        if patch is None or self.method == "surface":
+            return patch
+        flat = Relief(0.0, self.relief.range_m, math.hypot(self.relief.cell_m, self.relief.relief_m))
+        plane = interpolated(parcel, cells, flat)
+        # a plane does not know how far the soil departs from it: that is what the relief says
+        return None if plane is None else SoilPatch(plane.west_m, plane.south_m, plane.height_m, math.hypot(plane.sigma_m, patch.sigma_m))
+
+
+def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface") -> SoilAround:
+    """The soil from the cells around each parcel."""
+    clean = {name: _fewer(without_crop(cells)) for name, cells in near.items()}
+    full = [cells for cells in clean.values() if len(cells) > FEWEST_CELLS]
+    step = max(1, len(full) // TRIED)
+    return SoilAround(clean, relief_of(full[::step][:TRIED]), method)
+
+
+def _fewer(cells: SoilCells) -> SoilCells:
+    """At most MOST_CELLS of the cells, evenly chosen."""
+    if len(cells) <= MOST_CELLS:
+        return cells
+    chosen = np.zeros(len(cells), np.bool_)
+    chosen[np.linspace(0, len(cells) - 1, MOST_CELLS).round().astype(np.intp)] = True
+    return cells.at(chosen)
