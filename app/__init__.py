@@ -73,6 +73,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.frames import frames as frames
     from furrowmap.workflows.inspect import inspect as inspect
     from furrowmap.workflows.mosaic import mosaic as mosaic
+    from furrowmap.workflows.parcels import ParcelSettings as ParcelSettings
+    from furrowmap.workflows.parcels import parcels as parcels
     from furrowmap.workflows.plots import Place as Place
     from furrowmap.workflows.plots import Plots as Plots
     from furrowmap.workflows.plots import plots as plots
@@ -113,6 +115,7 @@ _HOMES = {
     "FrameTree": "core.session.frames",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
+    "ParcelSettings": "workflows.parcels",
     "Place": "workflows.plots",
     "PlotGrid": "core.crops.plot_grid",
     "Plots": "workflows.plots",
@@ -145,6 +148,7 @@ _HOMES = {
     "open_points": "points",
     "open_recording": "recordings",
     "open_result": "results",
+    "parcels": "workflows.parcels",
     "plots": "workflows.plots",
     "preview": "workflows.preview",
     "propose_session": "workflows.propose",

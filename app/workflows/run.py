@@ -6,7 +6,7 @@ import json
 import math
 import os
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -48,9 +48,11 @@ from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
 from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.exporters.vectors.parcel_table import parcel_layer
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.results import Result, open_result
 from furrowmap.workflows.kept_matching import KeptMatching
+from furrowmap.workflows.parcels import WrittenParcels, parcel_settings, session_parcels, write_parcels
 from furrowmap.workflows.run_cloud import RunCloud, RunSink
 
 SPACE: Final = 2
@@ -116,37 +118,46 @@ def _write_products(
         found.work,
         found.frame.words,
         provenance,
-        _strips(made),
+        [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
     )
     if found.work.states is not None:
         write_states(staging / STATES, found.work.states)
     if found.work.seen is not None:
         save_implement(staging / LEARNED, found.work.seen)
-    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters)
+    crops = made.parcels.found if made.parcels is not None else ()
+    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters, crops)
     layers = perf_counter() - layers
     (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
     timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
     content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
+    if made.parcels is not None:
+        content["parcels"] = made.parcels.account
     write_item(staging / ITEM, write_report(staging / REPORT, content))
 
 
 @dataclass(frozen=True)
 class _Made:
-    """The result of a run, and the figures of its cloud and rasters; None where there are none."""
+    """The result of a run, and the figures of its cloud, rasters and parcels; None where there are none."""
 
     found: RunResult
     inputs: list[FileRecord]
     cloud: CopcSummary | None = None
     rasters: RasterFigures | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+    parcels: WrittenParcels | None = None
 
 
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
-    with RunCloud(staging / CLOUD) as cloud, FieldPoints(staging, reach_m=_reach_m(opened)) as land:
+    with (
+        RunCloud(staging / CLOUD) as cloud,
+        FieldPoints(staging, reach_m=_reach_m(opened)) as land,
+        session_parcels(opened, staging) as crops,
+    ):
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
-        found = pipeline.run(opened, RunSink(cloud, land), progress, KeptMatching(kept(staging), opened, inputs))
+        sink = RunSink(cloud, land, crops)
+        found = pipeline.run(opened, sink, progress, KeptMatching(kept(staging), opened, inputs))
         if not found.session.recording.lidar:
             return _Made(found, inputs)
         origin = run_origin(found, inputs)
@@ -156,9 +167,15 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
                 progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
             )
             written = perf_counter()
+        surfaced = perf_counter()
         # Seconds of the surfaces beyond those of the cloud.
-        seconds = {"cloud": written - begin, "surfaces": perf_counter() - written}
-        return _Made(found, inputs, summary, rasters.result(), seconds)
+        seconds = {"cloud": written - begin, "surfaces": surfaced - written}
+        made = _Made(found, inputs, summary, rasters.result(), seconds)
+        if crops is None:
+            return made
+        parcels = write_parcels(staging, crops, parcel_settings(found.session), found.frame.whole_crs, origin, progress)
+        noticed = replace(found, notices=(*found.notices, *parcels.notices))
+        return replace(made, found=noticed, seconds=seconds | {"parcels": perf_counter() - surfaced}, parcels=parcels)
 
 
 def _strips(made: _Made) -> list[Layer]:

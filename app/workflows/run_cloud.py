@@ -10,6 +10,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.surfaces.local_ground import GroundSampler
@@ -29,20 +30,24 @@ MOST_PASSES: Final = 65_535
 
 
 class RunSink:
-    """The sink of a run whose points go into its cloud and its surfaces."""
+    """The sink of a run whose points go into its cloud, its surfaces and its parcels, where it has any."""
 
-    def __init__(self, cloud: RunCloud, land: FieldPoints) -> None:
-        self._cloud, self._land = cloud, land
+    def __init__(self, cloud: RunCloud, land: FieldPoints, parcels: ParcelPoints | None = None) -> None:
+        self._cloud, self._land, self._parcels = cloud, land, parcels
+        self._origin_m = (0.0, 0.0, 0.0)
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Pass the local origin on to both."""
+        """Pass the local origin on to all."""
+        self._origin_m = origin_m
         self._cloud.begin(frame, origin_m)
         self._land.begin(origin_m)
 
     def add(self, placed: PlacedScan) -> None:
-        """Pass the points of a scan on to both."""
+        """Pass the points of a scan on to all."""
         self._cloud.add(placed)
         self._land.add(placed)
+        if self._parcels is not None:
+            self._parcels.add(placed.xyz_m[placed.kept] + self._origin_m)
 
 
 class RunCloud:

@@ -37,11 +37,11 @@ class ParcelFigures:
         id: of the parcel.
         points: in the net parcel.
         points_m2: per square metre.
-        area_m2: of the net pixels.
+        area_m2: of the net parcel.
         filled: share of net pixels without returns.
         mean_height_m: mean height of the canopy's top over all net pixels, gaps included.
         p50_m, p90_m, p95_m, p99_m: quantiles of it.
-        volume_m3: sum of it over the net pixels.
+        volume_m3: mean height times area.
         cover: share of net pixels of at least 0.10 m.
         height_cv: standard deviation of the heights over their mean.
         roughness_m: standard deviation about the mean of the 0.2 m around.
@@ -73,12 +73,11 @@ class ParcelFigures:
     volume_sigma_m3: float
 
 
-def parcel_figures(name: str, canopy: Canopy, soil_sigma_m: float) -> ParcelFigures:
-    """The figures of a canopy."""
+def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: float) -> ParcelFigures:
+    """The figures of a canopy on a net parcel of some area."""
     top = canopy.top_m[canopy.net]
-    pixel_m2, points = canopy.grid.cell_area_m2, int(canopy.returns.count[canopy.net].sum())
-    area = float(canopy.net.sum()) * pixel_m2
-    known = np.isfinite(top).all() and len(top) > 0
+    points = int(canopy.returns.count[canopy.net].sum())
+    known = bool(np.isfinite(top).all()) and len(top) > 0
     mean = float(top.mean()) if known else math.nan
     true = _without_chance(canopy) if known else np.full(max(len(top), 1), np.nan)
     quantiles = np.quantile(true, (0.50, 0.90, 0.95, 0.99)).tolist()
@@ -86,12 +85,12 @@ def parcel_figures(name: str, canopy: Canopy, soil_sigma_m: float) -> ParcelFigu
     return ParcelFigures(
         id=name,
         points=points,
-        points_m2=points / area if area else 0.0,
-        area_m2=area,
+        points_m2=points / area_m2,
+        area_m2=area_m2,
         filled=1.0 - float(canopy.seen.sum()) / max(int(canopy.net.sum()), 1),
         mean_height_m=mean,
         **dict(zip(("p50_m", "p90_m", "p95_m", "p99_m"), quantiles, strict=True)),
-        volume_m3=mean * area,
+        volume_m3=mean * area_m2,
         cover=float((true >= STANDS_M).mean()) if known else math.nan,
         height_cv=float(true.std()) / mean if known and mean > 0.0 else math.nan,
         roughness_m=_roughness_m(canopy) if known else math.nan,
@@ -99,7 +98,7 @@ def parcel_figures(name: str, canopy: Canopy, soil_sigma_m: float) -> ParcelFigu
         penetration_m=canopy.penetration.mean_depth_m if canopy.penetration is not None else math.nan,
         soil_sigma_m=soil_sigma_m,
         height_sigma_m=sigma,
-        volume_sigma_m3=sigma * area,
+        volume_sigma_m3=sigma * area_m2,
     )
 
 

@@ -32,20 +32,20 @@ class MeasuredParcel:
     Attributes:
         parcel: the parcel.
         figures: of it, by the method asked for.
-        canopy: pixels of it, by the default method.
-        published: mean height and volume by the published method; nan where it was not asked for.
+        published_height_m: mean height by the published method; nan where it was not computed.
+        published_volume_m3: volume likewise.
     """
 
     parcel: Parcel
     figures: ParcelFigures
-    canopy: Canopy
-    published: tuple[float, float] = (math.nan, math.nan)
+    published_height_m: float = math.nan
+    published_volume_m3: float = math.nan
 
 
 def measured(
     points: ParcelPoints, soil: Soil, noise_m: float, method: Method = "canopy-top", *, compare: bool = False
-) -> Iterator[MeasuredParcel]:
-    """The parcels one after another; memory holds the points of one.
+) -> Iterator[tuple[MeasuredParcel, Canopy]]:
+    """The parcels one after another, each with its pixels by the default method; memory holds the points of one.
 
     Args:
         points: of the parcels; collected with a strip around them for the published method.
@@ -56,16 +56,19 @@ def measured(
     """
     for number, parcel in enumerate(points.parcels):
         xyz = points.of(number)
-        published = (math.nan, math.nan)
+        height = volume = math.nan
         if (compare or method == "christiansen2017") and len(xyz):
             done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept_shape(number))
-            published = (done.mean_height_m, done.volume_m3)
+            height, volume = done.mean_height_m, done.volume_m3
         canopy, patch = _canopy(parcel, xyz, soil.under(parcel), noise_m)
-        figures = parcel_figures(parcel.id, canopy, patch.sigma_m if patch is not None else math.nan)
+        figures = parcel_figures(
+            parcel.id, canopy, float(parcel.net.area), patch.sigma_m if patch is not None else math.nan
+        )
         if method == "christiansen2017":
-            height, volume = published
-            figures = replace(figures, mean_height_m=height, volume_m3=volume, height_sigma_m=math.nan, volume_sigma_m3=math.nan)
-        yield MeasuredParcel(parcel, figures, canopy, published)
+            figures = replace(
+                figures, mean_height_m=height, volume_m3=volume, height_sigma_m=math.nan, volume_sigma_m3=math.nan
+            )
+        yield MeasuredParcel(parcel, figures, height, volume), canopy
 
 
 def _canopy(

@@ -98,7 +98,7 @@ def rings_of(shapes: Sequence[BaseGeometry], origin_m: tuple[float, float]) -> R
 def _ring_of(rings, x, y):  # type: ignore[no-untyped-def]
     """The first polygon that a point lies in; -1 for none."""
     west, south, side, rows, columns = rings.grid
-    i, j = int(math.floor((y - south) / side)), int(math.floor((x - west) / side))
+    i, j = math.floor((y - south) / side), math.floor((x - west) / side)
     if i < 0 or j < 0 or i >= rows or j >= columns:
         return -1
     cell = i * columns + j
@@ -212,13 +212,14 @@ class ParcelPoints:
         return float(noise[noise < _UNEVEN * np.median(noise)].mean())
 
     def _on_map(self, near: NDArray[Any]) -> FloatArray:
-        out: FloatArray = near.astype(np.float64) + (*self.origin_m, self._base_m or 0.0)
+        corner = np.array([*self.origin_m, self._base_m or 0.0])
+        out: FloatArray = near.astype(np.float64) + corner
         return out
 
 
 def soil_near(parcels: Sequence[Parcel], soil: SoilCells) -> dict[str, SoilCells]:
     """The cells of soil within reach of each parcel, by its id."""
-    tree = shapely.STRtree(shapely.points(soil.xy_m))
+    tree = shapely.STRtree(np.atleast_1d(np.asarray(shapely.points(soil.xy_m))))
     out = {}
     for parcel in parcels:
         out[parcel.id] = soil.at(np.sort(tree.query(_wider(parcel.gross, REACH_M), "contains")))
@@ -227,4 +228,3 @@ def soil_near(parcels: Sequence[Parcel], soil: SoilCells) -> dict[str, SoilCells
 
 def _wider(shape: shapely.Polygon, by_m: float) -> shapely.Polygon:
     return shape.buffer(by_m, join_style="mitre")
-

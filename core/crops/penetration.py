@@ -31,8 +31,8 @@ MOST_RETURNS: Final = 8
 MODEL_SHARE: Final = 0.05
 """Standard deviation of the mean depth by the form of the law, as a share: what a gamma law and elements of equal
 density with scattered tops give from the same L-moments differs by that."""
-_STEPS: Final = (17, 15)
-_QUANTILES: Final = 200
+_STEPS: Final = (25, 31)
+_QUANTILES: Final = 100
 
 
 @dataclass(frozen=True)
@@ -135,16 +135,17 @@ def _place(grid: FloatArray, value: float) -> tuple[int, float]:
 
 @lru_cache(maxsize=1)
 def _table() -> _Table:
-    from scipy.special import ndtr
+    from scipy.special import gammainc, ndtr
 
-    shapes, noises = np.linspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, LARGEST_NOISE, _STEPS[1])
-    share = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    shapes, noises = np.geomspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, LARGEST_NOISE, _STEPS[1])
+    thickness = -np.log1p(-np.arange(_QUANTILES) / _QUANTILES)  # optical, where equal shares of the pulses return
     number = np.arange(1, MOST_RETURNS + 1)[:, None]
     highest, variance = np.empty((2, *_STEPS, MOST_RETURNS))
     for i, shape in enumerate(shapes):
-        depth = (-np.log1p(-share)) ** (1.0 / shape)
+        order = 1.0 + 1.0 / shape
+        depth = _QUANTILES * math.gamma(order) * np.diff(gammainc(order, thickness), append=1.0)  # mean of each share
         for j, noise in enumerate(noises):
-            x = np.linspace(-depth[-1] - 5.0 * noise, 5.0 * noise, 401)
+            x = np.linspace(-depth[-1] - 5.0 * noise, 5.0 * noise, 201)
             below = ndtr((x[:, None] + depth) / noise).mean(axis=1) ** number
             highest[i, j] = x[-1] - np.trapezoid(below, x, axis=1)
             square = x[-1] ** 2 - 2.0 * np.trapezoid(x * below, x, axis=1)

@@ -13,6 +13,7 @@ from furrowmap.core.surfaces.grid import Grid
 
 FloatArray = NDArray[np.float64]
 
+
 @dataclass(frozen=True)
 class PixelReturns:
     """Returns by pixel; all arrays (rows, columns).

@@ -68,10 +68,12 @@ def christiansen2017(xyz_m: FloatArray, net: BaseGeometry, crop: BaseGeometry, a
     inside = points_in_polygon(xyz_m, around)
     kept = inside[~statistical_outliers(inside)]
     grid = Grid.of_bounds(VOXEL_M[0], shapely.bounds(around).tolist())
-    pixels = filled(highest_voxels(voxels(kept), grid))
+    seen = highest_voxels(voxels(kept), grid)
     easting, northing = np.meshgrid(*grid.centres_m())
-    plane = soil_plane(pixels, grid, shapely.contains_xy(around, easting, northing) & ~shapely.contains_xy(crop, easting, northing))
-    heights = pixels - plane_heights(plane, grid)
+    sown = shapely.contains_xy(crop.buffer(math.sqrt(0.5) * grid.cell_m), easting, northing)  # also in part
+    soil = np.asarray(shapely.contains_xy(around, easting, northing) & ~sown)
+    plane = soil_plane(seen, grid, soil)  # "using measurements": pixels that were filled are none
+    heights = filled(seen) - plane_heights(plane, grid)
     region = grown_region(np.where(shapely.contains_xy(net, easting, northing), heights, np.nan))
     of_region = heights[region]
     return PublishedCrop(
@@ -109,7 +111,7 @@ def statistical_outliers(xyz_m: FloatArray, neighbours: int = NEIGHBOURS, sigmas
     if len(xyz_m) <= neighbours:
         return np.zeros(len(xyz_m), np.bool_)
     tree = cKDTree(xyz_m - xyz_m[0])
-    distance, _ = tree.query(tree.data, neighbours + 1, workers=-1)
+    distance: FloatArray = np.asarray(tree.query(tree.data, neighbours + 1, workers=-1)[0])
     mean = distance[:, 1:].mean(axis=1)
     out: BoolArray = mean > mean.mean() + sigmas * mean.std(ddof=1)
     return out

@@ -195,7 +195,11 @@ class SoilAround:
         flat = Relief(0.0, self.relief.range_m, math.hypot(self.relief.cell_m, self.relief.relief_m))
         plane = interpolated(parcel, cells, flat)
         # a plane does not know how far the soil departs from it: that is what the relief says
-        return None if plane is None else SoilPatch(plane.west_m, plane.south_m, plane.height_m, math.hypot(plane.sigma_m, patch.sigma_m))
+        return (
+            None
+            if plane is None
+            else SoilPatch(plane.west_m, plane.south_m, plane.height_m, math.hypot(plane.sigma_m, patch.sigma_m))
+        )
 
 
 def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface") -> SoilAround:

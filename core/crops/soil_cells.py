@@ -79,10 +79,12 @@ def without_crop(cells: SoilCells) -> SoilCells:
     of the distances) left out, until nothing changes. Crop lies above the soil: in the first rounds only cells above
     are left out.
     """
+    if not len(cells):
+        return cells
     kept = np.ones(len(cells), np.bool_)
-    design = np.column_stack([np.ones(len(cells)), cells.xy_m - cells.xy_m.mean(axis=0)]) if len(cells) else np.zeros(())
+    design = np.column_stack([np.ones(len(cells)), cells.xy_m - cells.xy_m.mean(axis=0)])
     for number in range(_ROUNDS):
-        if kept.sum() <= design.shape[-1]:
+        if kept.sum() <= design.shape[1]:
             break
         plane = np.linalg.lstsq(design[kept], cells.height_m[kept])[0]
         off = cells.height_m - design @ plane
@@ -103,8 +105,8 @@ def noise_in_pixels(xyz_m: FloatArray, pixel_m: float) -> FloatArray:
     """
     if not len(xyz_m):
         return np.zeros(0)
-    west, south, east, north = (*xyz_m[:, :2].min(axis=0), *xyz_m[:, :2].max(axis=0))
-    grid = Grid.of_bounds(pixel_m, (float(west), float(south), float(east), float(north)))
+    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    grid = Grid.of_bounds(pixel_m, (west, south, east, north))
     column, row = xyz_m[:, 0] / pixel_m - grid.west, grid.north - xyz_m[:, 1] / pixel_m
     means = pixel_returns(column, row, xyz_m[:, 2], grid).means_m
     second = means[..., 1] - means[..., 0]

@@ -76,10 +76,7 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")
 
 
-_UNREAD = {
-    "camera": "Images are not read by this version: the table [camera] is not used.",
-    "parcels": "Parcels are not analysed by this version: the table [parcels] is not used.",
-}
+_UNREAD = {"camera": "Images are not read by this version: the table [camera] is not used."}
 
 
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:

@@ -50,6 +50,11 @@ LOW_SPOTS: Final = "low_spots.tif"
 LOW_SPOT_OUTLINES: Final = "low_spots.gpkg"
 SURFACES_REPORT: Final = "surfaces.json"
 
+CROP_HEIGHT: Final = "crop_height.tif"
+PARCEL_TABLE: Final = "parcels.csv"
+PARCELS: Final = "parcels.gpkg"
+PARCELS_REPORT: Final = "parcels.json"
+
 TRAJECTORY: Final = "trajectory"
 """The layer of `field.gpkg` that every result has."""
 
@@ -69,7 +74,7 @@ def packaged_styles() -> frozenset[str]:
     return frozenset(style.name for style in files("furrowmap.exporters").joinpath("styles").iterdir())
 
 
-RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP)
+RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP, CROP_HEIGHT)
 RUN_PRODUCTS: Final = {
     CLOUD: "points: LAS 1.4, point format 6, cloud optimised; also a valid LAZ file",
     DSM: "surface at the end, in cells of 5 cm",
@@ -80,6 +85,8 @@ RUN_PRODUCTS: Final = {
     HEIGHT_ABOVE_GROUND: "`dsm.tif` minus the ground, of a flight",
     DENSITY: "points a square metre, of a flight",
     STRIP_OVERLAP: "number of strips that cover the ground, of a flight",
+    CROP_HEIGHT: "height of the crop above the soil in pixels of 4 cm, of a session with `[parcels]`",
+    PARCEL_TABLE: "the figures of the layer `parcels` as a table",
     **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},
     FIELD: "the layers below, each with its style stored inside",
     LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",
@@ -98,6 +105,8 @@ SURFACE_PRODUCTS: Final = (
     DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
 )  # fmt: skip
 """All files that `furrowmap surface` may write."""
+PARCEL_PRODUCTS: Final = (PARCELS, PARCEL_TABLE, CROP_HEIGHT, style_of(CROP_HEIGHT), PARCELS_REPORT)
+"""All files that `furrowmap parcels` may write."""
 
 
 class _Input(msgspec.Struct):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
 from furrowmap.core.surfaces.visits import SwathDifferences
@@ -48,6 +49,7 @@ from furrowmap.exporters.reports.page_parts import (
     section,
     table,
 )
+from furrowmap.exporters.reports.parcel_section import parcel_sections
 from furrowmap.exporters.reports.run_report import points_by_class, verdict
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
@@ -70,7 +72,12 @@ _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
 def write_page(
-    path: Path, found: RunResult, cloud: Path, summary: CopcSummary | None, rasters: RasterFigures | None
+    path: Path,
+    found: RunResult,
+    cloud: Path,
+    summary: CopcSummary | None,
+    rasters: RasterFigures | None,
+    parcels: Sequence[MeasuredParcel] = (),
 ) -> None:
     """Write `report.html`.
 
@@ -80,6 +87,7 @@ def write_page(
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
+        parcels: with their crops.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -89,6 +97,7 @@ def write_page(
     relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
     sections = [
         section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
+        *parcel_sections(parcels),
         *_tool(work),
         *_passes(work),
         section("GNSS", _quality(poses, found.frame)),

@@ -105,6 +105,11 @@ def surfaces_written(answer):
     return [path for path in (product(name)(answer) for name in SURFACES_OPENED) if path]
 
 
+def parcels_written(answer):
+    """The files of `parcels` that are opened as layers."""
+    return [path for path in (product(name)(answer) for name in ("parcels.gpkg", "crop_height.tif")) if path]
+
+
 FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
 
 ALGORITHMS = (
@@ -217,6 +222,41 @@ ALGORITHMS = (
         ),
         opens=True,
         layers=surfaces_written,
+    ),
+    Algorithm(
+        "parcels",
+        "Crops by parcel",
+        "surfaces",
+        "Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with "
+        "standard deviations: a layer of the parcels, a table, and a raster of crop heights.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "parcels_file": parameter(
+                "PARCELS",
+                "Parcels",
+                "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
+            ),
+            "--net-inset": parameter("NET_INSET", "Net parcels: metres off each end, off each side"),
+            "--output": parameter("OUTPUT", "Output folder"),
+        },
+        advanced={
+            "--net": parameter("NET", "Net parcels from a file"),
+            "--method": parameter("METHOD", "Method for heights and volumes"),
+            "--soil": parameter("SOIL", "Soil below the crop"),
+            "--compare": parameter("COMPARE", "Compute the published method, too"),
+            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
+            "--crs": CLOUDS["--crs"],
+            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("TABLE", "file", "Table of the parcels", product("parcels.csv")),
+            Output("CROP_HEIGHT", "raster", "Crop height", product("crop_height.tif")),
+            Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
+        ),
+        opens=True,
+        layers=parcels_written,
     ),
     Algorithm(
         "cloud",

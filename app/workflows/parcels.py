@@ -1,0 +1,286 @@
+"""Crops by parcel: heights and volumes from clouds and parcels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import rasterio
+from pyproj import CRS
+
+from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
+from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
+from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.site_soil import SOILS, site_soil
+from furrowmap.core.crops.soil import SoilMethod
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.errors import Notice, UsageError
+from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.session import Session
+from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import (
+    CROP_HEIGHT,
+    PARCEL_PRODUCTS,
+    PARCEL_TABLE,
+    PARCELS,
+    PARCELS_REPORT,
+    packaged_style,
+    style_of,
+)
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.rasters.crop_height import CropHeights
+from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_table
+from furrowmap.workflows.cloud_inputs import input_records, input_rows
+from furrowmap.workflows.surface import no_warning
+
+CACHE_BYTES: Final = 64 << 20
+
+
+@dataclass(frozen=True)
+class ParcelSettings:
+    """How crops are measured by parcel.
+
+    Attributes:
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        net: file with the net parcels, instead of an inset.
+        method: "canopy-top", or "christiansen2017", the published one.
+        soil: "surface" through the bare soil around the parcels, or "plane" through that around each.
+        compare: whether the published method is computed beside the default one.
+        classes: of the points to use; None for all but noise and the machine.
+        crs: of clouds without one.
+        dst_crs: of the output, projected in metres; None for that of the clouds.
+
+    Raises:
+        UsageError: if there is no such method.
+    """
+
+    net_inset_m: tuple[float, float] = (0.0, 0.0)
+    net: str | Path | None = None
+    method: Method = "canopy-top"
+    soil: SoilMethod = "surface"
+    compare: bool = False
+    classes: frozenset[int] | None = None
+    crs: str | None = None
+    dst_crs: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UsageError(
+                f"{self.method!r} is no method for heights of crops.",
+                "Nothing was done.",
+                f"Methods: {', '.join(METHODS)}.",
+                code="usage",
+            )
+        if self.soil not in SOILS:
+            raise UsageError(
+                f"{self.soil!r} is no way to find the soil below crops.",
+                "Nothing was done.",
+                f"Choices: {', '.join(SOILS)}.",
+                code="usage",
+            )
+
+    @property
+    def published(self) -> bool:
+        """Whether the published method is computed."""
+        return self.compare or self.method == "christiansen2017"
+
+    @property
+    def around_m(self) -> float | None:
+        """Width of the strip around the gross parcels whose points are needed; None for the net parcels only."""
+        return AROUND_M if self.published else None
+
+
+def parcels(
+    clouds: Sequence[str | Path],
+    parcels: str | Path,
+    out: str | Path,
+    settings: ParcelSettings = ParcelSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    warn: Callable[[Notice], None] = no_warning,
+) -> dict[str, Any]:
+    """Measure height and volume of the crop on each parcel.
+
+    Args:
+        clouds: LAS, LAZ or COPC files, which are used together.
+        parcels: vector file, or CSV of corners, with the gross parcels.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: net parcels, method, soil, CRS and more.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
+
+    Returns:
+        The content of `parcels.json`: inputs, CRS, parameters, a row of figures per parcel, warnings, products.
+
+    Raises:
+        InputError: if a file cannot be read, the parcels are elsewhere, or no point lies in one.
+        RefusedError: if the folder holds such products.
+        OSError: if the folder cannot be written to.
+    """
+    folder, file = Path(out), Path(parcels)
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    with (
+        staged_folder(folder) as staging,
+        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
+        ParcelPoints(areas, staging.parent, settings.around_m) as points,
+    ):
+        notices, span_s = _collect(opened, points, settings, progress)
+        records = [*input_records(opened, progress), *file_records([file], file.parent)]
+        origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
+        written = write_parcels(staging, points, settings, opened.crs, origin, progress)
+        layer = parcel_layer(written.found)
+        write_layer(staging / PARCELS, layer, opened.crs, indexed=False, origin=origin)
+        write_styles(staging / PARCELS, [LAYER])
+        for notice in (*opened.notices, *notices, *written.notices):
+            warn(notice)
+        account = {
+            "furrowmap": version("furrowmap"),
+            "inputs": input_rows(opened, records[: len(opened.files)]),
+            "parcels_file": records[-1],
+            "crs": name_of(opened.crs),
+            **written.account,
+            "warnings": [*opened.notices, *notices, *written.notices],
+            "products": sorted([*(path.name for path in staging.iterdir()), PARCELS_REPORT]),
+        }
+        (staging / PARCELS_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
+    return dict(plain(account))
+
+
+def parcel_settings(session: Session) -> ParcelSettings:
+    """The settings in `[parcels]` of a session.
+
+    Raises:
+        UsageError: if it names no method, or no way to find the soil.
+    """
+    stated = session.parcels
+    if stated is None:
+        return ParcelSettings()
+    method: Any = stated.method or "canopy-top"
+    soil: Any = stated.soil or "surface"
+    return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil)
+
+
+@contextmanager
+def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints | None]:
+    """What collects the points of a session's parcels; None where it has none, or no scanner.
+
+    Raises:
+        InputError: if the parcels cannot be read.
+        UsageError: as :func:`parcel_settings`.
+    """
+    path, settings = opened.inputs.parcels, parcel_settings(opened.session)
+    if path is None or not opened.session.recording.lidar:
+        yield None
+        return
+    areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
+    with ParcelPoints(areas, folder, settings.around_m) as points:
+        yield points
+
+
+def _collect(
+    clouds: Clouds, points: ParcelPoints, settings: ParcelSettings, progress: Progress
+) -> tuple[list[Notice], tuple[float, float] | None]:
+    """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
+
+    Raises:
+        InputError: if there are none.
+    """
+    notices: list[Notice] = []
+    first_s, last_s = math.inf, -math.inf
+    total = max(clouds.points, 1)
+
+    def seen(survey: Survey) -> None:
+        notices.extend(survey.notices())
+
+    for batch in clouds.batches(
+        points.box_m, settings.classes, seen, lambda done: progress("reading clouds", min(done / total, 1.0))
+    ):
+        points.add(batch.xyz_m)
+        if batch.t_s is not None and len(batch.t_s):
+            known = batch.t_s[batch.t_s == batch.t_s]
+            if len(known):
+                first_s, last_s = min(first_s, float(known.min())), max(last_s, float(known.max()))
+    if not points.count:
+        raise no_points_error(clouds, points.box_m)
+    return notices, (first_s, last_s) if first_s <= last_s else None
+
+
+@dataclass(frozen=True)
+class WrittenParcels:
+    """Parcels that were measured and written.
+
+    Attributes:
+        found: the parcels.
+        account: parameters, soil, and a row per parcel, for JSON.
+        notices: warnings.
+    """
+
+    found: list[MeasuredParcel]
+    account: dict[str, Any]
+    notices: list[Notice]
+
+
+def write_parcels(
+    folder: Path, points: ParcelPoints, settings: ParcelSettings, crs: CRS, origin: Origin, progress: Progress
+) -> WrittenParcels:
+    """Measure the parcels and write their table and the raster of crop heights.
+
+    Args:
+        folder: to write to.
+        points: of the parcels.
+        settings: of the measurement.
+        crs: of the map.
+        origin: provenance.
+        progress: receives the stage "measuring parcels".
+    """
+    soil = site_soil(points, settings.soil)
+    found: list[MeasuredParcel] = []
+    with CropHeights(folder.parent) as heights:
+        rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published)
+        for row, canopy in rows:
+            heights.add(canopy)
+            found.append(row)
+            progress("measuring parcels", len(found) / len(points.parcels))
+        if heights.write(folder / CROP_HEIGHT, crs, origin):
+            (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
+    layer = parcel_layer(found)
+    write_parcel_table(folder / PARCEL_TABLE, layer)
+    unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
+    notices = [_unmeasured(unknown, len(found))] if unknown else []
+    account = {
+        "parameters": {
+            "method": settings.method,
+            "soil": str(settings.soil),
+            "net_inset_m": list(settings.net_inset_m),
+        },
+        "soil": soil.plain(),
+        "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
+    }
+    return WrittenParcels(found, account, notices)
+
+
+def _unmeasured(names: Sequence[str], total: int) -> Notice:
+    shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
+    text = (
+        f"{len(names)} of {total} parcels have no height ({shown}): no points lie in them, or no bare soil is near. "
+        "Bare soil is looked for up to 3 m around the gross parcels."
+    )
+    return Notice("parcels-unmeasured", text)

@@ -1,0 +1,111 @@
+"""`furrowmap parcels`: height and volume of crops by parcel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.point_options import classes_of
+from furrowmap.cli.tables import file_size, table
+from furrowmap.core.values.errors import printable
+
+SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
+MOST_ROWS = 60
+PARCEL_TABLE = "parcels.csv"
+
+
+@click.command(
+    short_help="Measure height and volume of crops by parcel.",
+    epilog="\b\nExample:\n  furrowmap parcels flight.copc.laz parcels.geojson -o crops --net-inset 1.0 0.11",
+)
+@click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
+@click.argument("parcels_file", metavar="PARCELS", type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
+@click.option(
+    "--net-inset",
+    type=(click.FloatRange(0), click.FloatRange(0)),
+    default=(0.0, 0.0),
+    metavar="ENDS SIDES",
+    help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
+)
+@click.option("--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset.")
+@click.option(
+    "--method",
+    type=click.Choice(["canopy-top", "christiansen2017"]),
+    default="canopy-top",
+    show_default=True,
+    help="Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.",
+)
+@click.option(
+    "--soil",
+    type=click.Choice(["surface", "plane"]),
+    default="surface",
+    show_default=True,
+    help="Soil below the crop: a surface through the bare soil around the parcels, or a plane around each.",
+)
+@click.option("--compare", is_flag=True, help="Compute the published method beside the default one.")
+@click.option(
+    "--class",
+    "classes",
+    metavar="N,N",
+    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
+)
+@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
+@common_options
+def parcels(
+    console: Console,
+    clouds: tuple[Path, ...],
+    parcels_file: Path,
+    output: Path,
+    net_inset: tuple[float, float],
+    net: Path | None,
+    method: Any,
+    soil: Any,
+    classes: str | None,
+    crs: str | None,
+    dst_crs: str | None,
+    *,
+    compare: bool,
+    overwrite: bool,
+) -> None:
+    """Measure height and volume of the crop on each parcel of PARCELS from CLOUDs (LAS, LAZ or COPC).
+
+    PARCELS is a GeoPackage, Shapefile (also zipped), GeoJSON, FlatGeobuf, KML, or a CSV of corners, with the gross
+    parcels. Writes parcels.gpkg, parcels.csv, crop_height.tif and parcels.json.
+    """
+    settings = furrowmap.ParcelSettings(
+        net_inset_m=net_inset,
+        net=net,
+        method=method,
+        soil=soil,
+        compare=compare,
+        classes=classes_of(classes, "--class"),
+        crs=crs,
+        dst_crs=dst_crs,
+    )
+    with console.work() as progress:
+        account = furrowmap.parcels(
+            clouds, parcels_file, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
+        )
+    console.answer({"folder": output, **account}, _words(account, output))
+
+
+def _words(account: dict[str, Any], folder: Path) -> str:
+    rows = [[printable(str(row["id"])), *(_number(row[name]) for name in SHOWN)] for row in account["parcels"]]
+    lines = [["id", *SHOWN], *rows[:MOST_ROWS]]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    shown = "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in lines)
+    more = f"\n… {len(rows) - MOST_ROWS} more in {PARCEL_TABLE}" if len(rows) > MOST_ROWS else ""
+    files = [(printable(name), file_size(folder / name)) for name in account["products"]]
+    return f"{shown}{more}\n{printable(str(folder))}:\n{table(files)}"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"

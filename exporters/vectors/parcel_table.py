@@ -1,0 +1,73 @@
+"""The figures of parcels as a layer, and as a table for spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.crops.figures import ParcelFigures
+from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
+
+LAYER: Final = "parcels"
+_DIGITS: Final = {"m": 4, "m2": 2, "m3": 4, "cv": 4}
+"""Decimals in the table by the unit at the end of a name."""
+
+
+def parcel_layer(found: Sequence[MeasuredParcel]) -> Layer:
+    """A feature per parcel: its net polygon, its figures, and what else is known of it."""
+    columns: Columns = {"id": _texts([row.parcel.id for row in found])}
+    if any(row.parcel.block is not None for row in found):
+        columns["block"] = _texts([row.parcel.block for row in found])
+    for field in fields(ParcelFigures)[1:]:
+        columns[field.name] = np.array([getattr(row.figures, field.name) for row in found])
+    if any(np.isfinite(row.published_height_m) for row in found):
+        columns["published_height_m"] = np.array([row.published_height_m for row in found])
+        columns["published_volume_m3"] = np.array([row.published_volume_m3 for row in found])
+    for name in dict.fromkeys(name for row in found for name in row.parcel.attributes):
+        if name.casefold() not in {known.casefold() for known in (*columns, "fid", "geom")}:
+            columns[name] = _values([row.parcel.attributes.get(name) for row in found])
+    shapes = geometry_array([row.parcel.net for row in found])
+    return Layer(LAYER, "Polygon", "Net parcels: height and volume of the crop", shapes, columns)
+
+
+def write_parcel_table(path: Path, layer: Layer) -> None:
+    """Write the columns of a layer of parcels as CSV; what is not known is empty.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow([cell(name) for name in layer.columns])
+        for row in range(len(layer.shapes)):
+            table.writerow([_written(name, values[row]) for name, values in layer.columns.items()])
+
+
+def _written(name: str, value: Any) -> object:
+    """A value for a cell."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    if isinstance(value, np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, np.floating):
+        return round(float(value), _DIGITS.get(name.rpartition("_")[2], 4))
+    return cell(value.item() if isinstance(value, np.generic) else value)
+
+
+def _texts(values: Sequence[str | None]) -> Any:
+    return np.array(values, dtype=object)
+
+
+def _values(values: Sequence[str | float | None]) -> Any:
+    """Numbers where all are, with nan where there is none; else texts."""
+    if all(value is None or isinstance(value, int | float) for value in values):
+        return np.array([np.nan if value is None else float(value) for value in values])
+    return _texts([None if value is None else str(value) for value in values])

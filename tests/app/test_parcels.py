@@ -1,0 +1,126 @@
+"""`furrowmap parcels`: from a LAS and parcels to a layer, a table and a raster."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import geopandas as gpd
+import laspy
+import numpy as np
+import pyproj
+import pytest
+import rasterio
+import shapely
+
+import furrowmap
+from furrowmap.cli.main import command_line
+from furrowmap.core.values.errors import FurrowmapError, UsageError
+
+CRS = "EPSG:25832"
+EAST, NORTH = 651_500.0, 6_133_880.0
+HEIGHTS = {"7": 0.45, "8": 0.60, "far": 0.0}
+"""Of the crop on each parcel; no point lies in the third."""
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trial")
+    rng = np.random.default_rng(8)
+    gross = {
+        "7": shapely.box(0, 0, 4, 1.5), "8": shapely.box(0, 2.5, 4, 4), "far": shapely.box(30, 0, 34, 1.5)
+    }  # fmt: skip
+    xy = rng.uniform((-1.5, -1.5), (5.5, 5.5), (160_000, 2))
+    height = 70.0 + 0.01 * xy[:, 0] + 0.01 * rng.standard_normal(len(xy))
+    for name in ("7", "8"):
+        inside = shapely.contains_xy(gross[name], *xy.T)
+        height[inside] += np.maximum(HEIGHTS[name] - 0.07 * rng.weibull(1.3, int(inside.sum())), 0.0)
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = np.full(3, 0.001), np.array([EAST, NORTH, 0.0])
+    header.add_crs(pyproj.CRS(CRS))
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xy[:, 0] + EAST, xy[:, 1] + NORTH, height
+    las.return_number[:] = las.number_of_returns[:] = 1
+    las.write(folder / "flight.laz")
+    parcels = gpd.GeoDataFrame(
+        {"id": list(gross), "block": [1, 1, 2], "variety": ["Benchmark", "Benchmark", "=Sheriff"]},
+        geometry=[shapely.transform(shape, lambda en: en + np.array([EAST, NORTH])) for shape in gross.values()],
+        crs=CRS,
+    )
+    parcels.to_file(folder / "parcels.gpkg")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def crops(trial: Path) -> tuple[Path, dict[str, object]]:
+    settings = furrowmap.ParcelSettings(net_inset_m=(0.5, 0.1), compare=True)
+    return trial / "crops", furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", trial / "crops", settings)
+
+
+def test_parcels__layer_and_table_hold_the_same_heights(crops: tuple[Path, dict[str, object]]) -> None:
+    folder, account = crops
+    layer = gpd.read_file(folder / "parcels.gpkg", layer="parcels").set_index("id")
+    with (folder / "parcels.csv").open(encoding="utf-8", newline="") as file:
+        rows = {row["id"]: row for row in csv.DictReader(file)}
+    for name in ("7", "8"):
+        found = layer.loc[name]
+        assert found.mean_height_m == pytest.approx(HEIGHTS[name], abs=0.006)
+        assert abs(found.mean_height_m - HEIGHTS[name]) < 2.5 * found.height_sigma_m
+        assert found.volume_m3 == pytest.approx(HEIGHTS[name] * 3.0 * 1.3, rel=0.02)
+        assert found.published_height_m == pytest.approx(HEIGHTS[name], abs=0.04)
+        assert float(rows[name]["mean_height_m"]) == pytest.approx(found.mean_height_m, abs=1e-4)
+        assert rows[name]["lodging"] == "no"
+        assert rows[name]["block"] == "1"
+    assert np.isnan(layer.loc["far"].mean_height_m)
+    assert rows["far"]["mean_height_m"] == ""
+    assert rows["far"]["variety"] == "'=Sheriff"
+    assert json.loads((folder / "parcels.json").read_text(encoding="utf-8")) == account
+    assert [warning["code"] for warning in account["warnings"]] == ["parcels-unmeasured"]  # type: ignore[attr-defined]
+
+
+def test_parcels__raster_has_the_mean_of_the_table(crops: tuple[Path, dict[str, object]]) -> None:
+    folder, account = crops
+    with rasterio.open(folder / "crop_height.tif") as raster:
+        heights = raster.read(1)
+        assert raster.crs.to_epsg() == 25832
+        assert raster.res == pytest.approx((0.04, 0.04))
+        values = [next(raster.sample([(EAST + x, NORTH + y)]))[0] for x, y in ((2.0, 0.75), (2.0, 3.25), (2.0, 2.0))]
+    assert values[:2] == pytest.approx([0.45, 0.60], abs=0.08)
+    assert np.isnan(values[2])
+    known = [row for row in account["parcels"] if row["id"] != "far"]  # type: ignore[attr-defined]
+    assert np.nansum(heights) * 0.0016 == pytest.approx(sum(row["volume_m3"] for row in known), rel=0.04)
+
+
+def test_parcels__command_says_the_same(trial: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("parcels", trial / "flight.laz", trial / "parcels.gpkg", "-o", trial / "again", "--net-inset", 0.5, 0.1)
+    assert command_line([str(word) for word in words]) == 0
+    out = capsys.readouterr().out
+    assert "mean_height_m" in out
+    assert "parcels.csv" in out
+    assert command_line([str(word) for word in words]) == 4
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_parcels__published_method_states_no_sigma(trial: Path) -> None:
+    settings = furrowmap.ParcelSettings(net_inset_m=(0.5, 0.1), method="christiansen2017", soil="plane")
+    account = furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", trial / "published", settings)
+    row = account["parcels"][0]
+    assert row["mean_height_m"] == row["published_height_m"]
+    assert row["height_sigma_m"] is None
+
+
+def test_parcels__of_another_place_leave_nothing(trial: Path, tmp_path: Path) -> None:
+    places = gpd.read_file(trial / "parcels.gpkg")
+    places.geometry = places.geometry.translate(5000.0)
+    places.to_file(tmp_path / "elsewhere.gpkg")
+    with pytest.raises(FurrowmapError) as raised:
+        furrowmap.parcels([trial / "flight.laz"], tmp_path / "elsewhere.gpkg", tmp_path / "out")
+    assert raised.value.code == "no-points-left"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("wrong", [{"method": "tallest"}, {"soil": "guessed"}])
+def test_parcel_settings__refuse_what_is_not_known(wrong: dict[str, str]) -> None:
+    with pytest.raises(UsageError):
+        furrowmap.ParcelSettings(**wrong)  # type: ignore[arg-type]

@@ -1,0 +1,82 @@
+"""The penetration of a canopy, against closed forms and against pulses drawn by chance."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
+from furrowmap.core.crops.pixels import pixel_returns
+from furrowmap.core.surfaces.grid import Grid
+
+
+def drawn(rng: np.random.Generator, shape: float, scale: float, noise: float, size: tuple[int, ...]) -> np.ndarray:
+    """Heights of returns below a top at 0."""
+    return -scale * rng.weibull(shape, size) + noise * rng.standard_normal(size)
+
+
+@pytest.mark.parametrize("shape", [0.9, 1.0, 1.4, 2.2])
+def test_penetration__without_noise_has_the_closed_form_of_the_weibull_law(shape: float) -> None:
+    scale = 0.09
+    mean = scale * math.gamma(1.0 + 1.0 / shape)
+    least = [mean * n ** (-1.0 / shape) for n in range(1, MOST_RETURNS + 1)]  # of n depths
+    _, second, third = l_moments_of(*(-value for value in least[:3]))
+    found = penetration_of(float(second), float(third), noise_m=0.002)
+    assert found.shape == pytest.approx(shape, abs=0.04)
+    assert found.mean_depth_m == pytest.approx(mean, rel=0.02)
+    assert found.top_above_highest_m()[1:] == pytest.approx(least, rel=0.05, abs=0.001)
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.floats(1.0, 2.0), st.floats(0.06, 0.15), st.floats(0.003, 0.015), st.integers(0, 1000))
+def test_penetration__of_pulses_with_noise_gives_their_mean_depth(
+    shape: float, scale: float, noise: float, seed: int
+) -> None:
+    heights = drawn(np.random.default_rng(seed), shape, scale, noise, (60_000, 3))
+    means = [heights[:, :k].max(axis=1).mean() for k in (1, 2, 3)]
+    _, second, third = l_moments_of(*means)
+    found = penetration_of(float(second), float(third), noise)
+    true = scale * math.gamma(1.0 + 1.0 / shape)
+    assert found.mean_depth_m == pytest.approx(true, rel=0.08)
+    # the top from one return, from the higher of two, from the highest of three: the same
+    tops = [mean + found.top_above_highest_m()[k] for k, mean in zip((1, 2, 3), means, strict=True)]
+    assert tops == pytest.approx([0.0] * 3, abs=0.08 * true)
+
+
+def test_penetration__spread_of_the_highest_is_that_of_pulses() -> None:
+    heights = drawn(np.random.default_rng(5), 1.4, 0.09, 0.012, (40_000, 8))
+    model = Penetration(1.4, 0.09, 0.012).spread_of_highest_m()
+    for n in (1, 4, 8):
+        assert model[n] == pytest.approx(heights[:, :n].max(axis=1).std(), rel=0.03)
+
+
+def test_penetration__of_a_hard_surface_is_near_nothing() -> None:
+    heights = 0.012 * np.random.default_rng(6).standard_normal((60_000, 3))
+    _, second, third = l_moments_of(*(heights[:, :k].max(axis=1).mean() for k in (1, 2, 3)))
+    assert penetration_of(float(second), float(third), 0.012).mean_depth_m < 0.015
+
+
+def test_pixel_returns__are_means_over_all_choices() -> None:
+    rng = np.random.default_rng(7)
+    heights = rng.normal(size=11)
+    grid = Grid.of_bounds(1.0, (0.0, 0.0, 1.9, 0.9))
+    found = pixel_returns(np.full(11, 1.5), np.full(11, 0.5), heights, grid)
+    for k in (1, 2, 3):
+        expected = np.mean([max(chosen) for chosen in combinations(heights.tolist(), k)])
+        assert found.means_m[0, 1, k - 1] == pytest.approx(expected)
+    expected = np.mean([max(chosen) for chosen in combinations(heights.tolist(), MOST_RETURNS)])
+    assert found.highest_m[0, 1] == pytest.approx(expected)
+    assert found.count.tolist() == [[0, 11]]
+    assert np.isnan(found.highest_m[0, 0])
+
+
+def test_pixel_returns__of_few_are_the_highest() -> None:
+    grid = Grid.of_bounds(1.0, (0.0, 0.0, 0.9, 0.9))
+    found = pixel_returns(np.array([0.5, 0.1]), np.array([0.5, 0.9]), np.array([3.0, 5.0]), grid)
+    assert found.highest_m[0, 0] == 5.0
+    assert np.isnan(found.means_m[0, 0]).all()
