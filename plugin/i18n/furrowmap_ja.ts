@@ -59,6 +59,8 @@
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
   <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
   <message><source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。</translation></message>
+  <message><source>Compute the published method beside the default one.</source><translation>公表された方法も既定の方法とあわせて計算します。</translation></message>
+  <message><source>Compute the published method, too</source><translation>公表された方法も計算</translation></message>
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
@@ -66,7 +68,9 @@
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
+  <message><source>Crop height</source><translation>作物の高さ</translation></message>
   <message><source>Crops and trials</source><translation>作物と試験</translation></message>
+  <message><source>Crops by parcel</source><translation>区画ごとの作物</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
   <message><source>Days of the flights</source><translation>飛行日</translation></message>
@@ -103,6 +107,7 @@
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
   <message><source>Give either '{one}' or '{other}'.</source><translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation></message>
+  <message><source>Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.</source><translation>区画全体のポリゴン。GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、または角の座標の CSV。</translation></message>
   <message><source>Ground classification</source><translation>地面の分類</translation></message>
   <message><source>Ground classification method: ground becomes class 2, the rest class 1, except noise and the machine in furrowmap's own clouds. none keeps the classes.</source><translation>地面の分類方法。地面はクラス 2、その他はクラス 1 になります（ノイズと、furrowmap の点群の車両・作業機を除く）。none はクラスを変更しません。</translation></message>
   <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation>地面の分類方法。auto は入力に地面のクラスがあればそれを、なければ smrf を使います。</translation></message>
@@ -115,6 +120,7 @@
   <message><source>Known point</source><translation>既知点</translation></message>
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
+  <message><source>LAS, LAZ or COPC files; they are used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
   <message><source>Lay out the plots of a trial</source><translation>試験区を配置</translation></message>
   <message><source>Layers</source><translation>レイヤ</translation></message>
@@ -132,11 +138,18 @@
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
   <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
   <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
+  <message><source>Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with standard deviations: a layer of the parcels, a table, and a raster of crop heights.</source><translation>任意の LAS、LAZ、COPC 点群から、区画ごとに作物の高さと体積を標準偏差とともに求めます。区画のレイヤ、表、作物の高さのラスタを出力します。</translation></message>
+  <message><source>Method for heights and volumes</source><translation>高さと体積の方法</translation></message>
+  <message><source>Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.</source><translation>高さと体積の方法。点密度で偏らない群落上端、または 2017 年に公表された方法。</translation></message>
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
   <message><source>NMEA, or another log that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>Net parcels from a file</source><translation>調査区画のファイル</translation></message>
+  <message><source>Net parcels with the same identifiers, instead of an inset.</source><translation>同じ識別子をもつ調査区画。内側への幅の代わりに指定します。</translation></message>
+  <message><source>Net parcels: metres off each end, off each side</source><translation>調査区画：両端と両側から除く幅（m）</translation></message>
   <message><source>Number each block anew</source><translation>ブロックごとに番号を付け直す</translation></message>
+  <message><source>Number of parcels</source><translation>区画の数</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
   <message><source>Number of sessions</source><translation>セッションの数</translation></message>
   <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
@@ -166,6 +179,7 @@
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
   <message><source>Overwrite the products of another session</source><translation>別のセッションの成果物を上書き</translation></message>
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
+  <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Path</source><translation>通路（行の間）</translation></message>
   <message><source>Plots</source><translation>試験区</translation></message>
   <message><source>Plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
@@ -209,6 +223,8 @@
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
+  <message><source>Soil below the crop</source><translation>作物の下の土壌面</translation></message>
+  <message><source>Soil below the crop: a surface through the bare soil around the parcels, or a plane around each.</source><translation>作物の下の土壌面。区画の周りの裸地を通る曲面、または区画ごとの平面。</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
   <message><source>Strict</source><translation>厳密</translation></message>
@@ -218,6 +234,7 @@
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Table of the parcels</source><translation>区画の表</translation></message>
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
@@ -237,6 +254,7 @@
   <message><source>Whether every second run of numbers goes back.</source><translation>番号を一列おきに折り返すかどうか。</translation></message>
   <message><source>Whether numbers run along rows (from column to column) or along columns.</source><translation>番号を行に沿って（列から列へ）進めるか、列に沿って進めるか。</translation></message>
   <message><source>Whether rows or columns are blocks (replicates).</source><translation>行または列をブロック（反復）とするかどうか。</translation></message>
+  <message><source>Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].</source><translation>区画全体と調査区画の間の幅（m）。両端、両側の順 [既定値: なし]。</translation></message>
   <message><source>Width of a plot</source><translation>試験区の幅</translation></message>
   <message><source>Width of a plot across the base line.</source><translation>基線に直交する試験区の幅。</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>

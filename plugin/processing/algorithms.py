@@ -226,7 +226,7 @@ ALGORITHMS = (
     Algorithm(
         "parcels",
         "Crops by parcel",
-        "surfaces",
+        "crops",
         "Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with "
         "standard deviations: a layer of the parcels, a table, and a raster of crop heights.",
         basic={
