@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import rasterio
 from pyproj import CRS
 
 from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
@@ -44,8 +43,6 @@ from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_table
 from furrowmap.workflows.cloud_inputs import input_records, input_rows
 from furrowmap.workflows.surface import no_warning
-
-CACHE_BYTES: Final = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -139,7 +136,6 @@ def parcels(
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     with (
         staged_folder(folder) as staging,
-        rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES),
         ParcelPoints(areas, staging.parent, settings.around_m) as points,
     ):
         notices, span_s = _collect(opened, points, settings, progress)
