@@ -58,3 +58,10 @@ def test_promise_23__damaged_bytes_are_refused_or_a_value_of_that_type(data: byt
 def test_array_of_objects__is_refused() -> None:
     with pytest.raises(TypeError, match="cannot be packed"):
         pack(Value(np.array([object()]), 1.0, (), {}))
+
+
+@pytest.mark.parametrize("value", [1.5, [1.0, 2.0], "text", None, {"a": 1}])
+def test_what_is_no_array__is_told_by_its_type(value: Any) -> None:
+    kind = type(value).__name__
+    with pytest.raises(ValueError, match=f"{kind} instead of .*ndarray"):
+        unpack(pack({"array": value, "number": 1.0, "notices": (), "figures": {}}), Value)
