@@ -13,6 +13,7 @@ import numpy as np
 from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, adjusted_by_strips
 from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, at_shifted_times, strip_returns
 from furrowmap.core.geodesy.projection import MapFrame
@@ -121,11 +122,15 @@ def run(
     lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     located, matched, flown, implement = _match(opened, guess, carrier, lidar, progress, checkpoint)
+    if located.trajectory is not guess.trajectory:
+        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
     lidar = _by_used_clock(lidar, matched).ahead_by(-flown.clock_used_s)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
-    placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier)
+    # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
+    scale = _ground_scale(frame, located.trajectory) if matched is None else 1.0
+    placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -181,7 +186,8 @@ def _match(
         read = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
         scans = map(implement.looked_at, read)
         returns = strip_returns(scans, carrier if carrier is not None else guess.trajectory)
-        return guess, None, _flown(returns, guess.trajectory, session, carrier), implement
+        located, flown = _flown(opened, guess, returns, carrier)
+        return located, None, flown, implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -210,6 +216,7 @@ class _Flown:
     boresight: Boresight | None = None
     strips: tuple[Strip, ...] = ()
     strip_differences: StripDifferences | None = None
+    strip_adjustment: StripAdjustment | None = None
 
     @property
     def clock_used_s(self) -> float:
@@ -217,13 +224,23 @@ class _Flown:
         return self.boresight.clock_used_s if self.boresight is not None and self.boresight.certain else 0.0
 
 
-def _flown(returns: StripReturns, trajectory: Trajectory, session: Session, carrier: Trajectory | None) -> _Flown:
-    """Boresight, strips and their differences."""
-    stated = session.lidar.mounting
-    found, strips = boresight(returns, trajectory, stated, carrier), find_strips(trajectory)
-    if found is not None and found.certain and found.clock_used_s:
-        returns = at_shifted_times(returns, carrier if carrier is not None else trajectory, found.clock_used_s)
-    return _Flown(found, strips, strip_differences(returns, strips, stated, _mounting(session, None, found)))
+def _flown(
+    opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
+) -> tuple[Located, _Flown]:
+    """Boresight, strips and their differences; the trajectory adjusted by the strips."""
+    stated, located, adjusted = opened.session.lidar.mounting, guess, None
+    found = boresight(returns, guess.trajectory, stated, carrier)
+    if found is not None and found.certain:
+        if found.clock_used_s:
+            returns = at_shifted_times(returns, guess.trajectory if carrier is None else carrier, found.clock_used_s)
+        if guess.pose_errors is not None:
+            adjusted = adjusted_by_strips(returns, guess.trajectory, guess.pose_errors(), found, stated)
+            located, found = replace(guess, trajectory=adjusted.trajectory), adjusted.boresight
+            carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
+            returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
+    strips = find_strips(located.trajectory)
+    differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
+    return located, _Flown(found, strips, differences, adjusted)
 
 
 def _by_used_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:
@@ -307,11 +324,18 @@ def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
         yield scan
 
 
-def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None = None) -> Placer:
+def _ground_scale(frame: MapFrame, trajectory: Trajectory) -> float:
+    """Metres of the map for a metre on the ground in the middle of a trajectory."""
+    e, n, h = np.median(trajectory.xyz_m, axis=0)
+    lon, lat = frame.to_lon_lat(np.array([e]), np.array([n]))
+    return frame.ground_scale(float(lon[0]), float(lat[0]), float(h))
+
+
+def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None = None, scale: float = 1.0) -> Placer:
     """What places the points of a scanner mounted so, against a round local origin in the middle of the drive."""
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
-    return Placer(located.trajectory, mounting, (e, n, h), carrier)
+    return Placer(located.trajectory, mounting, (e, n, h), carrier, scale)
 
 
 def _yaw_differs(used: Mounting, stated: Mounting) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Proj, Transformer
 from pyproj.exceptions import CRSError
 
+from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
 from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.geodesy.stated_frame import StatedFrame, stated_frame
@@ -126,6 +127,11 @@ class MapFrame:
         """Scale at a site: map distance over ellipsoidal distance, mean of meridian and parallel."""
         factors: Any = Proj(self.crs).get_factors(lon_deg, lat_deg)
         return 0.5 * float(factors.meridional_scale + factors.parallel_scale)
+
+    def ground_scale(self, lon_deg: float, lat_deg: float, height_m: float) -> float:
+        """Map distance over distance on the ground at an ellipsoidal height."""
+        radius = radius_m(lat_deg)
+        return self.scale(lon_deg, lat_deg) * radius / (radius + height_m)
 
     def _refuse_stretched(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
         if not len(lon_deg):

@@ -26,12 +26,14 @@ class Placer:
         mounting: of the sensor.
         origin_m: local origin (easting, northing, height) that is taken off the coordinates given out.
         carrier: trajectory of the frame that the mounting refers to, where that is not the vehicle: a moving mount.
+        scale: metres of the map for a metre on the ground, by which eastings and northings of ranges are stretched.
     """
 
     trajectory: Trajectory
     mounting: Mounting
     origin_m: tuple[float, float, float]
     carrier: Trajectory | None = None
+    scale: float = 1.0
 
     @cached_property
     def _knots(self) -> tuple[FloatArray, ...]:
@@ -40,7 +42,7 @@ class Placer:
         return (
             np.ascontiguousarray(t.t_s),
             np.ascontiguousarray(t.xyz_m - np.asarray(self.origin_m)),
-            np.ascontiguousarray(quaternion_to_matrix(t.quaternion)),
+            np.ascontiguousarray(quaternion_to_matrix(t.quaternion) * [[self.scale], [self.scale], [1.0]]),
             np.ascontiguousarray(t.turn_rad),
         )
 
@@ -75,7 +77,8 @@ def place_points(  # type: ignore[no-untyped-def]
 ):
     """Kernel of :meth:`Placer.place`: ``p = X(t) + R(t) (M p_lidar + lever)``.
 
-    Between knots X is straight and ``R(t) = R_k exp(s·ω)``: Rodrigues' formula about the turn ω to the next knot.
+    Between knots X is straight and ``R(t) = R_k exp(s·ω)``: Rodrigues' formula about the turn ω to the next knot. The
+    rows of R that give easting and northing may be multiplied by a scale.
     """
     n, m = len(t_s), len(knot_s)
     out = np.empty((n, 3))

@@ -23,6 +23,8 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
+from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.estimation.marginal import marginal_covariance
 from furrowmap.core.estimation.observation import Observation, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions
 from furrowmap.core.estimation.robust import HUBER
@@ -41,6 +43,7 @@ from furrowmap.core.trajectory.inertial_start import (
     without_positions,
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
+from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import (
     Offsets,
     positions_of,
@@ -63,6 +66,8 @@ MOST_VARIANCE: Final = 1.3
 """Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
 NOISE_ROUNDS: Final = 6
 ROUNDS: Final = 10
+NODE_S: Final = 1.0
+MOST_NODES: Final = 150
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
 """The adjustment ends when no pose moves by more."""
@@ -100,14 +105,50 @@ class InertialFigures:
 
 
 @dataclass(frozen=True)
+class Adjusted:
+    """Result of the adjustment.
+
+    Attributes:
+        problem: its input.
+        state: at the knots.
+        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
+        observed: the positions with their weights.
+        rounds: how many were needed.
+        variance_factor: squared residuals over their expected ones.
+    """
+
+    problem: Problem
+    state: State
+    sigma: FloatArray
+    observed: AntennaPositions
+    rounds: int
+    variance_factor: float
+
+
+@dataclass(frozen=True)
 class InertialTrajectory(GnssTrajectory):
     """A trajectory at the times of the IMU, and what it was made of.
 
     Attributes:
         figures: for the report.
+        adjusted: what it was made of.
     """
 
     figures: InertialFigures
+    adjusted: Adjusted
+
+    def pose_errors(self) -> PoseErrors:
+        """Errors of the poses at nodes in time, zero as far as positions and IMU say, and their joint covariance.
+
+        The nodes are NODE_S apart; on long drives further, so that they are no more than MOST_NODES.
+        """
+        a = self.adjusted
+        knots = a.problem.knots
+        step = max(round(NODE_S / STEP_S), -(-len(knots) // MOST_NODES))
+        nodes = np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))
+        equations = normal_equations((a.observed, *_beside(a.problem)), knots, a.state)
+        covariance = marginal_covariance(equations, a.state.layout.size, nodes, POSE)
+        return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)
 
 
 def trajectory_from_inertial(
@@ -148,32 +189,12 @@ def trajectory_from_inertial(
         adjusted = _with_real_noise(adjusted, notices)
         trajectory = _trajectory(adjusted)
     return InertialTrajectory(
-        trajectory, positions, quality_words(gated.fix), unused, tuple(notices), _figures(adjusted, imu)
-    )
+        trajectory, positions, quality_words(gated.fix), unused, tuple(notices), _figures(adjusted, imu),
+        adjusted,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Adjusted:
-    """Result of the adjustment.
-
-    Attributes:
-        problem: its input.
-        state: at the knots.
-        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
-        observed: the positions with their weights.
-        rounds: how many were needed.
-        variance_factor: squared residuals over their expected ones.
-    """
-
-    problem: Problem
-    state: State
-    sigma: FloatArray
-    observed: AntennaPositions
-    rounds: int
-    variance_factor: float
-
-
-def _adjusted(problem: Problem, state: State) -> _Adjusted:
+def _adjusted(problem: Problem, state: State) -> Adjusted:
     """Gauss-Newton rounds until no pose moves.
 
     Raises:
@@ -181,9 +202,8 @@ def _adjusted(problem: Problem, state: State) -> _Adjusted:
     """
     knots = problem.knots
     antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
-    beside: tuple[Observation, ...] = (GnssDrift(problem.positions), problem.links, *problem.hints.observations)
     for number in range(1, ROUNDS + 1):
-        equations = normal_equations((antenna, *beside), knots, state)
+        equations = normal_equations((antenna, *_beside(problem)), knots, state)
         solution = equations.solve()
         step = solution.values.reshape(len(knots), -1)
         state = state.moved(step)
@@ -196,10 +216,15 @@ def _adjusted(problem: Problem, state: State) -> _Adjusted:
     normalised = antenna.normalised(knots, state)
     beyond = normalised[normalised > HUBER]
     factor = (equations.squares - HUBER * float((beyond - HUBER).sum())) / max(equations.redundancy, 1)
-    return _Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
+    return Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
 
 
-def _with_real_noise(adjusted: _Adjusted, notices: list[Notice]) -> _Adjusted:
+def _beside(problem: Problem) -> tuple[Observation, ...]:
+    """The observations beside the positions."""
+    return GnssDrift(problem.positions), problem.links, *problem.hints.observations
+
+
+def _with_real_noise(adjusted: Adjusted, notices: list[Notice]) -> Adjusted:
     """The adjustment with a noise of the specific force at which IMU and positions agree as their sigmas say.
 
     On a machine that shakes faster than the IMU is sampled, its noise is not that of its data sheet.
@@ -223,7 +248,7 @@ def _with_real_noise(adjusted: _Adjusted, notices: list[Notice]) -> _Adjusted:
     return adjusted
 
 
-def _trajectory(adjusted: _Adjusted) -> Trajectory:
+def _trajectory(adjusted: Adjusted) -> Trajectory:
     """Poses at the times of the IMU: carried on from the knot before, closing on the knot after."""
     p, knots = adjusted.problem, adjusted.problem.knots
     t_s = p.links.track.t_s
@@ -258,7 +283,7 @@ def _trajectory(adjusted: _Adjusted) -> Trajectory:
 
 
 def _carried_poses(
-    adjusted: _Adjusted, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
+    adjusted: Adjusted, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places (n, 3), rotations (n, 3, 3) and velocities (n, 3) at times between a knot and the next."""
     p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
@@ -274,7 +299,7 @@ def _carried_poses(
     return xyz, rotation, velocity
 
 
-def _pose_sigmas(adjusted: _Adjusted) -> FloatArray:
+def _pose_sigmas(adjusted: Adjusted) -> FloatArray:
     """(n, 6) standard deviations of the poses at the knots: metres, and degrees of roll, pitch, heading."""
     variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
     out = np.empty((len(variance), 6))
@@ -285,7 +310,7 @@ def _pose_sigmas(adjusted: _Adjusted) -> FloatArray:
     return out
 
 
-def _figures(adjusted: _Adjusted, imu: Imu) -> InertialFigures:
+def _figures(adjusted: Adjusted, imu: Imu) -> InertialFigures:
     """The biases in the axes of the IMU, and the residuals of the positions."""
     state, layout, turn = adjusted.state, adjusted.state.layout, imu.mounting.rotation
     residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)

@@ -85,7 +85,7 @@ def site_of(track: GnssTrack, frame: MapFrame) -> Site:
     lon, lat = middle_deg(track.lon_deg, track.lat_deg)
     height, radius = float(np.nanmedian(track.height_m)), radius_m(lat)
     convergence = float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
-    scale = frame.scale(lon, lat) * radius / (radius + height)
+    scale = frame.ground_scale(lon, lat, height)
     return Site(normal_gravity_mps2(lat, height), earth_rate_radps(lat, convergence), radius, scale)
 
 

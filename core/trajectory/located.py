@@ -26,6 +26,7 @@ from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.heading_hints import HeadingLog
 from furrowmap.core.trajectory.inertial_start import Hints, Imu, site_of
+from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.attitude import TRUE
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
@@ -63,6 +64,7 @@ class Located:
         inertial: figures of the IMU; None without one.
         aid: what the IMU of a machine on the ground adds to scan matching; None without one.
         with_lever: gives the trajectory with another lever arm; None where it does not come from GNSS.
+        pose_errors: gives the joint covariance of the errors of the poses; None where they do not come from an IMU.
     """
 
     trajectory: Trajectory
@@ -74,6 +76,7 @@ class Located:
     inertial: InertialFigures | None = None
     aid: Aid | None = None
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
+    pose_errors: Callable[[], PoseErrors] | None = None
 
 
 @dataclass(frozen=True)
@@ -206,7 +209,9 @@ def _with_imu(
         return _aided(track, imu, transformed, frame, lever_m, fixes, told, hints)
     notices = (*transformed.notices, *told, *found.notices)
     used = {"used": found.used, "unused": found.unused}
-    return Located(found.trajectory, "imu", used, notices, None, transformed, found.figures)
+    return Located(
+        found.trajectory, "imu", used, notices, None, transformed, found.figures, pose_errors=found.pose_errors
+    )
 
 
 def _aided(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furrowmap.core.adjustment.matched import Matched
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import Placement
@@ -36,6 +37,7 @@ class RunResult:
         boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
         strips: of a flight, in the order of time.
         strip_differences: between them; None where no ground was seen by two.
+        strip_adjustment: of the poses by the strips; None where these were not adjusted.
     """
 
     session: Session
@@ -51,3 +53,4 @@ class RunResult:
     boresight: Boresight | None = None
     strips: tuple[Strip, ...] = ()
     strip_differences: StripDifferences | None = None
+    strip_adjustment: StripAdjustment | None = None

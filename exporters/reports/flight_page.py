@@ -6,6 +6,7 @@ import datetime as dt
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.work.run_result import RunResult
@@ -24,6 +25,8 @@ def flight_sections(grounds: Sequence[StripGround], found: RunResult) -> Iterato
     yield section("Strips", _strips(grounds))
     if found.strip_differences is not None:
         yield section("Strips against each other", _differences(found.strip_differences))
+    if found.strip_adjustment is not None:
+        yield section("Poses adjusted by the strips", _adjusted(found.strip_adjustment))
     if found.boresight is not None:
         yield section("Mounting of the scanner", _mounting(found.boresight))
 
@@ -73,6 +76,27 @@ def _differences(differences: StripDifferences) -> str:
     if len(pairs) > len(rows):
         note = f"{len(pairs) - len(rows)} more pairs are in report.json. {note}"
     return f'{graphs}<div class="scroll">{table(head, rows)}</div>{remark(note)}'
+
+
+def _adjusted(found: StripAdjustment) -> str:
+    """Standard deviations of the poses before and after."""
+    told = found.plain()
+    names = (("easting", "northing", "height"), ("roll", "pitch", "heading"))
+    rows = [
+        (name, f"{1000.0 * before:.1f} mm", f"{1000.0 * after:.1f} mm", f"{1000.0 * moved:.1f} mm")
+        for name, before, after, moved in zip(
+            names[0], told["sigma_before_m"], told["sigma_after_m"], told["moved_rms_m"], strict=True
+        )
+    ]
+    rows += [
+        (name, f"{before:.4f}°", f"{after:.4f}°", "")
+        for name, before, after in zip(names[1], told["sigma_before_deg"], told["sigma_after_deg"], strict=True)
+    ]
+    note = (
+        "Ground seen by several strips takes part in the adjustment of positions and IMU. Standard deviations are "
+        "medians; what is common to all strips stays as the positions have it."
+    )
+    return f'<div class="scroll">{table(("", "sigma before", "sigma after", "moved (RMS)"), rows)}</div>{remark(note)}'
 
 
 def _mounting(found: Boresight) -> str:

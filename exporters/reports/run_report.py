@@ -70,6 +70,7 @@ def run_report(
         "calibration": _calibration(found.boresight),
         "strips": [_strip(ground) for ground in rasters.strips] if rasters is not None else [],
         "strip_differences": found.strip_differences.plain() if found.strip_differences is not None else None,
+        "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
         "clocks": _clocks(found),
         "warnings": found.notices,
         "timings": timings_s,

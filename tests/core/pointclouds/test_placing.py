@@ -52,6 +52,20 @@ def test_every_point_has_the_pose_of_its_own_time(knots: int, seed: int, turn_de
     np.testing.assert_allclose(found[inside], expected, atol=1e-6)
 
 
+@given(st.floats(0.9, 1.1))
+def test_scale__stretches_eastings_and_northings_of_ranges_alone(scale: float) -> None:
+    rng = np.random.default_rng(4)
+    t = T0 + np.arange(0.0, 5.0, 0.1)
+    trajectory = trajectory_from_attitude(t, rng.normal(0, 5, (50, 3)), 3.0, -2.0, 60.0, max_gap_s=1.0)
+    t_s = np.sort(rng.uniform(t[0], t[-1], 100))
+    scan = scan_of(t_s, rng.normal(0, 30, (100, 3)))
+    mounting, origin = Mounting((0.1, 0.2, -0.3), (0.8, 40.6, 179.3)), (0.0, 0.0, 0.0)
+    plain, _ = Placer(trajectory, mounting, origin).place(scan)
+    found, _ = Placer(trajectory, mounting, origin, scale=scale).place(scan)
+    place = trajectory.at(t_s).xyz_m
+    np.testing.assert_allclose(found - place, (plain - place) * (scale, scale, 1.0), atol=1e-9)
+
+
 def test_gaps_place_nothing_and_are_counted() -> None:
     t = T0 + np.concatenate([np.arange(0, 2.01, 0.1), np.arange(5, 7.01, 0.1)])
     n = len(t)

@@ -1,0 +1,188 @@
+"""Strips of a flight adjusted to each other: ground seen at several times as observations of the trajectory.
+
+Heights of the same cells at several times are observations of the same unknowns as those of GNSS and IMU: of the poses,
+and of the scanner's mounting and its lasers' ranges. What GNSS and IMU say of the poses enters as the joint covariance
+of their errors at nodes in time, with their correlation over the whole flight, so that the result is that of one
+adjustment of everything, linearised at the poses before. A height shows the pose's height; on a slope, and where
+the beams are oblique, also its place and attitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight
+from furrowmap.core.calibration.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
+from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns
+from furrowmap.core.estimation.robust import huber_weight
+from furrowmap.core.estimation.states import POSE
+from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+FIXED: Final = PARAMETERS + LASERS
+"""Unknowns beside those of the poses."""
+ROBUST_ROUNDS: Final = 3
+
+
+@dataclass(frozen=True)
+class StripAdjustment:
+    """What the strips made of a flight.
+
+    Attributes:
+        trajectory: adjusted.
+        boresight: adjusted with it.
+        before: errors of the poses at nodes in time, as GNSS and IMU know them.
+        found: the errors that were found, and their covariance with the strips.
+    """
+
+    trajectory: Trajectory
+    boresight: Boresight
+    before: PoseErrors
+    found: PoseErrors
+
+    def plain(self) -> dict[str, list[float]]:
+        """For `report.json`: RMS of what the poses at the nodes were moved, medians of their standard deviations."""
+        nodes = self.trajectory.at(np.clip(self.found.t_s, *self.trajectory.span_s)).quaternion
+        known = np.isfinite(nodes[:, 0])
+        rotation = np.zeros((len(nodes), 3, 3))
+        rotation[known] = Rotation.from_quat(nodes[known], scalar_first=True).as_matrix()
+        before, after = (np.median(one.sigma(rotation)[known], axis=0) for one in (self.before, self.found))
+        moved = np.sqrt(np.mean(self.found.value[:, :3] ** 2, axis=0))
+        return {
+            "moved_rms_m": np.round(moved, 5).tolist(),
+            "sigma_before_m": np.round(before[:3], 5).tolist(),
+            "sigma_after_m": np.round(after[:3], 5).tolist(),
+            "sigma_before_deg": np.round(np.degrees(before[3:]), 5).tolist(),
+            "sigma_after_deg": np.round(np.degrees(after[3:]), 5).tolist(),
+        }
+
+
+def adjusted_by_strips(
+    returns: StripReturns, trajectory: Trajectory, errors: PoseErrors, found: Boresight, stated: Mounting
+) -> StripAdjustment:
+    """Trajectory and boresight with ground seen at several times as further observations.
+
+    Args:
+        returns: of the scanner, with the poses of the trajectory at its clock as corrected.
+        trajectory: of the vehicle, by GNSS and IMU.
+        errors: of its poses; their nodes cover its time.
+        found: the boresight by the same returns.
+        stated: the mounting as the session states it.
+    """
+    mounting, lever_m = found.mounting.rotation, np.asarray(found.mounting.xyz_m, np.float64)
+    node = np.clip(np.searchsorted(errors.t_s, returns.t_s, side="right") - 1, 0, len(errors.t_s) - 2)
+    heights = cell_heights(returns, node, mounting, lever_m)
+    variance, chosen = smooth_groups(heights)
+    design = sparse.hstack(
+        [
+            sparse.csr_matrix(derivatives(returns, heights, chosen, mounting, lever_m)),
+            _pose_design(returns, heights, chosen, errors),
+        ]
+    ).tocsr()
+    weight = 1.0 / (variance / heights.count[chosen] + HEIGHT_M**2)
+    prior = np.zeros((design.shape[1],) * 2)
+    prior[np.diag_indices(FIXED)] = 1.0 / np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]) ** 2
+    prior[FIXED:, FIXED:] = np.linalg.inv(errors.covariance)
+    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, prior)
+    after = PoseErrors(errors.t_s, off[FIXED:].reshape(-1, POSE), covariance[FIXED:, FIXED:])
+    adjusted = without_errors(trajectory, errors, after)
+    return StripAdjustment(adjusted, _corrected(found, stated, off, covariance), errors, after)
+
+
+def _spread(found: Boresight, stated: Mounting) -> FloatArray:
+    """(PARAMETERS,) standard deviations of mounting and clock before: what was corrected has that of its estimate."""
+    corrected = np.zeros(PARAMETERS, np.bool_)
+    corrected[TIME] = found.clock_used_s != 0.0
+    corrected[PLACE] = np.asarray(found.mounting.xyz_m) != np.asarray(stated.xyz_m)
+    return np.where(corrected, found.free.sigma, AS_STATED)
+
+
+def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: FloatArray) -> Boresight:
+    """The boresight without what its angles put into the heights."""
+    rotation = Rotation.from_rotvec(-off[:TIME]).as_matrix() @ found.mounting.rotation
+    correction = np.degrees(Rotation.from_matrix(rotation @ stated.rotation.T).as_rotvec())
+    sigma = np.degrees(np.sqrt(np.diag(covariance)[:TIME]))
+    return replace(
+        found,
+        mounting=Mounting.from_rotation(found.mounting.xyz_m, rotation),
+        correction_deg=(float(correction[0]), float(correction[1]), float(correction[2])),
+        sigma_deg=(float(sigma[0]), float(sigma[1]), float(sigma[2])),
+        certain=bool((sigma < CERTAIN_DEG).all()),
+    )
+
+
+def _solved(
+    cell: NDArray[np.int64], height_m: FloatArray, independent: FloatArray, design: sparse.csr_matrix, prior: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What the unknowns put into the heights, and their covariance; the heights of the cells are eliminated.
+
+    Args:
+        cell: (g,) of each group.
+        height_m: (g,) of each group.
+        independent: (g,) inverse variances.
+        design: (g, u) derivatives by the unknowns.
+        prior: (u, u) inverse covariance of the unknowns before.
+    """
+    cells, member = np.unique(cell, return_inverse=True)
+    rows = np.arange(len(cell))
+    of_cell = sparse.csr_matrix((np.ones(len(rows)), (member, rows)), (len(cells), len(rows)))
+    robust = np.ones(len(rows))
+    for _ in range(ROBUST_ROUNDS):
+        weight = independent * robust
+        total: FloatArray = np.asarray(of_cell @ weight)
+        weighted = sparse.diags(weight) @ design
+        means = sparse.diags(1.0 / total) @ (of_cell @ weighted)
+        normal = (design.T @ weighted - means.T @ sparse.diags(total) @ means).toarray() + prior
+        middle: FloatArray = np.asarray(of_cell @ (weight * height_m)) / total
+        off = np.linalg.solve(normal, np.asarray(weighted.T @ height_m - means.T @ (total * middle)))
+        residual = np.asarray(height_m - design @ off - of_cell.T @ (middle - means @ off))
+        robust = huber_weight(np.abs(residual) * np.sqrt(independent))
+    return off, np.asarray(np.linalg.inv(normal), np.float64)
+
+
+def _pose_design(
+    returns: StripReturns, heights: CellHeights, chosen: NDArray[np.intp], errors: PoseErrors
+) -> sparse.csr_matrix:
+    """(c, 6 m) mean derivatives of the heights of some groups by the errors of the poses at the nodes."""
+    row = np.full(len(heights.cell), -1, np.int32)
+    row[chosen] = np.arange(len(chosen))
+    node, slope = heights.window[chosen], heights.slope[chosen]
+    sums = _sums(heights.member, row, node, returns.t_s, returns.origin_m, errors.t_s)
+    sums /= heights.count[chosen][:, None, None]
+    normal = np.column_stack([-slope, np.ones(len(chosen))])
+    middle = np.column_stack([(heights.place[chosen] + 0.5) * CELL_M, heights.height_m[chosen]])
+    share, origin = sums[:, :, :1], sums[:, :, 1:]
+    by_turn = np.cross(share * middle[:, None] - origin, normal[:, None])
+    values = np.concatenate([share * normal[:, None], by_turn], axis=2)
+    columns = POSE * node[:, None] + np.arange(2 * POSE)
+    rows = np.repeat(np.arange(len(chosen)), 2 * POSE)
+    shape = len(chosen), POSE * len(errors.t_s)
+    return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape)
+
+
+@numba.njit(cache=True, nogil=True)
+def _sums(member, row, node, t_s, origin_m, node_s):  # type: ignore[no-untyped-def]
+    """Sums (c, 2, 4) over the returns of each row's group: the shares of its two nodes, and the origin times these."""
+    out = np.zeros((len(node), 2, 4))
+    for i in range(len(member)):
+        if member[i] < 0 or row[member[i]] < 0:
+            continue
+        r = row[member[i]]
+        first = node[r]
+        late = min(max((t_s[i] - node_s[first]) / (node_s[first + 1] - node_s[first]), 0.0), 1.0)
+        for e in range(2):
+            share = late if e else 1.0 - late
+            out[r, e, 0] += share
+            for a in range(3):
+                out[r, e, 1 + a] += share * origin_m[i, a]
+    return out

@@ -1,0 +1,72 @@
+"""Errors of the poses of a trajectory at a few times, how they go together, and poses without them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.estimation.states import POSE, ROTATION
+from furrowmap.core.values import scratch
+from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Errors of poses at nodes in time, between which they are interpolated.
+
+    Attributes:
+        t_s: (m,) times of the nodes.
+        value: (m, 6) easting, northing, height (m), and rotation vector in the map's axes (rad): found minus true.
+        covariance: (6 m, 6 m) of all of them.
+    """
+
+    t_s: FloatArray
+    value: FloatArray
+    covariance: FloatArray
+
+    def sigma(self, rotation: FloatArray) -> FloatArray:
+        """(m, 6) standard deviations of easting, northing, height (m), roll, pitch, heading (rad).
+
+        Args:
+            rotation: (m, 3, 3) vehicle to map at the nodes.
+        """
+        m = len(self.t_s)
+        own = self.covariance.reshape(m, POSE, m, POSE)[np.arange(m), :, np.arange(m)]
+        turn = own[:, ROTATION:, ROTATION:]
+        level = [np.einsum("ki,kij,kj->k", rotation[:, :, a], turn, rotation[:, :, a]) for a in range(2)]
+        out: FloatArray = np.sqrt(np.column_stack([*(own[:, a, a] for a in range(ROTATION)), *level, turn[:, 2, 2]]))
+        return out
+
+
+def without_errors(trajectory: Trajectory, before: PoseErrors, found: PoseErrors) -> Trajectory:
+    """The trajectory without errors that were found.
+
+    Its standard deviations become smaller in the same ratio as those of the nodes beside them.
+
+    Args:
+        trajectory: at whose nodes the errors are.
+        before: the errors as the trajectory's own adjustment knows them: zero.
+        found: at the same nodes.
+    """
+    nodes = np.clip(before.t_s, *trajectory.span_s)
+    k = np.minimum(np.searchsorted(trajectory.t_s, nodes), len(trajectory) - 1)
+    attitude = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True).as_matrix()
+    ratio = found.sigma(attitude) / before.sigma(attitude)
+    n = len(trajectory)
+    xyz, quaternion, sigma = scratch.zeros((n, 3)), scratch.zeros((n, 4)), scratch.zeros((n, POSE))
+    for part in scratch.parts(n):
+        t_s = trajectory.t_s[part]
+        off, share = (
+            np.column_stack([np.interp(t_s, before.t_s, values[:, a]) for a in range(POSE)])
+            for values in (found.value, ratio)
+        )
+        xyz[part] = trajectory.xyz_m[part] - off[:, :ROTATION]
+        turned = Rotation.from_quat(trajectory.quaternion[part], scalar_first=True)
+        quaternion[part] = (Rotation.from_rotvec(-off[:, ROTATION:]) * turned).as_quat(scalar_first=True)
+        sigma[part] = trajectory.sigma[part] * share
+    return replace(trajectory, xyz_m=xyz, quaternion=same_hemisphere(quaternion), sigma=sigma)
