@@ -13,8 +13,8 @@ import numpy as np
 from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, adjusted_by_strips
-from furrowmap.core.calibration.boresight import Boresight, boresight, boresight_notices
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
+from furrowmap.core.calibration.boresight import Boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, at_shifted_times, strip_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
@@ -228,16 +228,12 @@ def _flown(
     opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
 ) -> tuple[Located, _Flown]:
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
-    stated, located, adjusted = opened.session.lidar.mounting, guess, None
-    found = boresight(returns, guess.trajectory, stated, carrier)
-    if found is not None and found.certain:
-        if found.clock_used_s:
-            returns = at_shifted_times(returns, guess.trajectory if carrier is None else carrier, found.clock_used_s)
-        if guess.pose_errors is not None:
-            adjusted = adjusted_by_strips(returns, guess.trajectory, guess.pose_errors(), found, stated)
-            located, found = replace(guess, trajectory=adjusted.trajectory), adjusted.boresight
-            carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
-            returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
+    stated, located = opened.session.lidar.mounting, guess
+    found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier)
+    if adjusted is not None:
+        located = replace(guess, trajectory=adjusted.trajectory)
+        carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
+        returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
     strips = find_strips(located.trajectory)
     differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
     return located, _Flown(found, strips, differences, adjusted)

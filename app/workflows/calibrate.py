@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.calibration.boresight import boresight
+from furrowmap.core.adjustment.strip_adjustment import calibrated_flight
 from furrowmap.core.calibration.strips import strip_returns
 from furrowmap.core.pipeline import companions
 from furrowmap.core.session.opened import OpenSession, open_session, watched
@@ -130,7 +130,7 @@ def _by_strips(opened: OpenSession, located: Located, progress: Progress) -> Cal
     lidar = opened.lidar(float(np.mean(trajectory.span_s)))
     scans = watched(lidar.scans(), lidar, progress, "reading scans")
     returns = strip_returns(scans, carrier if carrier is not None else trajectory)
-    found = boresight(returns, trajectory, stated, carrier)
+    found, _, _ = calibrated_flight(returns, located, stated, carrier)
     if found is None or not found.certain:
         raise _not_shown(opened.file, "too little smooth ground is seen at several times")
     stated_s = opened.session.recording.lidar_minus_gnss_s

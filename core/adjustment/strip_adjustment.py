@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight
+from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
 from furrowmap.core.calibration.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
-from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns
+from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns, at_shifted_times
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import POSE
+from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory
@@ -31,6 +32,9 @@ FloatArray = NDArray[np.float64]
 
 FIXED: Final = PARAMETERS + LASERS
 """Unknowns beside those of the poses."""
+GROUP_M: Final = 0.01
+"""Standard deviation of a cell's mean in a window of time beside the noise of its returns. Residuals show 4 mm; errors of
+neighbouring cells go together (slopes, beams into the soil's roughness), so that each counts as a quarter of one."""
 ROBUST_ROUNDS: Final = 3
 
 
@@ -67,6 +71,32 @@ class StripAdjustment:
         }
 
 
+def calibrated_flight(
+    returns: StripReturns, located: Located, stated: Mounting, carrier: Trajectory | None
+) -> tuple[Boresight | None, StripReturns, StripAdjustment | None]:
+    """The boresight of a flight's scanner, and the poses adjusted with it where an IMU tells how their errors go.
+
+    Args:
+        returns: of the scanner, with their poses.
+        located: the trajectory of the vehicle.
+        stated: the mounting as the session states it.
+        carrier: trajectory of the frame that carries the scanner; None for the vehicle's.
+
+    Returns:
+        The boresight, None where too little ground is seen at several times; the returns at the scanner's clock as
+        corrected; the adjustment, None where the boresight is not certain or the trajectory has no joint covariance.
+    """
+    found = boresight(returns, located.trajectory, stated, carrier)
+    if found is None or not found.certain:
+        return found, returns, None
+    if found.clock_used_s:
+        returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, found.clock_used_s)
+    if located.pose_errors is None:
+        return found, returns, None
+    adjusted = adjusted_by_strips(returns, located.trajectory, located.pose_errors(), found, stated)
+    return adjusted.boresight, returns, adjusted
+
+
 def adjusted_by_strips(
     returns: StripReturns, trajectory: Trajectory, errors: PoseErrors, found: Boresight, stated: Mounting
 ) -> StripAdjustment:
@@ -89,7 +119,7 @@ def adjusted_by_strips(
             _pose_design(returns, heights, chosen, errors),
         ]
     ).tocsr()
-    weight = 1.0 / (variance / heights.count[chosen] + HEIGHT_M**2)
+    weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
     prior = np.zeros((design.shape[1],) * 2)
     prior[np.diag_indices(FIXED)] = 1.0 / np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]) ** 2
     prior[FIXED:, FIXED:] = np.linalg.inv(errors.covariance)
