@@ -33,8 +33,9 @@ FloatArray = NDArray[np.float64]
 FIXED: Final = PARAMETERS + LASERS
 """Unknowns beside those of the poses."""
 GROUP_M: Final = 0.01
-"""Standard deviation of a cell's mean in a window of time beside the noise of its returns. Residuals show 4 mm; errors of
-neighbouring cells go together (slopes, beams into the soil's roughness), so that each counts as a quarter of one."""
+"""Standard deviation of a cell's mean in a window of time beside the noise of its returns.
+
+Residuals show 4 mm. Errors of neighbouring cells go together (slopes, soil that is rough), so that they count less."""
 ROBUST_ROUNDS: Final = 3
 
 
