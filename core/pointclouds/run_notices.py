@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from furrowmap.core.pointclouds.placed import Placement
@@ -14,6 +16,9 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
+
+SAMPLES: Final = 100
+"""Times of the scans at which poses are looked for."""
 
 
 def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session) -> None:
@@ -39,7 +44,22 @@ def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session)
             code="only-standing",
         )
     scans = ClockReading(Clock.SENSOR, placement.first_s, placement.last_s)
+    if session.mount is not None and _has_poses(trajectory, scans):
+        raise InputError(
+            f"{session.mount.attitude}: no attitude of the mount at the time of the scans "
+            f"({iso_utc(scans.first_s)} to {iso_utc(scans.last_s)}), while there are positions.",
+            "A scan from a mount that moves cannot be placed without its attitude.",
+            "Record the mount during the scans, without pauses; its times are UTC or GPS time.",
+            code="no-common-time",
+        )
     raise _no_common_time(scans, trajectory, session.recording.lidar_minus_gnss_s)
+
+
+def _has_poses(trajectory: Trajectory, scans: ClockReading) -> bool:
+    """Whether the vehicle has poses at times of the scans."""
+    begin_s, end_s = max(trajectory.span_s[0], scans.first_s), min(trajectory.span_s[1], scans.last_s)
+    times = np.linspace(begin_s, end_s, SAMPLES)
+    return begin_s <= end_s and bool(np.isfinite(trajectory.at(times).quaternion).any())
 
 
 def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float) -> InputError:
@@ -136,8 +156,8 @@ def placement_notices(placement: Placement) -> list[Notice]:
         lost, outside = placement.points_without_pose, placement.points_outside
         text = (
             f"{lost:,} of {placement.points_read:,} points ({lost / placement.points_read:.1%}) are not in the cloud "
-            f"because they have no pose: {outside:,} before the first or after the last position, "
-            f"{lost - outside:,} in gaps between positions."
+            f"because they have no pose: {outside:,} before the first or after the last one, "
+            f"{lost - outside:,} in gaps between poses."
         )
         notices.append(Notice("points-without-pose", text))
     if placement.scans_standing:

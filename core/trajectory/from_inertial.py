@@ -184,7 +184,7 @@ def trajectory_from_inertial(
     problem, start = first_guess(whole, notices)
     adjusted = _adjusted(problem, start)
     trajectory = _trajectory(adjusted)
-    notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU")
+    notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     if adjusted.variance_factor > MOST_VARIANCE:
         adjusted = _with_real_noise(adjusted, notices)
         trajectory = _trajectory(adjusted)

@@ -21,19 +21,25 @@ FloatArray = NDArray[np.float64]
 
 MOVING_MPS: Final = 0.5
 LEAST_MOVING_S: Final = 5.0
+STEADY: Final = 0.9
+"""Length of the mean course, a vector of length 1: beyond it the course hardly turns, less than 25° to both sides."""
 NEAR_DEG: Final = 25.0
 """A mean attitude so near to a quarter turn is one."""
 _QUARTERS: Final = Rotation.create_group("O")
 """The 24 turns by quarters about the axes."""
 
 
-def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str) -> list[Notice]:
+def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_wheels: bool) -> list[Notice]:
     """Compare the attitude of the vehicle with upright and with its course.
+
+    A drone may fly sideways or backwards. That its nose belongs along its course shows only where the course turns
+    and the nose turns with it; that a vehicle on wheels moves along its nose needs no showing.
 
     Args:
         trajectory: of the vehicle, with attitudes by the IMU.
         mounting: of the IMU, as stated.
         name: of the IMU, for messages.
+        on_wheels: whether the vehicle is.
 
     Raises:
         InputError: if the vehicle would be on its side or upside down.
@@ -60,6 +66,9 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str) -> lis
     right = Mounting.from_rotation(mounting.xyz_m, nearest.as_matrix() @ mounting.rotation)
     if nearest.as_matrix()[2, 2] < 0.5:
         raise _overturned(name, f"With `rpy_deg = {_words(right)}` under `[imu]` it is upright and moves forward.")
+    steadiness = float(np.hypot(*(step_s[moving] @ along[:, :2])) / step_s[moving].sum())
+    if not on_wheels and steadiness > STEADY:
+        return []
     yaw_deg = float(np.degrees(np.arctan2(*nearest.as_matrix()[[1, 0], 0])))
     text = (
         f"{name}: by `[imu] rpy_deg` the vehicle moves at {abs(yaw_deg):.0f}° to its own x axis all the time. If it "

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.trajectory.located import Located
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.session import Session
@@ -42,8 +43,26 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
         )
     notices: list[Notice] = []
     motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
+    notices += _gaps(motion, located.trajectory, file)
     pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.xyz_m
     return mount_trajectory(located.trajectory, motion, pivot_m), notices
+
+
+def _gaps(motion: MountMotion, trajectory: Trajectory, file: Path) -> list[Notice]:
+    """Times of the trajectory for which the file of the mount has no attitudes."""
+    begin_s, end_s = trajectory.span_s
+    known_s = np.concatenate([[begin_s], motion.t_s[(motion.t_s > begin_s) & (motion.t_s < end_s)], [end_s]])
+    length = np.diff(known_s)
+    wide = length > trajectory.max_gap_s
+    if not wide.any():
+        return []
+    longest = int(np.argmax(np.where(wide, length, 0.0)))
+    text = (
+        f"{file}: attitudes of the mount are missing for {length[wide].sum():.1f} s of the {end_s - begin_s:.1f} s "
+        f"with positions ({int(wide.sum())} gaps, the longest of {length[longest]:.1f} s from "
+        f"{iso_utc(float(known_s[longest]))}). Points in these gaps are not placed: record the mount without pauses."
+    )
+    return [Notice("mount-gaps", text)]
 
 
 def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple[float, float, float]) -> Trajectory:

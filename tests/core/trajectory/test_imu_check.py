@@ -16,10 +16,13 @@ from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
+from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.trajectory.inertial_start import Imu
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import attitude_to_quaternion
+from furrowmap.core.values.trajectory import Trajectory
 from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, frame
 
 FLIGHT = Flight(60.0, 4)
@@ -134,6 +137,24 @@ def right_words() -> str:
 def test_yaw_off_by_quarters__is_named_with_the_right_one(yaw_deg: float) -> None:
     texts = {notice.code: notice.text for notice in run(turned_by(0.0, 0.0, yaw_deg)).notices}
     assert right_words() in texts["imu-turned"]
+
+
+def straight(off_deg: float) -> Trajectory:
+    """Half a minute to the north-east with the nose at an angle to the course."""
+    t_s = np.arange(0.0, 30.0, 0.1)
+    xyz = np.column_stack([3.0 * t_s, 3.0 * t_s, 0.0 * t_s])
+    attitude = attitude_to_quaternion(0.0 * t_s, 0.0 * t_s, 45.0 + off_deg + 0.0 * t_s)
+    found = run(MOUNTING).trajectory
+    columns = {name: getattr(found, name)[: len(t_s)] for name in (
+        "speed_mps", "motion", "fix", "sigma", "heading_from", "position_from", "height_from", "level_from"
+    )}  # fmt: skip
+    return replace(found, t_s=t_s, xyz_m=xyz, quaternion=attitude, **columns)
+
+
+@pytest.mark.parametrize(("off_deg", "on_wheels", "told"), [(90, False, False), (90, True, True), (0, True, False)])
+def test_drone_that_flies_sideways__is_not_taken_for_turned(off_deg: float, on_wheels: bool, told: bool) -> None:
+    notices = check_mounting(straight(off_deg), MOUNTING, "imu.csv", on_wheels=on_wheels)
+    assert ([notice.code for notice in notices] == ["imu-turned"]) == told
 
 
 @pytest.mark.parametrize("rpy_deg", [(180.0, 0.0, 0.0), (90.0, 0.0, 0.0), (90.0, 0.0, 90.0)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,17 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.pointclouds.run_notices import refuse_empty
 from furrowmap.core.readers.mount_csv import read_mount
-from furrowmap.core.trajectory.moving_mount import mount_trajectory
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.trajectory.moving_mount import carrier_of, mount_trajectory
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Crs, Mount, Recording, Session
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
 FloatArray = NDArray[np.float64]
@@ -138,6 +143,32 @@ def test_times_without_the_mount__have_no_pose() -> None:
     with pytest.raises(InputError) as refused:
         mount_trajectory(flown(), motion_of(T0 + 100.0 + t, swaying(t)), LEVER_M)
     assert refused.value.code == "no-common-time"
+
+
+def test_gaps_of_the_mount__name_its_file(tmp_path: Path) -> None:
+    t = np.concatenate([np.arange(2.0, 8.0, 0.01), np.arange(12.0, 15.0, 0.01)])
+    rows = [f"{T0 + time:.2f},0,0,0" for time in t]
+    (tmp_path / "mount.csv").write_text("\n".join(["time_unix_s,yaw_deg,roll_deg,pitch_deg", *rows, ""]))
+    crs = Crs(map="EPSG:25832")
+    session = Session(furrowmap=1, recording=Recording(), crs=crs, mount=Mount(attitude="mount.csv"))
+    located = Located(flown(), "file", {}, ())
+    _, (notice,) = carrier_of(located, session, tmp_path / "mount.csv")
+    assert notice.code == "mount-gaps"
+    assert "mount.csv" in notice.text
+    assert "3 gaps, the longest of " in notice.text
+    whole = np.arange(flown().span_s[0] - 1.0, flown().span_s[1] + 1.0, 0.01)
+    rows = [f"{time:.2f},0,0,0" for time in whole]
+    (tmp_path / "mount.csv").write_text("\n".join(["time_unix_s,yaw_deg,roll_deg,pitch_deg", *rows, ""]))
+    assert carrier_of(located, session, tmp_path / "mount.csv")[1] == []
+
+
+def test_scans_in_a_gap_of_the_mount__name_its_file() -> None:
+    crs = Crs(map="EPSG:25832")
+    session = Session(furrowmap=1, recording=Recording(), crs=crs, mount=Mount(attitude="mount.csv"))
+    lost = replace(Placement.without_scans(flown()), points_read=10, first_s=T0 + 9.0, last_s=T0 + 11.0)
+    with pytest.raises(InputError, match=r"mount\.csv: no attitude") as caught:
+        refuse_empty(lost, flown(), session)
+    assert caught.value.code == "no-common-time"
 
 
 HEAD = "time_gps_s,yaw_deg,roll_deg,pitch_deg\n"
