@@ -26,7 +26,7 @@ from furrowmap.core.values.errors import RefusedError, printable
     metavar="DIR",
     help="Output folder [default: SESSION_result beside SESSION, or SESSION_preview with --preview].",
 )
-@click.option("--overwrite", is_flag=True, help="Replace the products of another session in DIR.")
+@click.option("--overwrite", is_flag=True, help="Replace the products of another recording in DIR.")
 @click.option(
     "--resume",
     is_flag=True,

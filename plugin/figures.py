@@ -18,6 +18,8 @@ def figure_rows(report):
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
         (tr("Overlap"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
         (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
+        (tr("Field"), _field(figures)),
+        (tr("Not worked"), _area(figures, "unworked_area_m2", "unworked_area_sigma_m2")),
         (tr("Passes"), _number(figures.get("passes"), "{:.0f}")),
         (tr("Path length"), _path_length(figures.get("distance_m"))),
         (tr("Duration"), _duration(figures.get("duration_s"))),
@@ -69,6 +71,14 @@ def _area(figures, key, sigma_key):
     factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e4 else (1.0, "{:,.1f}", "m²")
     spread = f" ± {form.format(2 * sigma * factor)}" if isinstance(sigma, (int, float)) and sigma > 0 else ""
     return f"{form.format(area * factor)}{spread} {unit}"
+
+
+def _field(figures):
+    """Area of the field, and how much of it was worked."""
+    area, share = _area(figures, "field_area_m2", None), figures.get("worked_share")
+    if area is None or not isinstance(share, (int, float)):
+        return area
+    return tr("{area}, {share:.0f} % of it worked").format(area=area, share=100.0 * share)
 
 
 def _sigma(accuracy, keys, factor, form):

@@ -32,7 +32,10 @@ SURFACES = (
 )
 COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which blend with the hillshade below."""
-SHOWN = ("events", "misses", "overlaps", "tool_path", "coverage", "passes", "zones", "trajectory", "change", "dsm")
+SHOWN = (
+    *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
+    *("trajectory", "change", "dsm"),
+)
 """Layers that are visible at first."""
 MEASURED = ("trajectory", "events", "tool_path")
 """Layers with measured heights, which profiles and 3D views use as they are."""

@@ -35,12 +35,14 @@ class WorkerError(Exception):
     Attributes:
         lines: for the user: what is wrong, what that means, what to do.
         log: the last lines of the worker's standard error.
+        code: of the command's error; "" for one of the worker.
     """
 
-    def __init__(self, what, meaning, remedy, log=()):
+    def __init__(self, what, meaning, remedy, log=(), code=""):
         self.lines = (what, meaning, remedy)
         super().__init__("\n".join(self.lines))
         self.log = tuple(log)
+        self.code = code
 
 
 class WorkerCancelled(WorkerError):
@@ -150,9 +152,10 @@ class _Conversation:
 
     def _outcome(self):
         if self.received.error is not None:
-            raise WorkerError(
-                *(str(self.received.error.get(key, "")) for key in ("what", "meaning", "remedy")), self.log
+            what, meaning, remedy, code = (
+                str(self.received.error.get(key, "")) for key in ("what", "meaning", "remedy", "code")
             )
+            raise WorkerError(what, meaning, remedy, self.log, code)
         status, value = self.received.status, self.received.value
         if status is None or (status != 0 and value is None):
             raise self._crashed()

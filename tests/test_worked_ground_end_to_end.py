@@ -81,11 +81,24 @@ def test_ground__is_the_true_one_within_its_sigma(result: Callable[[str], Result
 def test_report__tells_the_layers_areas(result: Callable[[str], Result], name: str) -> None:
     found = result(name)
     figures = found.report["figures"]
-    for layer, key in (("coverage", "worked"), ("overlaps", "overlap"), ("misses", "missed")):
+    for layer, key in (
+        ("coverage", "worked"),
+        ("overlaps", "overlap"),
+        ("misses", "missed"),
+        ("unworked", "unworked"),
+        ("boundary", "field"),
+    ):
         table = gpd.read_file(found.folder / "field.gpkg", layer=layer)
         assert table.geometry.is_valid.all()
         assert figures[f"{key}_area_m2"] == pytest.approx(table.geometry.area.sum(), abs=0.001)
         assert figures[f"{key}_area_m2"] == pytest.approx(figures[f"{key}_area_ellipsoid_m2"], rel=0.001)
+    parts = gpd.read_file(found.folder / "field.gpkg", layer="coverage").clip(table).geometry.area.sum()
+    assert figures["worked_share"] == pytest.approx(parts / figures["field_area_m2"], abs=1e-4)
+    assert parts + figures["missed_area_m2"] + figures["unworked_area_m2"] == pytest.approx(
+        figures["field_area_m2"], rel=0.002
+    )
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert f"{figures['worked_share']:.1%} of the field (" in page
     hours = figures["hours"]
     assert sum(value for name, value in hours.items() if name != "field_s") == pytest.approx(hours["field_s"], abs=0.3)
     assert figures["passes"] == len(gpd.read_file(found.folder / "field.gpkg", layer="passes"))

@@ -9,7 +9,7 @@ import shutil
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from time import perf_counter
 from typing import Any, Final
 
@@ -71,13 +71,13 @@ def run(
 ) -> Result:
     """Run a session and write its products into a folder.
 
-    Products of the same session in the folder are replaced: a session of the same name with the same recordings, byte
-    for byte, whatever its other settings are.
+    Products of the same recordings in the folder are replaced, whatever else the session names or sets: the same files
+    of the scanner, byte for byte, or without a scanner the same positions.
 
     Args:
         session: the session file.
         out: the folder, made if it does not exist; by default SESSION_result beside the session file.
-        overwrite: replace the products of another session, too.
+        overwrite: replace the products of other recordings, too.
         resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
             same.
         progress: is called with each stage and its share, 0 to 1.
@@ -263,7 +263,7 @@ def _refuse_original(folder: Path, session_file: Path) -> None:
 
 
 def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:
-    """Refuse a folder that holds the products of another session.
+    """Refuse a folder that holds the products of other recordings.
 
     Recordings often have the same names, so their content is compared.
 
@@ -271,7 +271,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
         Records of the session's files, where there were products to compare with.
 
     Raises:
-        RefusedError: if there are products of another session.
+        RefusedError: if there are products of other recordings.
     """
     if not folder.is_dir():
         return None
@@ -282,14 +282,29 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     inputs = file_records(opened.inputs.all, opened.file.resolve().parent, progress)
     try:
         earlier = json.loads((folder / REPORT).read_text(encoding="utf-8"))
-        same = (earlier["session"]["name"], earlier["inputs"]) == (opened.session.name, plain(inputs))
-    except (OSError, ValueError, KeyError, TypeError):
+        same = _recordings(earlier["session"], earlier["inputs"]) == _recordings(
+            msgspec.to_builtins(opened.session), plain(inputs)
+        )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
         same = False
     if not same:
         raise RefusedError(
-            f"{folder} holds {', '.join(there)} of another session.",
-            "Their report names another session or other recordings, so they were not replaced.",
+            f"{folder} holds {', '.join(there)} of another recording.",
+            "Their report names other recordings, so they were not replaced.",
             "Choose another folder with -o, or replace them with --overwrite.",
             code="output-exists",
         )
     return inputs
+
+
+def _recordings(session: Any, inputs: Any) -> tuple[Any, set[str]]:
+    """The task and the hashes of the recordings in a session's tables and the records of its files, as in the report.
+
+    Raises:
+        LookupError, TypeError, AttributeError: if they are no such tables.
+    """
+    recording, stated = session["recording"], session["trajectory"]
+    named = recording["lidar"] or (stated["files"] if stated is not None else recording["gnss"])
+    names = {PurePosixPath(name).as_posix() for name in named}
+    whole = [file for file in inputs if names & {file["name"], *map(str, PurePosixPath(file["name"]).parents)}]
+    return recording["task"], {file["sha256"] for file in whole}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -16,7 +16,7 @@ from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.hours import Hours, hours
-from furrowmap.core.work.misses import missed
+from furrowmap.core.work.misses import missed, unworked
 from furrowmap.core.work.overlaps import overlapping
 from furrowmap.core.work.ribbon import Ribbon, ribbons
 from furrowmap.core.work.shapes import joined
@@ -109,6 +109,9 @@ class WorkFigures:
         swept_m2: width times path length of all passes, as the counter of a machine.
         overlap: the places of all pairs of passes, added up.
         missed: all strips missed.
+        field: ground inside the field's boundary, which is taken as exact; None without a boundary.
+        worked_share: of the field's ground; None likewise.
+        unworked: ground of the field that was neither worked nor missed; None likewise.
         passes: how many.
         length_m: driven forward with the tool down.
         speed_mps: mean while working; nan where nothing was worked.
@@ -120,6 +123,9 @@ class WorkFigures:
     swept_m2: float
     overlap: Area
     missed: Area
+    field: Area | None
+    worked_share: float | None
+    unworked: Area | None
     passes: int
     length_m: float
     speed_mps: float
@@ -136,6 +142,8 @@ class WorkedGround:
         coverage: their union.
         overlaps: by pass and later pass.
         misses: strips left, from the largest to the smallest.
+        boundary: the field; None where it is not known.
+        unworked: ground of the field that was neither worked nor missed, from the largest place to the smallest.
         zones: headland and body.
         figures: sums and rates.
     """
@@ -144,6 +152,8 @@ class WorkedGround:
     coverage: shapely.MultiPolygon
     overlaps: tuple[Overlap, ...]
     misses: tuple[Place, ...]
+    boundary: BaseGeometry | None
+    unworked: tuple[Place, ...]
     zones: tuple[Place, ...]
     figures: WorkFigures
 
@@ -174,6 +184,7 @@ def worked_ground(
     unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
     doubtful = shapely.union_all([_unknown_ground(trajectory, states, implement), *unplaced])
     strips = missed(coverage, doubtful, implement.width_m, boundary)
+    left = unworked(coverage, doubtful, strips, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
     parts = zip(times, work, grounds, areas.of(grounds, unplaced), strict=True)
     passes = tuple(_pass(number, *part, implement) for number, part in enumerate(parts, start=1))
@@ -185,13 +196,17 @@ def worked_ground(
     spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
     (worked,) = areas.of([coverage], [doubtful])
     shared_all = shapely.GeometryCollection([place for _, place in pairs])
-    overlap, missing = areas.of([shared_all, shapely.MultiPolygon([strip for _, strip in strips])])
+    overlap, missing = areas.of([shared_all, _all(strips)])
+    remaining = areas.of([_all(left)], [doubtful])[0] if boundary is not None else None
     length_m, moving_s = sum(p.length_m for p in passes), sum(sweep.moving_s for _, (sweep, _) in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),
         overlap=overlap,
         missed=missing,
+        field=replace(areas.of([boundary])[0], sigma_m2=0.0) if boundary is not None else None,
+        worked_share=coverage.intersection(boundary).area / boundary.area if boundary is not None else None,
+        unworked=remaining,
         passes=len(passes),
         length_m=length_m,
         speed_mps=length_m / moving_s if moving_s else float("nan"),
@@ -203,9 +218,15 @@ def worked_ground(
         coverage=coverage,
         overlaps=overlaps,
         misses=areas.places(strips),
+        boundary=boundary,
+        unworked=areas.places(left),
         zones=areas.places(zones(trajectory, work, implement, boundary)),
         figures=figures,
     )
+
+
+def _all(places: Sequence[tuple[str, shapely.Polygon]]) -> shapely.MultiPolygon:
+    return shapely.MultiPolygon([ground for _, ground in places])
 
 
 def _unknown_ground(trajectory: Trajectory, states: ToolStates, implement: Implement) -> BaseGeometry:

@@ -1,7 +1,8 @@
-"""Strips missed between passes, or between them and the boundary of the field."""
+"""Ground of the field that was not worked: strips missed between passes or along the boundary, and the rest."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import shapely
@@ -40,6 +41,27 @@ def missed(
     strips = areal(strips.difference(coverage.union(doubtful)))
     wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
     return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
+
+
+def unworked(
+    coverage: shapely.MultiPolygon,
+    doubtful: BaseGeometry,
+    strips: Sequence[tuple[str, shapely.Polygon]],
+    boundary: BaseGeometry | None,
+) -> list[tuple[str, shapely.Polygon]]:
+    """Ground of the field that was neither worked nor missed, each place with the kind `not worked`, the largest first.
+
+    Args:
+        coverage: all ground worked.
+        doubtful: ground of which it is not known whether it was worked; no part of it is counted.
+        strips: those of :func:`missed`.
+        boundary: the field, if known; without it there is no such ground.
+    """
+    if boundary is None:
+        return []
+    rest = boundary.difference(shapely.union_all([coverage, doubtful, *(strip for _, strip in strips)]))
+    wide = areal(grown(grown(rest, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(rest))
+    return [("not worked", place) for place in parts(wide) if place.area >= SMALLEST_M2]
 
 
 def _kind(strip: shapely.Polygon, boundary: BaseGeometry | None) -> str:

@@ -24,6 +24,8 @@ _COLOURS: Final = {  # aabbggrr, as in the layers' QGIS styles
     "coverage": ("ff2f6f3f", "404f9f5f"),
     "overlaps": ("ff0066ff", "a03388ff"),
     "misses": ("ff2222dd", "a04444ff"),
+    "unworked": ("ff6e6e6e", "406e6e6e"),
+    "boundary": ("ff141414", "00ffffff"),
     "zones": ("ff888888", "20888888"),
     "tool_path": ("ffc06020", "00ffffff"),
     TRAJECTORY: ("ff606060", "00ffffff"),

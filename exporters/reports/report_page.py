@@ -21,7 +21,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area
+from furrowmap.core.work.ground import Area, WorkFigures
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
@@ -138,7 +138,16 @@ def _summary(found: RunResult) -> str:
     if worked.grid_m2 > 0.0:
         parts.append(f"{ground.figures.overlap.grid_m2 / worked.grid_m2:.1%} of it twice")
     parts.append(f"{_area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
+    parts += _of_field(ground.figures)
     return f"<b>{escape(', '.join(parts))}.</b>"
+
+
+def _of_field(figures: WorkFigures) -> Iterable[str]:
+    """How much of the field was worked, where its boundary is known."""
+    if figures.field is not None and figures.unworked is not None and figures.worked_share is not None:
+        yield f"{figures.worked_share:.1%} of the field ({_area(figures.field.grid_m2)}) worked"
+        if figures.unworked.grid_m2 > 0.0:
+            yield f"{_area(figures.unworked.grid_m2)} of it not worked yet"
 
 
 def _figures(found: RunResult) -> Iterable[str]:
@@ -149,6 +158,8 @@ def _figures(found: RunResult) -> Iterable[str]:
         yield key_figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
         missed = figures.missed.grid_m2 > 0.0
         yield key_figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
+        if figures.field is not None and figures.unworked is not None:
+            yield key_figure(_area(figures.unworked.grid_m2), f"not worked, of {_area(figures.field.grid_m2)} of field")
         yield key_figure(str(figures.passes), "passes")
         yield key_figure(_duration(figures.hours.field_s), "in the field")
         yield key_figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")

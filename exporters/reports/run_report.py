@@ -25,7 +25,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.ground import Area, WorkedGround, WorkFigures
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
@@ -240,6 +240,7 @@ def _worked(ground: WorkedGround) -> dict[str, Any]:
         **_area("worked_area", worked.worked),
         **_area("overlap_area", worked.overlap),
         **_area("missed_area", worked.missed),
+        **_of_field(worked),
         "swept_area_m2": round(worked.swept_m2, 3),
         **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
         "passes": worked.passes,
@@ -248,6 +249,14 @@ def _worked(ground: WorkedGround) -> dict[str, Any]:
         "work_rate_ha_h": round(worked.work_rate_ha_h, 4),
         "hours": {field.name: round(getattr(hours, field.name), 1) for field in fields(hours)},
     }
+
+
+def _of_field(worked: WorkFigures) -> dict[str, Any]:
+    """How much of the field was worked; nothing where its boundary is not known."""
+    if worked.field is None or worked.unworked is None or worked.worked_share is None:
+        return {}
+    share = {"worked_share": round(worked.worked_share, 4)}
+    return _area("field_area", worked.field) | share | _area("unworked_area", worked.unworked)
 
 
 def _area(name: str, area: Area) -> dict[str, float]:

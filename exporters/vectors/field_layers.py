@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
@@ -156,6 +157,7 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             geometry_array([place.ground for place in ground.misses]),
             {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
         ),
+        *([] if ground.boundary is None else _of_field(ground, ground.boundary)),
         Layer(
             "overlaps",
             "Polygon",
@@ -198,6 +200,29 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             "Headland, where turns take place, and the field's body",
             geometry_array([place.ground for place in ground.zones]),
             {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
+        ),
+    ]
+
+
+def _of_field(ground: WorkedGround, boundary: BaseGeometry) -> list[Layer]:
+    """What was not worked of a field whose boundary is known, and the boundary."""
+    field, share = ground.figures.field, ground.figures.worked_share
+    assert field is not None
+    assert share is not None
+    return [
+        Layer(
+            "unworked",
+            "Polygon",
+            "Ground of the field that was neither worked nor missed: where no pass has been yet",
+            geometry_array([place.ground for place in ground.unworked]),
+            _areas([place.area for place in ground.unworked]),
+        ),
+        Layer(
+            "boundary",
+            "MultiPolygon",
+            "The field",
+            geometry_array([shapely.MultiPolygon(shapely.get_parts(boundary).tolist())]),
+            {"worked_share": _floats([share]), **_areas([field])},
         ),
     ]
 

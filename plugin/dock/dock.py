@@ -33,6 +33,8 @@ MARGIN = 1.3
 """Around the extent to which the map zooms."""
 DESIGNER = QSize(1100, 760)
 """Pixels: QGIS opens its first layout window too small to read a page."""
+OTHER_PRODUCTS = "output-exists"
+"""Code of the error that a folder holds the products of another recording."""
 STEP_MS = 1
 """Between two steps of opening a result, for the window's other events."""
 
@@ -69,6 +71,8 @@ class FurrowmapDock(QgsDockWidget):
         self.session.saved.connect(self._saved)
         self.session.run_wanted.connect(self.run_session)
         self.session.preview_wanted.connect(self.preview_session)
+        self.session.replace_wanted.connect(lambda session: self.run_session(session, overwrite=True))
+        self.session.keep_wanted.connect(lambda session: self.run_session(session, free_folder_for(session)))
         self.previewer = Previewer(self)
         self.previewer.status_changed.connect(self.session.show_preview_status)
         self.previewer.opened.connect(self._zoom_to_first)
@@ -154,18 +158,24 @@ class FurrowmapDock(QgsDockWidget):
             self.start.remember(session)
             self.previewer.begin(session)
 
-    def run_session(self, session):
-        """Run a session in the background; a running preview is cancelled."""
+    def run_session(self, session, folder=None, *, overwrite=False):
+        """Run a session in the background; a running preview is cancelled.
+
+        Args:
+            session: the session file.
+            folder: for the products; by default that of the command line.
+            overwrite: replace the products of another recording in it.
+        """
         if self._task is not None:
             self.report(self.tr("The previous task is being cancelled; try again in a moment."), Qgis.MessageLevel.Info)
             return
         if self._program() is None:
             return
         self.previewer.cancel()
-        self._session, self._folder = Path(session), folder_for(session)
+        self._session, self._folder = Path(session), folder or folder_for(session)
         self.start.remember(session)
         self._error = ""
-        parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False}
+        parameters = {"SESSION": str(session), "OUTPUT": str(self._folder), "OPEN": False, "OVERWRITE": overwrite}
         self.run.begin(self.tr("Running {name}").format(name=self._name()))
         self.pages.setCurrentWidget(self.run)
         task = RunTask(parameters, self.run.show_stage, self._keep_error)
@@ -270,15 +280,19 @@ class FurrowmapDock(QgsDockWidget):
     def _ran(self, successful, results):
         if self._task is None:
             return  # the plugin is being unloaded
-        cancelled = self._task.feedback.isCanceled()
+        cancelled, code = self._task.feedback.isCanceled(), self._task.error_code
         self._task = None
         self.run.end()
         if cancelled:
             self.report(self.tr("Cancelled; no partial files are left."), Qgis.MessageLevel.Info)
             return
         if not successful:
+            text = self._error or self.tr("The run failed; see the log.")
             self._back_to_session()
-            self.report(self._error or self.tr("The run failed; see the log."), Qgis.MessageLevel.Critical)
+            if self.pages.currentWidget() is self.session:
+                self.session.show_error(text, may_replace=code == OTHER_PRODUCTS)
+            else:
+                self.report(text, Qgis.MessageLevel.Critical)
             return
         self.open_folder(results.get("FOLDER", self._folder))
 
@@ -359,6 +373,14 @@ def folder_for(session):
     """The folder for the products of a session, the same as on the command line."""
     session = Path(session).resolve()
     return session.parent / f"{session.stem}_result"
+
+
+def free_folder_for(session):
+    """The first folder `NAME_result-2`, `NAME_result-3`, … that does not exist."""
+    first, number = folder_for(session), 2
+    while (folder := first.with_name(f"{first.name}-{number}")).exists():
+        number += 1
+    return folder
 
 
 def session_for(recordings):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The form of a session: findings in the recordings, the measured dimensions, and a drawing of the vehicle."""
 
+from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsCoordinateReferenceSystem
@@ -36,12 +37,16 @@ class SessionPage(QWidget):
         preview_wanted: likewise.
         saved: likewise.
         left: back, without saving.
+        replace_wanted: with the session file, to run it in place of the products of another recording.
+        keep_wanted: with the session file, to run it into a folder of its own.
     """
 
     run_wanted = pyqtSignal(object)
     preview_wanted = pyqtSignal(object)
     saved = pyqtSignal(object)
     left = pyqtSignal()
+    replace_wanted = pyqtSignal(object)
+    keep_wanted = pyqtSignal(object)
 
     def __init__(self, parent=None):
         super().__init__(parent)
@@ -50,6 +55,7 @@ class SessionPage(QWidget):
         layout = QVBoxLayout(inside)
         self.findings = small_text("furrowmapFindings")
         self.vehicle = VehicleView()
+        layout.addWidget(self._error())
         layout.addWidget(self.findings)
         layout.addWidget(self._session_group())
         layout.addWidget(self.vehicle)
@@ -105,8 +111,23 @@ class SessionPage(QWidget):
         self.boundary.setDefaultRoot(str(self._path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
         self.findings.setText(findings_html(findings))
+        self.error.hide()
         self.show_preview_status("")
         self._draw()
+        self._scroll.verticalScrollBar().setValue(0)
+
+    def show_error(self, text, *, may_replace):
+        """Show why a run failed, in full, above the form.
+
+        Args:
+            text: lines of the error.
+            may_replace: offer to replace the products in its folder, or to keep both, instead of the last line, which
+                names options of the command line.
+        """
+        what, *rest = text.splitlines()[: 2 if may_replace else None]
+        self.error_text.setText("<br>".join([f"<b>{escaped(what)}</b>", *map(escaped, rest)]))
+        self.choice.setVisible(may_replace)
+        self.error.show()
         self._scroll.verticalScrollBar().setValue(0)
 
     def show_preview_status(self, text):
@@ -179,6 +200,29 @@ class SessionPage(QWidget):
             return (self._path.parent / chosen).resolve().relative_to(self._path.parent.resolve()).as_posix()
         except ValueError:
             return chosen  # the run refuses a file elsewhere, with the reason
+
+    def _error(self):
+        self.error, self.choice = QWidget(objectName="furrowmapError"), QWidget()
+        self.error_text = small_text("furrowmapErrorText")
+        row = QHBoxLayout(self.choice)
+        row.setContentsMargins(0, 0, 0, 0)
+        for name, text, signal in (
+            ("furrowmapReplace", self.tr("Replace them"), self.replace_wanted),
+            ("furrowmapKeepBoth", self.tr("Keep both"), self.keep_wanted),
+        ):
+            button = QPushButton(text, objectName=name)
+            button.clicked.connect(partial(self._run_again, signal))
+            row.addWidget(button)
+        layout = QVBoxLayout(self.error)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.error_text)
+        layout.addWidget(self.choice)
+        self.error.hide()
+        return self.error
+
+    def _run_again(self, signal, *_):
+        if self._is_saved():
+            signal.emit(self._path)
 
     def _session_group(self):
         group, form = group_box(self.tr("Session"))

@@ -4,6 +4,7 @@
 from qgis.core import QgsApplication, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProcessingFeedback, QgsTask
 from qgis.PyQt.QtCore import pyqtSignal
 
+from ..processing.algorithm import ERROR_CODE
 from ..worker import WorkerError, run_command
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
@@ -45,6 +46,11 @@ class RunTask(QgsProcessingAlgRunnerTask):
         self.feedback.failed.connect(on_error)
         algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         super().__init__(algorithm, parameters, self.context, self.feedback, QUIET)
+
+    @property
+    def error_code(self):
+        """Code of the error that ended it; "" if there is none."""
+        return self.feedback.property(ERROR_CODE) or ""
 
 
 class CommandTask(QgsTask):

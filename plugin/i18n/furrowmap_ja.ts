@@ -177,7 +177,6 @@
   <message><source>Output folder.</source><translation>出力フォルダ。</translation></message>
   <message><source>Output raster: .vrt or .tif.</source><translation>出力ラスタ：.vrt または .tif。</translation></message>
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
-  <message><source>Overwrite the products of another session</source><translation>別のセッションの成果物を上書き</translation></message>
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
   <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Path</source><translation>通路（行の間）</translation></message>
@@ -193,6 +192,7 @@
   <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
   <message><source>Products of the same session in it are replaced.</source><translation>同じセッションの成果物は置き換えられます。</translation></message>
   <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
+  <message><source>Products of the same recording in it are replaced.</source><translation>同じ記録の成果物は置き換えられます。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
   <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
   <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
@@ -202,7 +202,8 @@
   <message><source>Refuse sessions in another CRS instead of transforming them.</source><translation>CRS の異なるセッションを座標変換せずに拒否します。</translation></message>
   <message><source>Remove sessions from the farm map</source><translation>農場マップからセッションを削除</translation></message>
   <message><source>Removes sessions from a farm map. The folders of their results are not touched.</source><translation>農場マップからセッションを削除します。実行結果のフォルダは変更しません。</translation></message>
-  <message><source>Replace the products of another session in DIR.</source><translation>フォルダにある別のセッションの成果物を置き換えます。</translation></message>
+  <message><source>Replace the products of another recording</source><translation>別の記録の成果物を置き換える</translation></message>
+  <message><source>Replace the products of another recording in DIR.</source><translation>フォルダにある別の記録の成果物を置き換えます。</translation></message>
   <message><source>Report (HTML)</source><translation>レポート（HTML）</translation></message>
   <message><source>Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.</source><translation>実行時にセッションの座標がどう変換されるかを、現地での数値とともに報告します。基準座標系とエポック、移動量、ジオイド高、子午線収差角、縮尺係数です。ファイルは書き出しません。</translation></message>
   <message><source>Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.</source><translation>記録の内容を報告します。センサの機種、点数、期間、時計とその差、測位解の種類です。</translation></message>
@@ -303,9 +304,11 @@
   <name>Figures</name>
   <message><source>CRS</source><translation>CRS</translation></message>
   <message><source>Duration</source><translation>所要時間</translation></message>
+  <message><source>Field</source><translation type="unfinished"/></message>
   <message><source>Heading accuracy</source><translation>方位角の精度</translation></message>
   <message><source>Horizontal accuracy</source><translation>水平精度</translation></message>
   <message><source>Missed</source><translation>作業残し</translation></message>
+  <message><source>Not worked</source><translation type="unfinished"/></message>
   <message><source>Overlap</source><translation>重複</translation></message>
   <message><source>Passes</source><translation>行程</translation></message>
   <message><source>Path length</source><translation>走行距離</translation></message>
@@ -313,6 +316,7 @@
   <message><source>Start</source><translation>開始</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
+  <message><source>{area}, {share:.0f} % of it worked</source><translation type="unfinished"/></message>
 </context>
 <context>
   <name>Findings</name>
@@ -505,6 +509,7 @@
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>GNSS antenna</source><translation>GNSS アンテナ</translation></message>
   <message><source>Implement</source><translation>作業機</translation></message>
+  <message><source>Keep both</source><translation>両方残す</translation></message>
   <message><source>Kind</source><translation>種類</translation></message>
   <message><source>Name</source><translation>名前</translation></message>
   <message><source>Optional: a polygon in the session's folder, to find missed ground.</source><translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation></message>
@@ -513,6 +518,7 @@
   <message><source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source><translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation></message>
   <message><source>Preview</source><translation>プレビュー</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
+  <message><source>Replace them</source><translation>置き換える</translation></message>
   <message><source>Save</source><translation>保存</translation></message>
   <message><source>Save and run</source><translation>保存して実行</translation></message>
   <message><source>Scanner</source><translation>スキャナ</translation></message>

@@ -32,7 +32,7 @@ FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
 LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
 NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
 """North is up on all pages."""
-LEGEND = ("events", "trajectory", "misses", "overlaps", "coverage", "passes", "change")
+LEGEND = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
 """Layers in the legend."""
 MARGIN = 1.08
 ATLAS_MARGIN = 0.15

@@ -33,6 +33,8 @@ TAB = "furrowmap"
 """Of QGIS's message log."""
 OPEN = "OPEN"
 """The parameter that opens the products as layers."""
+ERROR_CODE = "furrowmapErrorCode"
+"""Property of the feedback that holds the code of the command's error."""
 
 
 class CommandAlgorithm(QgsProcessingAlgorithm):
@@ -219,6 +221,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             for line in error.log:
                 feedback.pushConsoleInfo(line)
             QgsMessageLog.logMessage("\n".join([*error.lines, *error.log]), TAB)
+            feedback.setProperty(ERROR_CODE, error.code)
             raise QgsProcessingException("\n".join(error.lines)) from None
         feedback.setProgress(100)
         if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):

@@ -150,10 +150,10 @@ ALGORITHMS = (
             **SESSION,
             "--preview": parameter("PREVIEW", "Preview only"),
             "--output": parameter(
-                "OUTPUT", "Output folder", "Products of the same session in it are replaced.", required=True
+                "OUTPUT", "Output folder", "Products of the same recording in it are replaced.", required=True
             ),
         },
-        advanced={"--overwrite": parameter("OVERWRITE", "Overwrite the products of another session")},
+        advanced={"--overwrite": parameter("OVERWRITE", "Replace the products of another recording")},
         outputs=(
             Output("FOLDER", "folder", "Output folder", item("folder")),
             Output("REPORT", "text", "Report (HTML)", product("report.html")),

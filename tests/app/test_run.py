@@ -50,27 +50,42 @@ def session(shared_data: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(
     "addition",
-    ["[lidar]\nxyz_m = [0.0, 0.0, 2.1]\n", "[run]\nstanding = false\n"],
-    ids=["mounting", "standing"],
+    ["[lidar]\nxyz_m = [0.0, 0.0, 2.1]\n", "[run]\nstanding = false\n", '[field]\nboundary = "boundary.geojson"\n'],
+    ids=["mounting", "standing", "boundary"],
 )
-def test_run__replaces_those_of_the_same_files_run_otherwise(session: Path, tmp_path: Path, addition: str) -> None:
+def test_run__replaces_those_of_the_same_recording_run_otherwise(
+    session: Path, shared_data: Path, tmp_path: Path, addition: str
+) -> None:
     furrowmap.run(session, tmp_path / "result")
     session.write_text(SESSION + addition)
+    shutil.copyfile(shared_data / "tractor_loop" / "boundary.geojson", session.with_name("boundary.geojson"))
     table, key, *_ = addition.replace("[", "").replace("]", "").split()
     assert key in furrowmap.run(session, tmp_path / "result").report["session"][table]
 
 
-def test_run__keeps_those_of_other_files_with_the_same_names(session: Path, tmp_path: Path) -> None:
+def test_run__replaces_those_of_the_same_recording_with_another_trajectory_and_name(
+    session: Path, tmp_path: Path
+) -> None:
     before = furrowmap.run(session, tmp_path / "result").report
     drive = session.with_name("drive.csv")
     drive.write_text(drive.read_text().replace(",271,", ",272,"))
+    renamed = session.rename(session.with_name("renamed.toml"))
+    renamed.write_text(SESSION.replace("[recording]", 'name = "renamed"\n[recording]', 1))
+    after = furrowmap.run(renamed, tmp_path / "result").report
+    assert after["session"]["name"] != before["session"]["name"]
+    assert [a == b for a, b in zip(after["inputs"], before["inputs"], strict=True)] == [True, False]
+
+
+def test_run__keeps_those_of_another_recording_of_the_same_name(session: Path, tmp_path: Path) -> None:
+    before = furrowmap.run(session, tmp_path / "result").report
+    capture = session.with_name("recording.pcap")
+    capture.write_bytes(capture.read_bytes()[: -(16 + 42 + 1206)])
     cloud = (tmp_path / "result" / "cloud.copc.laz").read_bytes()
-    with pytest.raises(RefusedError, match="another session"):
+    with pytest.raises(RefusedError, match="another recording"):
         furrowmap.run(session, tmp_path / "result")
     assert (tmp_path / "result" / "cloud.copc.laz").read_bytes() == cloud
     after = furrowmap.run(session, tmp_path / "result", overwrite=True).report
-    assert [file["name"] for file in after["inputs"]] == [file["name"] for file in before["inputs"]]
-    assert [a == b for a, b in zip(after["inputs"], before["inputs"], strict=True)] == [True, False]
+    assert [a == b for a, b in zip(after["inputs"], before["inputs"], strict=True)] == [False, True]
 
 
 @pytest.mark.parametrize("again", [False, True])

@@ -84,6 +84,29 @@ def test_strip_along_the_boundary__is_told_as_such_and_stays_inside() -> None:
     assert all(field.buffer(1e-9).covers(strip) for _, strip in strips)
 
 
+@pytest.mark.parametrize("known", [True, False], ids=["boundary", "no boundary"])
+def test_field_half_worked__states_what_is_left(known: bool) -> None:
+    """One lane of 48 m by 1.7 m in a field of 60 by 20 m; two metres of it are driven with the tool's state unknown."""
+    trajectory = trajectory_of(drive((54.0, 1.0, 0.0)), sigma=(0.01, 0.01, 0.02, 0.1, 0.1, 0.2))
+    east, north = trajectory.xyz_m[0, :2]
+    field = shapely.box(east - 3.0, north - 10.0, east + 57.0, north + 10.0)
+    states = states_of(trajectory, (2.0, 50.0), unknown_s=(50.0, 52.0))
+    ground = worked_ground(trajectory, states, Implement(1.7, (0.0, 0.0)), FRAME, field if known else None)
+    figures = ground.figures
+    if not known:
+        assert (figures.field, figures.unworked, figures.worked_share, ground.unworked) == (None, None, None, ())
+        return
+    assert figures.field is not None
+    assert figures.unworked is not None
+    assert (figures.field.grid_m2, figures.field.sigma_m2) == (pytest.approx(1200.0), 0.0)
+    assert figures.worked_share == pytest.approx(48.0 * 1.7 / 1200.0, rel=0.01)
+    assert figures.missed.grid_m2 == 0.0
+    assert figures.unworked.grid_m2 == pytest.approx(1200.0 - 50.0 * 1.7, rel=1e-3)
+    assert figures.unworked.sigma_m2 >= 2.0 * 1.7 / np.sqrt(3.0) * 0.99
+    assert sum(place.area.grid_m2 for place in ground.unworked) == pytest.approx(figures.unworked.grid_m2)
+    assert ground.boundary == field
+
+
 def test_missed_island__is_between_passes_also_where_the_boundary_is_known() -> None:
     worked = cover(shapely.box(0.0, 0.0, 50.0, 50.0).difference(shapely.box(20.0, 20.0, 30.0, 20.8)))
     ((kind, strip),) = missed(worked, NOTHING, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))

@@ -23,6 +23,8 @@ FIELDS = {
     "events": ("Point Z", ["kind", "time", "t_s", "pass", "sigma_s"]),
     "tool_path": ("LineString Z", ["implement", "pass", "start", "end", "length_m"]),
     "misses": ("Polygon", ["kind", *AREAS]),
+    "unworked": ("Polygon", AREAS),
+    "boundary": ("MultiPolygon", ["worked_share", *AREAS]),
     "overlaps": ("Polygon", ["pass_a", "pass_b", "start", *AREAS]),
     "coverage": ("MultiPolygon", AREAS),
     "passes": (
@@ -99,7 +101,7 @@ def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgi
     renderers = {name: layers[name]["renderer"] for name in FIELDS}
     assert renderers == {
         **dict.fromkeys(("events", "tool_path", "misses", "zones"), "categorizedSymbol"),
-        **dict.fromkeys(("overlaps", "coverage", "passes"), "singleSymbol"),
+        **dict.fromkeys(("unworked", "boundary", "overlaps", "coverage", "passes"), "singleSymbol"),
     }
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field, *FIELDS)
     times = dict(zip(FIELDS, (line.split()[:2] for line in told.splitlines()[-len(FIELDS) :]), strict=True))

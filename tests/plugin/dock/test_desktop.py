@@ -102,6 +102,14 @@ def test_without_worker__results_open_and_the_set_up_is_offered(seen: dict[str, 
     assert seen["refused_without_worker"]
 
 
+def test_run__over_another_recording_says_so_in_full_and_replaces_or_keeps_both(seen: dict[str, Any]) -> None:
+    assert "report.json of another recording" in seen["refusal"]
+    assert seen["refusal"].count("<br>") == 1
+    assert "--overwrite" not in seen["refusal"]
+    assert seen["choice"] == [True, True]
+    assert seen["kept_both"] == ["session_result", "session_result-2"]
+
+
 def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, Any]) -> None:
     assert seen["page_at_once"]
     assert seen["proposed_crs"] == "EPSG:6677"
@@ -164,7 +172,7 @@ def test_run__shows_its_stages_and_figures(seen: dict[str, Any], drive: Path) ->
 def test_dialogs__none_is_left_open_and_nothing_failed_in_the_log(seen: dict[str, Any]) -> None:
     assert seen["dialogs"] == []
     assert not seen["modal"]
-    assert seen["logged"] == []
+    assert [line for line in seen["logged"] if "another recording" not in line] == []
 
 
 def test_locator__finds_a_pass_by_its_number(seen: dict[str, Any]) -> None:

@@ -169,6 +169,25 @@ def new_session() -> Iterator[Any]:
     shot(f"{OUT}/session.png")  # noqa: F821
 
 
+def refused_run() -> Iterator[Any]:
+    """The folder holds the products of another recording: kept, or replaced by the whole run below."""
+    folder = Path(RECORDINGS) / "session_result"
+    folder.mkdir()
+    (folder / "report.json").write_text("{}")
+    click("furrowmapRun")
+    yield page("run")
+    yield page("session")
+    SEEN["refusal"] = widget("furrowmapErrorText").text()
+    SEEN["choice"] = [widget(name).isVisible() for name in ("furrowmapReplace", "furrowmapKeepBoth")]
+    shot(f"{OUT}/refused.png")  # noqa: F821
+    click("furrowmapKeepBoth")
+    yield lambda: widget("furrowmapStages").count() >= 2
+    SEEN["kept_both"] = [path.name for path in sorted(Path(RECORDINGS).glob("session_result*"))]
+    click("furrowmapCancel")
+    yield lambda: not QgsApplication.taskManager().countActiveTasks()
+    yield lambda: not (Path(RECORDINGS) / "session_result-2").exists()
+
+
 def cancelled_run() -> Iterator[Any]:
     """A run that is cancelled in its midst acts at once and leaves nothing."""
     before = sorted(path.name for path in Path(RECORDINGS).iterdir())
@@ -186,8 +205,11 @@ def cancelled_run() -> Iterator[Any]:
 
 
 def whole_run() -> Iterator[Any]:
-    """From the form to the map."""
+    """From the form to the map, in place of the products of another recording."""
     click("furrowmapRun")
+    yield page("run")
+    yield page("session")
+    click("furrowmapReplace")
     stages = widget("furrowmapStages")
     yield lambda: stages.count() >= 2 and widget("furrowmapProgress").maximum() == 100
     shot(f"{OUT}/run.png")  # noqa: F821
@@ -272,7 +294,7 @@ def _round_trip(project: Any) -> bool:
 
 
 def story() -> Iterator[Any]:
-    for part in (reloads, without_worker, new_session, cancelled_run, whole_run, on_the_map):
+    for part in (reloads, without_worker, new_session, cancelled_run, refused_run, whole_run, on_the_map):
         yield from part()
     SEEN["dialogs"] = [w.windowTitle() for w in QApplication.topLevelWidgets() if w.isVisible() and w is not WINDOW]
     SEEN["modal"] = QApplication.activeModalWidget() is not None
