@@ -51,7 +51,7 @@ _schema = click.option(
     "--time-zone",
     "zone",
     metavar="ZONE",
-    help="Time zone of the dates, such as Asia/Tokyo [default: from the longitude].",
+    help="Time zone of the dates, such as Asia/Tokyo [default: that of the place].",
 )
 @_schema
 @common_options

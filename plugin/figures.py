@@ -14,7 +14,7 @@ def figure_rows(report):
     figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
     accuracy = report.get("accuracy") if isinstance(report.get("accuracy"), dict) else {}
     rows = [
-        (tr("Start"), _local_time(figures.get("start"))),
+        (tr("Start"), _local_time(figures)),
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
         (tr("Overlap"), _area(figures, "overlap_area_m2", "overlap_area_sigma_m2")),
         (tr("Missed"), _area(figures, "missed_area_m2", "missed_area_sigma_m2")),
@@ -40,10 +40,12 @@ def figures_html(report):
     )
 
 
-def _local_time(text):
-    """A UTC time in this computer's time zone, as year, month, day."""
-    moment = QDateTime.fromString(str(text), Qt.DateFormat.ISODateWithMs)
-    return moment.toLocalTime().toString("yyyy-MM-dd HH:mm") if moment.isValid() else None
+def _local_time(figures):
+    """The field's local time with its zone; UTC where a report has no other."""
+    zone = figures.get("time_zone")
+    text = str(figures.get("start_local" if zone else "start"))
+    moment = QDateTime.fromString(text, Qt.DateFormat.ISODateWithMs)
+    return f"{moment.toString('yyyy-MM-dd HH:mm')} ({zone or 'UTC'})" if moment.isValid() else None
 
 
 def _number(value, form):

@@ -119,6 +119,7 @@ def _write_products(
         found.frame.words,
         provenance,
         [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
+        found.zone,
     )
     if found.work.states is not None:
         write_states(staging / STATES, found.work.states)

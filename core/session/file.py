@@ -8,6 +8,7 @@ import math
 import posixpath
 import re
 import tomllib
+import zoneinfo
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, Literal, get_args, get_origin
@@ -206,6 +207,8 @@ def _faults(session: Session) -> Iterator[str]:
         yield "recording.gnss names no file, and there is no [trajectory]"
     if session.crs.parameters is not None and session.crs.coordinates != CURRENT_EPOCH:
         yield f'crs.parameters needs crs.coordinates = "{CURRENT_EPOCH}", not {session.crs.coordinates!r}'
+    if session.field.time_zone is not None and session.field.time_zone not in zoneinfo.available_timezones():
+        yield f'field.time_zone "{session.field.time_zone}" is no time zone of the IANA database, such as "Asia/Tokyo"'
     if session.crs.geoid_grid is not None and session.crs.heights == ELLIPSOIDAL:
         yield f'crs.geoid_grid needs heights above a geoid, but crs.heights is "{ELLIPSOIDAL}"'
     yield from _repetitions(session)

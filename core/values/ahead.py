@@ -142,6 +142,8 @@ def beside(work: Callable[[Progress], Found], progress: Progress) -> Iterator[Fu
         finally:
             stopped.set()
     found.result()
+    if last:  # also of work that was done before the body
+        progress(*last[0])
 
 
 def _wait_for(thread: threading.Thread) -> None:

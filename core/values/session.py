@@ -123,9 +123,15 @@ class Implement(_Part, frozen=True):
 
 
 class Field(_Part, frozen=True):
-    """`[field]`: the field boundary, a vector file."""
+    """`[field]`: what is known of the field.
+
+    Attributes:
+        boundary: a vector file with its polygon.
+        time_zone: of the times that people read, such as "Asia/Tokyo", where it is not that of the place.
+    """
 
     boundary: str | None = None
+    time_zone: str | None = None
 
 
 class TrajectorySource(_Part, frozen=True):
@@ -348,6 +354,7 @@ EXAMPLES: Final = {
     "implement.states_use": '"replace"',
     "implement.states_minus_gnss_s": "0.0",
     "field.boundary": '"boundary.geojson"',
+    "field.time_zone": '"Asia/Tokyo"',
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",

@@ -101,6 +101,21 @@ class Place:
 
 
 @dataclass(frozen=True)
+class FieldFigures:
+    """How much of a field was worked.
+
+    Attributes:
+        area: of the ground inside its boundary, which is taken as exact.
+        worked_share: of that ground.
+        unworked: ground of the field that was neither worked nor missed.
+    """
+
+    area: Area
+    worked_share: float
+    unworked: Area
+
+
+@dataclass(frozen=True)
 class WorkFigures:
     """Summary figures.
 
@@ -109,9 +124,7 @@ class WorkFigures:
         swept_m2: width times path length of all passes, as the counter of a machine.
         overlap: the places of all pairs of passes, added up.
         missed: all strips missed.
-        field: ground inside the field's boundary, which is taken as exact; None without a boundary.
-        worked_share: of the field's ground; None likewise.
-        unworked: ground of the field that was neither worked nor missed; None likewise.
+        field: how much of the field was worked; None where its boundary is not known.
         passes: how many.
         length_m: driven forward with the tool down.
         speed_mps: mean while working; nan where nothing was worked.
@@ -123,9 +136,7 @@ class WorkFigures:
     swept_m2: float
     overlap: Area
     missed: Area
-    field: Area | None
-    worked_share: float | None
-    unworked: Area | None
+    field: FieldFigures | None
     passes: int
     length_m: float
     speed_mps: float
@@ -189,24 +200,17 @@ def worked_ground(
     parts = zip(times, work, grounds, areas.of(grounds, unplaced), strict=True)
     passes = tuple(_pass(number, *part, implement) for number, part in enumerate(parts, start=1))
     pairs = [(pair, place) for pair, places in shared.items() for place in places]
-    overlaps = tuple(
-        Overlap(*pair, place, area)
-        for (pair, place), area in zip(pairs, areas.of([place for _, place in pairs]), strict=True)
-    )
     spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
     (worked,) = areas.of([coverage], [doubtful])
     shared_all = shapely.GeometryCollection([place for _, place in pairs])
     overlap, missing = areas.of([shared_all, _all(strips)])
-    remaining = areas.of([_all(left)], [doubtful])[0] if boundary is not None else None
     length_m, moving_s = sum(p.length_m for p in passes), sum(sweep.moving_s for _, (sweep, _) in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),
         overlap=overlap,
         missed=missing,
-        field=replace(areas.of([boundary])[0], sigma_m2=0.0) if boundary is not None else None,
-        worked_share=coverage.intersection(boundary).area / boundary.area if boundary is not None else None,
-        unworked=remaining,
+        field=areas.of_field(boundary, coverage, _all(left), doubtful) if boundary is not None else None,
         passes=len(passes),
         length_m=length_m,
         speed_mps=length_m / moving_s if moving_s else float("nan"),
@@ -216,7 +220,7 @@ def worked_ground(
     return WorkedGround(
         passes=passes,
         coverage=coverage,
-        overlaps=overlaps,
+        overlaps=areas.overlaps(pairs),
         misses=areas.places(strips),
         boundary=boundary,
         unworked=areas.places(left),
@@ -294,6 +298,19 @@ class _Areas:
         grid = shapely.area(np.asarray(shapes, object))
         columns = (grid, self._on_ellipsoid(shapes), sigma)
         return [Area(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
+
+    def of_field(
+        self, boundary: BaseGeometry, coverage: BaseGeometry, left: BaseGeometry, doubtful: BaseGeometry
+    ) -> FieldFigures:
+        """How much of the ground inside `boundary` was worked; `left` is what was not."""
+        (area,), (unworked_area,) = self.of([boundary]), self.of([left], [doubtful])
+        share = coverage.intersection(boundary).area / boundary.area
+        return FieldFigures(replace(area, sigma_m2=0.0), share, unworked_area)
+
+    def overlaps(self, shared: Sequence[tuple[tuple[int, int], shapely.Polygon]]) -> tuple[Overlap, ...]:
+        """The places shared by pairs of passes."""
+        found = self.of([place for _, place in shared])
+        return tuple(Overlap(*pair, place, area) for (pair, place), area in zip(shared, found, strict=True))
 
     def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[Place, ...]:
         """The places of `shapes`, each given with its kind."""

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import numpy as np
 
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
+from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
@@ -54,3 +59,12 @@ class RunResult:
     strips: tuple[Strip, ...] = ()
     strip_differences: StripDifferences | None = None
     strip_adjustment: StripAdjustment | None = None
+
+    @cached_property
+    def zone(self) -> ZoneInfo:
+        """Time zone of the times that people read: the session's, else that of the place."""
+        if self.session.field.time_zone is not None:
+            return ZoneInfo(self.session.field.time_zone)
+        east, north = np.median(self.placement.poses.xyz_m[:, :2], axis=0)
+        lon_deg, lat_deg = self.frame.to_lon_lat(np.array([east]), np.array([north]))
+        return zone_at(float(lon_deg[0]), float(lat_deg[0]))

@@ -23,9 +23,9 @@ _QGIS: Final = "3.34.0"
 """The first version that supports everything written here."""
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Sessions": (SESSIONS, TRACKS),
-    "Work in detail": ("events", "tool_path", "misses", "overlaps", "passes"),
+    "Work in detail": ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
     "Worked ground by day": ("coverage",),
-    "Field": ("zones",),
+    "Field": ("boundary", "zones"),
     "Tables": (PROVENANCE,),
 }
 _OTHERS: Final = "Field"

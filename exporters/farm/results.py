@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.file_names import leads_out
 from furrowmap.exporters.files.ogr import pyogrio
@@ -41,7 +42,10 @@ OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS})
 """Tables that only a farm map has; all others are a run's layers with two more columns."""
 _LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
 """Layers with other names are not a run's."""
-_DRAWING_ORDER: Final = ("events", "tool_path", TRACKS, "misses", "overlaps", "passes", "coverage", "zones", SESSIONS)
+_DRAWING_ORDER: Final = (
+    *("events", "tool_path", TRACKS, "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones"),
+    SESSIONS,
+)
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
 _SIMPLIFY_M: Final = 0.02
@@ -105,8 +109,7 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
 
     Args:
         folder: of the products.
-        zone: time zone of the session's date; None for the nautical zone of the place (its longitude, in steps of
-            15 degrees), which is the same on every computer.
+        zone: time zone of the session's date; None for that of the place.
 
     Raises:
         InputError: if there is no result, or it cannot be read.
@@ -247,8 +250,9 @@ def _local_date(start: np.datetime64, place: shapely.Point, crs: CRS, zone: Zone
         return moment.astimezone(zone).date()
     geodetic = crs.geodetic_crs
     assert geodetic is not None
-    longitude, _ = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True).transform(place.x, place.y)
-    return (moment + dt.timedelta(hours=round(longitude / 15.0))).date()
+    to_lon_lat = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True)
+    longitude, latitude = to_lon_lat.transform(place.x, place.y)
+    return moment.astimezone(zone_at(longitude, latitude)).date()
 
 
 def _short_hash(value: object) -> str:

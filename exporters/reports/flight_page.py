@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from collections.abc import Iterator, Sequence
 from typing import Final
+from zoneinfo import ZoneInfo
 
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
+from furrowmap.core.geodesy.local_time import clock_words
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences
@@ -22,7 +23,7 @@ MOST_ROWS: Final = 60
 
 def flight_sections(grounds: Sequence[StripGround], found: RunResult) -> Iterator[str]:
     """Strips, their differences, and what they show of the scanner's mounting."""
-    yield section("Strips", _strips(grounds))
+    yield section("Strips", _strips(grounds, found.zone))
     if found.strip_differences is not None:
         yield section("Strips against each other", _differences(found.strip_differences))
     if found.strip_adjustment is not None:
@@ -31,13 +32,13 @@ def flight_sections(grounds: Sequence[StripGround], found: RunResult) -> Iterato
         yield section("Mounting of the scanner", _mounting(found.boresight))
 
 
-def _strips(grounds: Sequence[StripGround]) -> str:
+def _strips(grounds: Sequence[StripGround], zone: ZoneInfo) -> str:
     head = ("strip", "from", "to", "heading", "length", "speed", "points", "points/m²")
     rows = [
         (
             str(ground.strip.number),
-            _clock(ground.strip.begin_s),
-            _clock(ground.strip.end_s),
+            clock_words(ground.strip.begin_s, zone),
+            clock_words(ground.strip.end_s, zone),
             f"{ground.strip.heading_deg:.0f}°",
             f"{ground.strip.length_m:.0f} m",
             f"{ground.strip.speed_mps:.1f} m/s",
@@ -125,7 +126,3 @@ def _two(figures: SwathDifferences | None) -> tuple[str, str]:
     if figures is None:
         return "unknown", "unknown"
     return f"{1000.0 * figures.mean_m:+.1f} mm", f"{1000.0 * figures.rms_m:.1f} mm"
-
-
-def _clock(t_s: float) -> str:
-    return f"{dt.datetime.fromtimestamp(t_s, tz=dt.UTC):%H:%M:%S}"

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.geodesy.local_time import clock_words, local_time, zone_words
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
 from furrowmap.core.surfaces.visits import SwathDifferences
@@ -21,7 +22,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkFigures
+from furrowmap.core.work.ground import Area, FieldFigures
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
@@ -99,7 +100,7 @@ def write_page(
         section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
         *parcel_sections(parcels),
         *_tool(work),
-        *_passes(work),
+        *_passes(work, found.zone),
         section("GNSS", _quality(poses, found.frame)),
         section("Accuracy and warnings", _accuracy(found)),
         *(flight_sections(rasters.strips, found) if rasters is not None and rasters.strips else ()),
@@ -121,8 +122,10 @@ def write_page(
 
 
 def _when(found: RunResult) -> str:
-    begin, end = (dt.datetime.fromtimestamp(t, tz=dt.UTC) for t in (found.placement.first_s, found.placement.last_s))
-    return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {end:%H:%M:%S} UTC"
+    begin, end = (local_time(t_s, found.zone) for t_s in (found.placement.first_s, found.placement.last_s))
+    later = "" if end.date() == begin.date() else f"{end:%Y-%m-%d}, "
+    zone = zone_words(found.placement.first_s, found.zone)
+    return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {later}{end:%H:%M:%S} ({zone})"
 
 
 def _summary(found: RunResult) -> str:
@@ -138,16 +141,16 @@ def _summary(found: RunResult) -> str:
     if worked.grid_m2 > 0.0:
         parts.append(f"{ground.figures.overlap.grid_m2 / worked.grid_m2:.1%} of it twice")
     parts.append(f"{_area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
-    parts += _of_field(ground.figures)
+    parts += _of_field(ground.figures.field)
     return f"<b>{escape(', '.join(parts))}.</b>"
 
 
-def _of_field(figures: WorkFigures) -> Iterable[str]:
+def _of_field(field: FieldFigures | None) -> Iterable[str]:
     """How much of the field was worked, where its boundary is known."""
-    if figures.field is not None and figures.unworked is not None and figures.worked_share is not None:
-        yield f"{figures.worked_share:.1%} of the field ({_area(figures.field.grid_m2)}) worked"
-        if figures.unworked.grid_m2 > 0.0:
-            yield f"{_area(figures.unworked.grid_m2)} of it not worked yet"
+    if field is not None:
+        yield f"{field.worked_share:.1%} of the field ({_area(field.area.grid_m2)}) worked"
+        if field.unworked.grid_m2 > 0.0:
+            yield f"{_area(field.unworked.grid_m2)} of it not worked yet"
 
 
 def _figures(found: RunResult) -> Iterable[str]:
@@ -158,8 +161,9 @@ def _figures(found: RunResult) -> Iterable[str]:
         yield key_figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
         missed = figures.missed.grid_m2 > 0.0
         yield key_figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
-        if figures.field is not None and figures.unworked is not None:
-            yield key_figure(_area(figures.unworked.grid_m2), f"not worked, of {_area(figures.field.grid_m2)} of field")
+        if figures.field is not None:
+            field, left = figures.field.area, figures.field.unworked
+            yield key_figure(_area(left.grid_m2), f"not worked {_margin(left)}, of {_area(field.grid_m2)} of field")
         yield key_figure(str(figures.passes), "passes")
         yield key_figure(_duration(figures.hours.field_s), "in the field")
         yield key_figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
@@ -197,7 +201,7 @@ def _tool(work: FieldWork) -> Iterable[str]:
     yield section("The implement", figure(tool_graph(work), note))
 
 
-def _passes(work: FieldWork) -> Iterable[str]:
+def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
     """The table of passes."""
     ground = work.ground
     if ground is None or not ground.passes:
@@ -206,8 +210,8 @@ def _passes(work: FieldWork) -> Iterable[str]:
     rows = [
         (
             str(one.number),
-            _clock(one.times.begin_s),
-            _clock(one.times.end_s),
+            clock_words(one.times.begin_s, zone),
+            clock_words(one.times.end_s, zone),
             _number(one.length_m, 1, " m"),
             _area(one.area.grid_m2),
             _area(2.0 * one.area.sigma_m2),
@@ -366,7 +370,3 @@ def _duration(length_s: float) -> str:
     if whole >= 3600:
         return f"{whole // 3600} h {whole // 60 % 60:02d} min"
     return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"
-
-
-def _clock(t_s: float) -> str:
-    return f"{dt.datetime.fromtimestamp(t_s, tz=dt.UTC):%H:%M:%S}"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import NAMES, Boresight
+from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -25,7 +26,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkedGround, WorkFigures
+from furrowmap.core.work.ground import Area, FieldFigures, WorkedGround
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
@@ -182,6 +183,9 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "scans_without_pose": placement.scans_without_pose,
         "start": iso_utc(placement.first_s),
         "end": iso_utc(placement.last_s),
+        "time_zone": found.zone.key,
+        "start_local": local_time(placement.first_s, found.zone).isoformat(timespec="milliseconds"),
+        "end_local": local_time(placement.last_s, found.zone).isoformat(timespec="milliseconds"),
         "duration_s": round(placement.last_s - placement.first_s, 3),
         "distance_m": round(distance_m, 2),
         "standing_s": round(standing_s, 1),
@@ -240,7 +244,7 @@ def _worked(ground: WorkedGround) -> dict[str, Any]:
         **_area("worked_area", worked.worked),
         **_area("overlap_area", worked.overlap),
         **_area("missed_area", worked.missed),
-        **_of_field(worked),
+        **(_of_field(worked.field) if worked.field is not None else {}),
         "swept_area_m2": round(worked.swept_m2, 3),
         **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
         "passes": worked.passes,
@@ -251,12 +255,10 @@ def _worked(ground: WorkedGround) -> dict[str, Any]:
     }
 
 
-def _of_field(worked: WorkFigures) -> dict[str, Any]:
-    """How much of the field was worked; nothing where its boundary is not known."""
-    if worked.field is None or worked.unworked is None or worked.worked_share is None:
-        return {}
-    share = {"worked_share": round(worked.worked_share, 4)}
-    return _area("field_area", worked.field) | share | _area("unworked_area", worked.unworked)
+def _of_field(field: FieldFigures) -> dict[str, Any]:
+    """How much of the field was worked."""
+    share = {"worked_share": round(field.worked_share, 4)}
+    return _area("field_area", field.area) | share | _area("unworked_area", field.unworked)
 
 
 def _area(name: str, area: Area) -> dict[str, float]:

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
@@ -157,7 +156,7 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
             geometry_array([place.ground for place in ground.misses]),
             {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
         ),
-        *([] if ground.boundary is None else _of_field(ground, ground.boundary)),
+        *_of_field(ground),
         Layer(
             "overlaps",
             "Polygon",
@@ -204,11 +203,11 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
     ]
 
 
-def _of_field(ground: WorkedGround, boundary: BaseGeometry) -> list[Layer]:
+def _of_field(ground: WorkedGround) -> list[Layer]:
     """What was not worked of a field whose boundary is known, and the boundary."""
-    field, share = ground.figures.field, ground.figures.worked_share
-    assert field is not None
-    assert share is not None
+    field = ground.figures.field
+    if field is None or ground.boundary is None:
+        return []
     return [
         Layer(
             "unworked",
@@ -221,8 +220,8 @@ def _of_field(ground: WorkedGround, boundary: BaseGeometry) -> list[Layer]:
             "boundary",
             "MultiPolygon",
             "The field",
-            geometry_array([shapely.MultiPolygon(shapely.get_parts(boundary).tolist())]),
-            {"worked_share": _floats([share]), **_areas([field])},
+            geometry_array([shapely.MultiPolygon(shapely.get_parts(ground.boundary).tolist())]),
+            {"worked_share": _floats([field.worked_share]), **_areas([field.area])},
         ),
     ]
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
@@ -40,6 +43,7 @@ def write_field(
     words: str = "",
     origin: Origin | None = None,
     more: Sequence[Layer] = (),
+    zone: ZoneInfo | None = None,
 ) -> None:
     """Write `field.gpkg` with its layers and their styles.
 
@@ -51,6 +55,7 @@ def write_field(
         words: on the coordinates, added to each layer's description.
         origin: provenance, for the file's metadata.
         more: other layers, below these.
+        zone: time zone of the times in map tips; None for UTC.
 
     Raises:
         OSError: if the file cannot be written there.
@@ -63,7 +68,8 @@ def write_field(
         for layer in layers:
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-        write_styles(unfinished, [layer.name for layer in layers])
+        clock = (zone, float(poses.t_s[0])) if zone is not None else None
+        write_styles(unfinished, [layer.name for layer in layers], clock)
         _pack(unfinished)
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
@@ -144,15 +150,27 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
     return options
 
 
-def write_styles(path: Path, layers: Sequence[str]) -> None:
+def write_styles(path: Path, layers: Sequence[str], clock: tuple[ZoneInfo, float] | None = None) -> None:
     """Store the packaged style of each layer as its default style in QGIS.
 
     Args:
         path: of the GeoPackage.
         layers: names of its layers; those without a packaged style get none.
+        clock: time zone of the times in map tips, and a UTC time at which its offset holds; None for UTC.
     """
     packaged = packaged_styles()
-    store_styles(path, {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged})
+    styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
+    if clock is not None:
+        styles = {name: _in_local_time(style, *clock) for name, style in styles.items()}
+    store_styles(path, styles)
+
+
+def _in_local_time(style: str, zone: ZoneInfo, t_s: float) -> str:
+    """A style whose map tips show the local time of a zone instead of UTC."""
+    offset = local_time(t_s, zone).utcoffset()
+    assert offset is not None
+    shift = rf"format_date(\1 + to_interval('{offset.total_seconds():.0f} seconds'),"
+    return re.sub(r'format_date\(("\w+"),', shift, style).replace(" UTC", f" ({zone.key})")
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:

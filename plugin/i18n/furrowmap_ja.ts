@@ -304,11 +304,11 @@
   <name>Figures</name>
   <message><source>CRS</source><translation>CRS</translation></message>
   <message><source>Duration</source><translation>所要時間</translation></message>
-  <message><source>Field</source><translation type="unfinished"/></message>
+  <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Heading accuracy</source><translation>方位角の精度</translation></message>
   <message><source>Horizontal accuracy</source><translation>水平精度</translation></message>
   <message><source>Missed</source><translation>作業残し</translation></message>
-  <message><source>Not worked</source><translation type="unfinished"/></message>
+  <message><source>Not worked</source><translation>未作業</translation></message>
   <message><source>Overlap</source><translation>重複</translation></message>
   <message><source>Passes</source><translation>行程</translation></message>
   <message><source>Path length</source><translation>走行距離</translation></message>
@@ -316,7 +316,7 @@
   <message><source>Start</source><translation>開始</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
-  <message><source>{area}, {share:.0f} % of it worked</source><translation type="unfinished"/></message>
+  <message><source>{area}, {share:.0f} % of it worked</source><translation>{area}、うち {share:.0f} % を作業済み</translation></message>
 </context>
 <context>
   <name>Findings</name>

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import gzip
 import json
 import os
 import shutil
-from datetime import datetime
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import laspy
 import numpy as np
@@ -118,13 +119,29 @@ def test_products__tell_inside_where_they_come_from(session: Path, tmp_path: Pat
     assert in_cloud["SOFTWARE"] == in_layers["SOFTWARE"] == raster["TIFFTAG_SOFTWARE"]
 
 
+@pytest.mark.parametrize(("stated", "zone"), [(None, "Asia/Tokyo"), ("America/Chicago", "America/Chicago")])
+def test_times__are_those_of_the_place_or_of_the_setting(
+    session: Path, tmp_path: Path, stated: str | None, zone: str
+) -> None:
+    session.write_text(SESSION + (f'[field]\ntime_zone = "{stated}"\n' if stated else ""))
+    result = furrowmap.run(session, tmp_path / "result")
+    figures = result.report["figures"]
+    begin = dt.datetime.fromisoformat(figures["start"]).astimezone(ZoneInfo(zone))
+    assert figures["time_zone"] == zone
+    assert dt.datetime.fromisoformat(figures["start_local"]) == begin
+    assert figures["start_local"] == begin.isoformat(timespec="milliseconds")
+    page = (result.path / "report.html").read_text(encoding="utf-8")
+    assert f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to" in page
+    assert f"({zone}, UTC{begin:%z}"[:-2] in page
+
+
 def test_report__tells_the_clouds_bounds_and_times(session: Path, tmp_path: Path) -> None:
     session.write_text(SESSION.replace("[crs]", "lidar_minus_gnss_s = 0.5\n[crs]"))
     figures = furrowmap.run(session, tmp_path / "result").report["figures"]
     cloud = laspy.read(tmp_path / "result" / "cloud.copc.laz")
     np.testing.assert_allclose(figures["bounds_m"], [cloud.xyz.min(0), cloud.xyz.max(0)], atol=1e-9)
     for name, gps_s in (("start", cloud.gps_time.min()), ("end", cloud.gps_time.max())):
-        told_s = datetime.fromisoformat(figures[name]).timestamp()
+        told_s = dt.datetime.fromisoformat(figures[name]).timestamp()
         assert told_s == pytest.approx(gps_s + 1e9 + GPS_EPOCH_S - LEAP_S, abs=0.001)
     assert figures["distance_m"] == pytest.approx(0.387, abs=0.005)
 

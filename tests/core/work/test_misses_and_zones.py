@@ -94,16 +94,15 @@ def test_field_half_worked__states_what_is_left(known: bool) -> None:
     ground = worked_ground(trajectory, states, Implement(1.7, (0.0, 0.0)), FRAME, field if known else None)
     figures = ground.figures
     if not known:
-        assert (figures.field, figures.unworked, figures.worked_share, ground.unworked) == (None, None, None, ())
+        assert (figures.field, ground.boundary, ground.unworked) == (None, None, ())
         return
     assert figures.field is not None
-    assert figures.unworked is not None
-    assert (figures.field.grid_m2, figures.field.sigma_m2) == (pytest.approx(1200.0), 0.0)
-    assert figures.worked_share == pytest.approx(48.0 * 1.7 / 1200.0, rel=0.01)
+    assert (figures.field.area.grid_m2, figures.field.area.sigma_m2) == (pytest.approx(1200.0), 0.0)
+    assert figures.field.worked_share == pytest.approx(48.0 * 1.7 / 1200.0, rel=0.01)
     assert figures.missed.grid_m2 == 0.0
-    assert figures.unworked.grid_m2 == pytest.approx(1200.0 - 50.0 * 1.7, rel=1e-3)
-    assert figures.unworked.sigma_m2 >= 2.0 * 1.7 / np.sqrt(3.0) * 0.99
-    assert sum(place.area.grid_m2 for place in ground.unworked) == pytest.approx(figures.unworked.grid_m2)
+    assert figures.field.unworked.grid_m2 == pytest.approx(1200.0 - 50.0 * 1.7, rel=1e-3)
+    assert figures.field.unworked.sigma_m2 >= 2.0 * 1.7 / np.sqrt(3.0) * 0.99
+    assert sum(place.area.grid_m2 for place in ground.unworked) == pytest.approx(figures.field.unworked.grid_m2)
     assert ground.boundary == field
 
 

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 UTM = CRS.from_epsg(6691)
-DETAILS = ("events", "tool_path", "misses", "overlaps", "passes", "coverage", "zones")
+DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
+TIMELESS = ("misses", "unworked", "boundary", "zones")
 KILLS = int(os.environ.get("KILLS", "15"))
 HOSTILE = '\'; DROP TABLE "sessions"; --圃場'
 
@@ -446,7 +447,7 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
         if name != "provenance":
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert layer["map_tip"]
-            assert (layer["time"] is not None) == layer["own_time"] == (name not in ("misses", "zones"))
+            assert (layer["time"] is not None) == layer["own_time"] == (name not in TIMELESS)
     assert told["layers"]["sessions"]["labels"]
     colours = told["layers"]["coverage"]["colours"]
     assert len(set(colours)) == len(colours) == 2  # a colour for each day

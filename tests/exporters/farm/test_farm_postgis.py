@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[3]
 HOSTILE = "'; DROP TABLE furrowmap.sessions; --\t\\N圃場"
 KILLS = int(os.environ.get("KILLS", "5"))
-DETAILS = ("events", "tool_path", "misses", "overlaps", "passes", "coverage", "zones")
+DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
+TIMELESS = ("misses", "unworked", "boundary", "zones")
 
 
 @pytest.fixture(scope="module")
@@ -273,7 +274,7 @@ def test_qgis__opens_the_project_in_the_database(two: str, server: Server, qgis:
         assert layer["valid"], (name, layer["error"])
         if name != "provenance":
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
-            assert (layer["time"] is not None) == layer["own_time"] == (name not in ("misses", "zones"))
+            assert (layer["time"] is not None) == layer["own_time"] == (name not in TIMELESS)
     assert told["layers"]["coverage"]["features"] == 1
 
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 import geopandas as gpd
 import numpy as np
@@ -92,6 +96,23 @@ def test_without_work__there_is_only_the_trajectory_and_its_states_are_unknown(t
     track = gpd.read_file(tmp_path / "field.gpkg", layer="trajectory")
     assert set(track["implement"]) == {"unknown"}
     assert track["pass"].isna().all()
+
+
+def test_map_tips__show_the_local_time_of_the_zone_that_they_name(tmp_path: Path) -> None:
+    poses, work = worked_field()
+    styles = {}
+    for zone in (None, ZoneInfo("America/St_Johns")):
+        write_field(tmp_path / "field.gpkg", poses, FRAME.crs, work, zone=zone)
+        with closing(sqlite3.connect(tmp_path / "field.gpkg")) as base:
+            styles[zone] = dict(base.execute("SELECT f_table_name, styleQML FROM layer_styles"))
+    local = dt.datetime.fromtimestamp(poses.t_s[0], ZoneInfo("America/St_Johns")).utcoffset()
+    assert local is not None
+    for name in ("events", "passes", "tool_path", "trajectory"):
+        utc, there = (style[name].partition("<mapTip")[2] for style in styles.values())
+        shift = f" + to_interval('{local.total_seconds():.0f} seconds'), 'HH:mm:ss"
+        assert utc.count("UTC") == there.count("(America/St_Johns)") == 1
+        assert there.replace(shift, ", 'HH:mm:ss").replace("(America/St_Johns)", "UTC") == utc
+        assert there.count(shift) == utc.count("format_date(") > 0
 
 
 def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgis: QgisRoot) -> None:

@@ -1,0 +1,40 @@
+"""The local time of a place: what clocks show there."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Final
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+HOUR_DEG: Final = 15.0
+
+
+def zone_at(lon_deg: float, lat_deg: float) -> ZoneInfo:
+    """The time zone of a place, from the boundaries of time zones; at sea its nautical zone.
+
+    Args:
+        lon_deg: longitude in degrees.
+        lat_deg: latitude in degrees.
+    """
+    import tzfpy  # reads its map when it is imported
+
+    try:
+        return ZoneInfo(tzfpy.get_tz(lon_deg, lat_deg))
+    except (ZoneInfoNotFoundError, ValueError):  # a zone younger than the system's list
+        return ZoneInfo(f"Etc/GMT{-round(lon_deg / HOUR_DEG):+d}")
+
+
+def local_time(t_s: float, zone: ZoneInfo) -> dt.datetime:
+    """The local time of a UTC time in seconds since 1970, to the millisecond."""
+    return dt.datetime.fromtimestamp(round(t_s, 3), tz=dt.UTC).astimezone(zone)
+
+
+def clock_words(t_s: float, zone: ZoneInfo) -> str:
+    """What a clock shows at a UTC time: "09:23:11"."""
+    return f"{local_time(t_s, zone):%H:%M:%S}"
+
+
+def zone_words(t_s: float, zone: ZoneInfo) -> str:
+    """Name of a zone and its offset at a UTC time: "Asia/Tokyo, UTC+09:00"."""
+    offset = f"{local_time(t_s, zone):%z}"
+    return f"{zone.key}, UTC{offset[:3]}:{offset[3:5]}"

@@ -1,0 +1,47 @@
+"""The local time of places against the IANA database."""
+
+from __future__ import annotations
+
+import datetime as dt
+from zoneinfo import ZoneInfo, available_timezones
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from furrowmap.core.geodesy.local_time import clock_words, local_time, zone_at, zone_words
+
+JUNE_S = dt.datetime(2026, 6, 11, 16, 23, 5, 250_000, tzinfo=dt.UTC).timestamp()
+JANUARY_S = dt.datetime(2026, 1, 11, 23, 23, 5, tzinfo=dt.UTC).timestamp()
+
+
+@pytest.mark.parametrize(
+    ("place", "zone", "june", "january"),
+    [
+        ((140.02, 36.87), "Asia/Tokyo", "01:23:05", "08:23:05"),
+        ((9.58, 55.49), "Europe/Copenhagen", "18:23:05", "00:23:05"),
+        ((-93.63, 42.03), "America/Chicago", "11:23:05", "17:23:05"),
+        ((77.2, 28.6), "Asia/Kolkata", "21:53:05", "04:53:05"),
+    ],
+    ids=["Japan", "Denmark", "Iowa", "India"],
+)
+def test_clocks__show_what_they_do_at_the_place(place: tuple[float, float], zone: str, june: str, january: str) -> None:
+    found = zone_at(*place)
+    assert found.key == zone
+    assert (clock_words(JUNE_S, found), clock_words(JANUARY_S, found)) == (june, january)
+
+
+@given(lon_deg=st.floats(-180.0, 180.0), lat_deg=st.floats(-90.0, 90.0))
+def test_every_place__has_a_zone_near_its_nautical_one(lon_deg: float, lat_deg: float) -> None:
+    zone = zone_at(lon_deg, lat_deg)
+    offset = local_time(JANUARY_S, zone).utcoffset()
+    assert zone.key in available_timezones()
+    assert offset is not None
+    apart = (offset.total_seconds() / 3600.0 - lon_deg / 15.0 + 12.0) % 24.0 - 12.0
+    assert abs(apart) < 4.0 or abs(lat_deg) > 60.0
+
+
+def test_words__name_the_zone_and_its_offset_of_that_day() -> None:
+    copenhagen = ZoneInfo("Europe/Copenhagen")
+    assert zone_words(JUNE_S, copenhagen) == "Europe/Copenhagen, UTC+02:00"
+    assert zone_words(JANUARY_S, copenhagen) == "Europe/Copenhagen, UTC+01:00"
