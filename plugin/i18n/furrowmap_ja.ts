@@ -190,9 +190,8 @@
   <message><source>PostGIS schema of the tables.</source><translation>テーブルの PostGIS スキーマ。</translation></message>
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
   <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
-  <message><source>Products of the same session in it are replaced.</source><translation>同じセッションの成果物は置き換えられます。</translation></message>
-  <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Products of the same recording in it are replaced.</source><translation>同じ記録の成果物は置き換えられます。</translation></message>
+  <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
   <message><source>Quick look within seconds: the track and a coarse surface from a few scans, without scan matching or implement detection. Replaces an earlier preview, never the products of a run.</source><translation>数秒で概略を確認します。軌跡と、少数のスキャンによる粗いサーフェスを作成し、スキャンマッチングと作業機の検出は行いません。以前のプレビューを置き換えますが、本処理の成果物は置き換えません。</translation></message>
   <message><source>Reads recordings and writes a commented session.toml with everything that they contain. What they do not contain, such as the mounting of the scanner, is left as a comment and reported.</source><translation>記録を読み、その内容をコメント付きの session.toml に書き出します。スキャナの取り付けなど記録に含まれないものは、コメントとして残して知らせます。</translation></message>
@@ -245,7 +244,7 @@
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
-  <message><source>Time zone of the dates, such as Asia/Tokyo [default: from the longitude].</source><translation>日付に使うタイムゾーン（例：Asia/Tokyo）。省略時は経度から決めます。</translation></message>
+  <message><source>Time zone of the dates, such as Asia/Tokyo [default: that of the place].</source><translation>日付のタイムゾーン（例：Asia/Tokyo）。省略時はその場所のもの。</translation></message>
   <message><source>Treatments</source><translation>処理</translation></message>
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
   <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
