@@ -48,6 +48,8 @@ PARCEL_TABLE = "parcels.csv"
     show_default=True,
     help="Soil below the crop: a surface through the bare soil around the parcels, or a plane around each.",
 )
+@click.option("--treatments", metavar="FILE", help="CSV or spreadsheet with what each parcel or treatment was given.")
+@click.option("--day", metavar="DATE", help="Day up to which doses are summed [default: that of the points].")
 @click.option("--compare", is_flag=True, help="Compute the published method beside the default one.")
 @click.option(
     "--class",
@@ -71,6 +73,8 @@ def parcels(
     classes: str | None,
     crs: str | None,
     dst_crs: str | None,
+    treatments: str | None,
+    day: str | None,
     *,
     compare: bool,
     overwrite: bool,
@@ -89,6 +93,8 @@ def parcels(
         classes=classes_of(classes, "--class"),
         crs=crs,
         dst_crs=dst_crs,
+        treatments=treatments,
+        day=day,
     )
     with console.work() as progress:
         account = furrowmap.parcels(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.site_soil import SOILS, site_soil
 from furrowmap.core.crops.soil import SoilMethod
+from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.las.survey import Survey
@@ -24,8 +26,8 @@ from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import Notice, UsageError
 from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.session import Session
 from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
@@ -58,9 +60,11 @@ class ParcelSettings:
         classes: of the points to use; None for all but noise and the machine.
         crs: of clouds without one.
         dst_crs: of the output, projected in metres; None for that of the clouds.
+        treatments: table with what each parcel was given; None for none.
+        day: of the flight (YYYY-MM-DD), up to which doses are summed; None for that of the points.
 
     Raises:
-        UsageError: if there is no such method.
+        UsageError: if there is no such method, or the day is no date.
     """
 
     net_inset_m: tuple[float, float] = (0.0, 0.0)
@@ -71,6 +75,8 @@ class ParcelSettings:
     classes: frozenset[int] | None = None
     crs: str | None = None
     dst_crs: str | None = None
+    treatments: str | Path | None = None
+    day: str | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -87,6 +93,8 @@ class ParcelSettings:
                 f"Choices: {', '.join(SOILS)}.",
                 code="usage",
             )
+
+        day_of(self.day)
 
     @property
     def published(self) -> bool:
@@ -134,6 +142,7 @@ def parcels(
         refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
     with (
         staged_folder(folder) as staging,
         ParcelPoints(areas, staging.parent, settings.around_m) as points,
@@ -160,18 +169,19 @@ def parcels(
     return dict(plain(account))
 
 
-def parcel_settings(session: Session) -> ParcelSettings:
+def parcel_settings(opened: OpenSession) -> ParcelSettings:
     """The settings in `[parcels]` of a session.
 
     Raises:
         UsageError: if it names no method, or no way to find the soil.
     """
-    stated = session.parcels
+    stated = opened.session.parcels
     if stated is None:
         return ParcelSettings()
     method: Any = stated.method or "canopy-top"
     soil: Any = stated.soil or "surface"
-    return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil)
+    treatments = opened.inputs.treatments
+    return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil, treatments=treatments)
 
 
 @contextmanager
@@ -179,14 +189,15 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
     """What collects the points of a session's parcels; None where it has none, or no scanner.
 
     Raises:
-        InputError: if the parcels cannot be read.
+        InputError: if the parcels or their treatments cannot be read, or do not fit each other.
         UsageError: as :func:`parcel_settings`.
     """
-    path, settings = opened.inputs.parcels, parcel_settings(opened.session)
+    path, settings = opened.inputs.parcels, parcel_settings(opened)
     if path is None or not opened.session.recording.lidar:
         yield None
         return
     areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
+    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
     with ParcelPoints(areas, folder, settings.around_m) as points:
         yield points
 
@@ -257,10 +268,13 @@ def write_parcels(
             progress("measuring parcels", len(found) / len(points.parcels))
         if heights.write(folder / CROP_HEIGHT, crs, origin):
             (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
+    day = dt.datetime.fromtimestamp(origin.span_s[0], dt.UTC).date() if origin.span_s is not None else None
+    treated, notices = _treated([row.parcel for row in found], settings, day)
+    found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
-    notices = [_unmeasured(unknown, len(found))] if unknown else []
+    notices += [_unmeasured(unknown, len(found))] if unknown else []
     account = {
         "parameters": {
             "method": settings.method,
@@ -271,6 +285,15 @@ def write_parcels(
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }
     return WrittenParcels(found, account, notices)
+
+
+def _treated(
+    parcels: Sequence[Parcel], settings: ParcelSettings, day: dt.date | None
+) -> tuple[Sequence[Parcel], list[Notice]]:
+    """The parcels with their treatments, and which have none; `day` is that of the points."""
+    if settings.treatments is None:
+        return parcels, []
+    return with_treatments(parcels, read_treatments(Path(settings.treatments), day_of(settings.day) or day))
 
 
 def _unmeasured(names: Sequence[str], total: int) -> Notice:

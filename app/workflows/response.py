@@ -14,11 +14,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.crops.doses import dose_name, dose_unit, doses_of
 from furrowmap.core.crops.growth import Growth, growth_of
 from furrowmap.core.crops.logistic import Logistic
 from furrowmap.core.crops.measured_table import MEASURE, MeasuredTable, read_measured
 from furrowmap.core.crops.response import Response, response_to
-from furrowmap.core.crops.treatments import TREATMENT, read_treatments, with_treatments
+from furrowmap.core.crops.treatments import TREATMENT, day_of, read_treatments, with_treatments
 from furrowmap.core.crops.variance import Variance, analysis_of_variance
 from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.json_text import json_text, plain
@@ -32,8 +33,6 @@ from furrowmap.exporters.reports.trial_charts import Points, category_chart, res
 FloatArray = NDArray[np.float64]
 
 REPORT: Final = "response.json"
-_DOSES: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
-"""What the names of columns with doses hold, the first that is found."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +107,10 @@ def response(
     growth = _growth(flights) if len(flights) > 1 else ()
     rows = _rows(flights, measure, growth)
     last = flights[-1]
-    charts = _charts(last, measure, _dose_name(last.parcels, settings.dose), growth)
+    charts = _charts(last, measure, dose_name(last.parcels, settings.dose), growth)
     account = {
         "measure": measure,
-        "dose": _dose_name(last.parcels, settings.dose),
+        "dose": dose_name(last.parcels, settings.dose),
         "flights": [_account(flight) for flight in flights],
         "growth": [asdict(each) for each in growth],
         "warnings": list(dict.fromkeys(notices)),
@@ -143,15 +142,7 @@ def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
             "State --day once for each table, such as --day 2017-05-23.",
             code="response-days",
         )
-    try:
-        return [dt.date.fromisoformat(text) for text in texts] or [None] * tables
-    except ValueError as error:
-        raise UsageError(
-            f"A day is no date: {error}.",
-            "Doses are summed up to the day of the flight.",
-            "Write it as --day 2017-05-23.",
-            code="response-days",
-        ) from None
+    return [day_of(text) for text in texts] or [None] * tables
 
 
 def _flight(
@@ -163,9 +154,9 @@ def _flight(
     if treatments is not None:
         parcels, more = with_treatments(parcels, read_treatments(treatments, day))
         notices += more
-    name = _dose_name(parcels, settings.dose)
-    dose = _numbers(parcels, name) if name is not None else None
-    found = None if dose is None else response_to(dose, table.value, [each.block for each in parcels], _unit(name))
+    name = dose_name(parcels, settings.dose)
+    dose = doses_of(parcels, name) if name is not None else None
+    found = None if dose is None else response_to(dose, table.value, [each.block for each in parcels], dose_unit(name))
     return _Flight(day, parcels, table, dose, found, _variance(parcels, table, dose, notices))
 
 
@@ -192,31 +183,6 @@ def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> list[str | No
     if dose is None:
         return [None] * len(parcels)
     return [f"{value:g}" if math.isfinite(value) else None for value in dose]
-
-
-def _dose_name(parcels: Sequence[Parcel], stated: str | None) -> str | None:
-    numbers = dict.fromkeys(
-        name for each in parcels for name, value in each.attributes.items() if isinstance(value, float)
-    )
-    if stated is not None:
-        if stated.casefold() not in numbers:
-            raise InputError(
-                f"No parcel has a number under {stated!r}.",
-                "There is no dose to respond to.",
-                f"Columns with numbers: {', '.join(numbers) or 'none'}.",
-                code="dose-unknown",
-            )
-        return stated.casefold()
-    return next((name for word in _DOSES for name in numbers if word in name), None)
-
-
-def _unit(dose: str | None) -> str:
-    return "kg/ha" if dose is not None and dose.endswith("kg_ha") else ""
-
-
-def _numbers(parcels: Sequence[Parcel], name: str) -> FloatArray:
-    values = [each.attributes.get(name) for each in parcels]
-    return np.array([value if isinstance(value, float) else np.nan for value in values])
 
 
 def _growth(flights: Sequence[_Flight]) -> tuple[Growth, ...]:

@@ -174,7 +174,7 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
         made = _Made(found, inputs, summary, rasters.result(), seconds)
         if crops is None:
             return made
-        parcels = write_parcels(staging, crops, parcel_settings(found.session), found.frame.whole_crs, origin, progress)
+        parcels = write_parcels(staging, crops, parcel_settings(opened), found.frame.whole_crs, origin, progress)
         noticed = replace(found, notices=(*found.notices, *parcels.notices))
         return replace(made, found=noticed, seconds=seconds | {"parcels": perf_counter() - surfaced}, parcels=parcels)
 

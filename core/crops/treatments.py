@@ -13,7 +13,7 @@ from furrowmap.core.crops.corner_table import IDS
 from furrowmap.core.crops.parcels import BLOCKS, listed
 from furrowmap.core.readers.sheet import read_sheet
 from furrowmap.core.readers.survey_table import SurveyTable
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
 TREATMENT: Final = "treatment"
@@ -115,6 +115,23 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
         text = f"{treatments.path.name} has no treatment for {listed(bare, 'parcel')}."
         notices.append(Notice("treatments-missing", text))
     return done, notices
+
+
+def day_of(text: str | None) -> dt.date | None:
+    """The day of a flight as stated; None for none.
+
+    Raises:
+        UsageError: if it is no date.
+    """
+    try:
+        return dt.date.fromisoformat(text) if text is not None else None
+    except ValueError:
+        raise UsageError(
+            f"The day {text!r} is no date.",
+            "Doses are summed up to the day of the flight.",
+            "Write it as 2017-05-23.",
+            code="usage",
+        ) from None
 
 
 def _treated(parcel: Parcel, row: Mapping[str, Attribute]) -> Parcel:

@@ -9,9 +9,12 @@ from typing import Final
 import numpy as np
 import shapely
 
+from furrowmap.core.crops.doses import dose_name, dose_unit, doses_of
 from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.crops.response import response_to
 from furrowmap.exporters.reports.page_parts import figure, key, remark, section, table
 from furrowmap.exporters.reports.svg import Sheet
+from furrowmap.exporters.reports.trial_charts import Points, response_chart
 
 COLOURS: Final = np.array([[247, 252, 185], [120, 198, 121], [0, 69, 41]])
 """From the shortest parcel over the middle to the tallest, as in the layer's style."""
@@ -26,6 +29,19 @@ def parcel_sections(found: Sequence[MeasuredParcel]) -> Iterator[str]:
     """The section; nothing without parcels."""
     if found:
         yield section("Crops by parcel", _map(found) + _table(found))
+        yield from _response(found)
+
+
+def _response(found: Sequence[MeasuredParcel]) -> Iterator[str]:
+    """What the dose did, where the parcels have one."""
+    parcels = [row.parcel for row in found]
+    name = dose_name(parcels)
+    if name is None:
+        return
+    dose, blocks = doses_of(parcels, name), [parcel.block or "" for parcel in parcels]
+    heights = Points(np.array([row.figures.mean_height_m for row in found]), blocks, "mean height, m", "block")
+    response = response_to(dose, heights.value, blocks, dose_unit(name))
+    yield section("Response to treatments", figure(response_chart(dose, heights, response, name), response.words))
 
 
 def _map(found: Sequence[MeasuredParcel]) -> str:

@@ -73,6 +73,8 @@
   <message><source>Crops by parcel</source><translation>区画ごとの作物</translation></message>
   <message><source>Data exchange</source><translation>データ交換</translation></message>
   <message><source>Date of the first position</source><translation>最初の測位の日付</translation></message>
+  <message><source>Day of the flight</source><translation>飛行日</translation></message>
+  <message><source>Day up to which doses are summed [default: that of the points].</source><translation>施用量をこの日まで合計します。省略時は点群の計測日。</translation></message>
   <message><source>Days of the flights</source><translation>飛行日</translation></message>
   <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
   <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>

@@ -241,6 +241,10 @@ ALGORITHMS = (
         },
         advanced={
             "--net": parameter("NET", "Net parcels from a file"),
+            "--treatments": parameter(
+                "TREATMENTS", "Treatments", kind="file", filter="Tables (*.csv *.xlsx *.ods *.xls)"
+            ),
+            "--day": parameter("DAY", "Day of the flight"),
             "--method": parameter("METHOD", "Method for heights and volumes"),
             "--soil": parameter("SOIL", "Soil below the crop"),
             "--compare": parameter("COMPARE", "Compute the published method, too"),

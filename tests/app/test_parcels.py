@@ -124,3 +124,19 @@ def test_parcels__of_another_place_leave_nothing(trial: Path, tmp_path: Path) ->
 def test_parcel_settings__refuse_what_is_not_known(wrong: dict[str, str]) -> None:
     with pytest.raises(UsageError):
         furrowmap.ParcelSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_treatments__are_in_the_table_with_doses_up_to_the_day(trial: Path, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.csv"
+    plan.write_text("id,2017-03-16,2017-04-20\n7,50,50\n8,50,100\n")
+    settings = furrowmap.ParcelSettings(net_inset_m=(0.5, 0.1), treatments=plan, day="2017-04-01")
+    account = furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", tmp_path / "out", settings)
+    rows = {row["id"]: row for row in csv.DictReader((tmp_path / "out" / "parcels.csv").open())}
+    assert [rows[name]["dose"] for name in HEIGHTS] == ["50.0", "50.0", ""]
+    assert "treatments-missing" in {notice["code"] for notice in account["warnings"]}
+    plan.write_text("id,n_kg_ha\n9,50\n")
+    with pytest.raises(FurrowmapError, match=r"1 parcel \(9\)") as refused:
+        furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", tmp_path / "none", settings)
+    assert refused.value.code == "treatments-unknown"
+    with pytest.raises(UsageError, match="is no date"):
+        furrowmap.ParcelSettings(day="1 April")

@@ -104,7 +104,7 @@ def test_growth__between_two_days(trial: tuple[Path, Path], tmp_path: Path) -> N
         (furrowmap.ResponseSettings(measure="yield_t_ha"), "parcel-table-unreadable"),
         (furrowmap.ResponseSettings(dose="p_kg_ha"), "dose-unknown"),
         (furrowmap.ResponseSettings(days=("2017-05-23", "2017-05-24")), "response-days"),
-        (furrowmap.ResponseSettings(days=("23 May",)), "response-days"),
+        (furrowmap.ResponseSettings(days=("23 May",)), "usage"),
     ],
 )
 def test_what_does_not_fit__is_refused(
