@@ -177,10 +177,11 @@ def __getattr__(name: str) -> Any:
 
         value: Any = version("furrowmap")
     elif name in _HOMES:
-        from furrowmap.process import prepare_process
+        from furrowmap.process import importing, prepare_process
 
         prepare_process()
-        value = getattr(import_module(f"furrowmap.{_HOMES[name]}"), name)
+        with importing():
+            value = getattr(import_module(f"furrowmap.{_HOMES[name]}"), name)
     else:
         raise AttributeError(f"module 'furrowmap' has no attribute {name!r}")
     globals()[name] = value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Final, Protocol
 
@@ -15,7 +16,7 @@ from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
 from furrowmap.core.calibration.boresight import Boresight, boresight_notices
-from furrowmap.core.calibration.strips import StripReturns, at_shifted_times, strip_returns
+from furrowmap.core.calibration.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
@@ -27,12 +28,12 @@ from furrowmap.core.pointclouds.run_notices import (
     refuse_empty,
     session_notices,
 )
-from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.readers.reader import ClockReading, GivesTrack, Reader
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
-from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar
+from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
-from furrowmap.core.values.ahead import ahead, behind
+from furrowmap.core.values.ahead import ahead, behind, beside
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
@@ -115,13 +116,19 @@ def run(
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
     positions = opened.positions()
-    guess = locate(positions, session, frame, companions(opened))
+    guess, survey = _first_guess(opened, positions, progress)
     boundary = field_boundary(opened.inputs.boundary, frame)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
-    lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
+    lidar = survey.lidar if survey is not None else opened.lidar(float(np.mean(guess.trajectory.span_s)))
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
-    located, matched, flown, implement = _match(opened, guess, carrier, lidar, progress, checkpoint)
+    if survey is not None:
+        returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
+        located, flown = _flown(opened, guess, returns, carrier)
+        matched, implement = None, survey.implement
+    else:
+        located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
+        flown = _Flown()
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
     lidar = _by_used_clock(lidar, matched).ahead_by(-flown.clock_used_s)
@@ -168,26 +175,58 @@ def companions(opened: OpenSession) -> Companions:
     )
 
 
+@dataclass(frozen=True)
+class _Survey:
+    """The first reading of a flight's scans.
+
+    Attributes:
+        lidar: the recording.
+        returns: some of its returns.
+        implement: has seen what the scanner sees of the aircraft.
+    """
+
+    lidar: LidarRecording
+    returns: ThinnedReturns
+    implement: ImplementTracker
+
+
+def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> tuple[Located, _Survey | None]:
+    """The trajectory before any matching; beside it, the scans of a flight with an IMU are read."""
+    session = opened.session
+
+    def guess() -> Located:
+        return locate(positions, session, opened.frame, companions(opened))
+
+    if session.imu is None or session.implement is not None or session.trajectory is not None:
+        return guess(), None
+    with beside(partial(_surveyed, opened), progress) as survey:
+        located = guess()
+    return located, survey.result()
+
+
+def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
+    """Read a flight's scans before its trajectory is known; the positions themselves say when it was."""
+    positions = opened.positions()
+    assert isinstance(positions, GivesTrack)
+    track = positions.track()
+    lidar, implement = opened.lidar(middle_s(track)), ImplementTracker(opened.session, flying=True)
+    scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
+    span_s = (float(track.t_s[0]), float(track.t_s[-1])) if len(track) else (0.0, 0.0)
+    return _Survey(lidar, thinned_returns(scans, span_s), implement)
+
+
 def _match(
     opened: OpenSession,
     guess: Located,
-    carrier: Trajectory | None,
     lidar: LidarRecording,
     progress: Progress,
     checkpoint: Checkpoint | None,
-) -> tuple[Located, Matched | None, _Flown, ImplementTracker]:
+) -> tuple[Located, Matched | None, ImplementTracker]:
     """Read the scans once: match them to the ground or to each other, and collect those that show the implement.
 
     What an earlier run kept of the matching is used instead.
     """
     session = opened.session
-    if guess.source == "imu" and guess.antenna is None:
-        implement = ImplementTracker(session, flying=True)
-        read = watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans")
-        scans = map(implement.looked_at, read)
-        returns = strip_returns(scans, carrier if carrier is not None else guess.trajectory)
-        located, flown = _flown(opened, guess, returns, carrier)
-        return located, None, flown, implement
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
@@ -206,7 +245,7 @@ def _match(
     if turned or late or kept is not None or guess.antenna is None:
         for scan in watched(_by_used_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
-    return located, matched, _Flown(), implement
+    return located, matched, implement
 
 
 @dataclass(frozen=True)

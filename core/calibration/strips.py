@@ -52,10 +52,32 @@ class StripReturns:
         return len(self.t_s)
 
 
-def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
-    """Returns of all scans, evenly thinned to MOST_RETURNS."""
-    begin_s, end_s = trajectory.span_s
-    per_second = MOST_RETURNS / max(end_s - begin_s, 1.0)
+@dataclass(frozen=True)
+class ThinnedReturns:
+    """Returns of a recording without poses.
+
+    Attributes:
+        t_s: (n,) times, in their order.
+        sensor_m: (n, 3) float32 in the frame of the scanner.
+        laser: (n,) group of the laser.
+    """
+
+    t_s: FloatArray
+    sensor_m: NDArray[np.float32]
+    laser: NDArray[np.int64]
+
+    def posed(self, trajectory: Trajectory) -> StripReturns:
+        """With the poses at their times; those without a pose are left out.
+
+        Args:
+            trajectory: of the frame that carries the scanner.
+        """
+        return _with_poses(self.t_s, self.sensor_m.astype(np.float64), self.laser, trajectory)
+
+
+def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> ThinnedReturns:
+    """Returns of all scans, evenly thinned to MOST_RETURNS within a span of time, those of the vehicle left out."""
+    per_second = MOST_RETURNS / max(span_s[1] - span_s[0], 1.0)
     times, places, lasers = [np.zeros(0)], [np.zeros((0, 3), np.float32)], [np.zeros(0, np.uint8)]
     for scan in scans:
         if len(scan) < 2:
@@ -71,7 +93,12 @@ def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns
     order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > NEAREST_M**2)
     if (np.diff(t_s[order]) < 0.0).any():
         order = order[np.argsort(t_s[order], kind="stable")]
-    return _with_poses(t_s[order], sensor[order].astype(np.float64), group[order], trajectory)
+    return ThinnedReturns(t_s[order], sensor[order], group[order])
+
+
+def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
+    """Returns of all scans, evenly thinned to MOST_RETURNS, with their poses."""
+    return thinned_returns(scans, trajectory.span_s).posed(trajectory)
 
 
 def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: float) -> StripReturns:

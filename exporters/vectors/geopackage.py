@@ -20,7 +20,7 @@ from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.ogr import pyogrio
+from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
@@ -64,7 +64,7 @@ def write_field(
         replace(layer, description=f"{layer.description}. {words}" if words else layer.description)
         for layer in (*field_layers(poses, work), *more)
     ]
-    with atomic_output(path) as unfinished:
+    with atomic_output(path) as unfinished, unflushed():
         for layer in layers:
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
@@ -214,6 +214,7 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
 def _pack(path: Path) -> None:
     """Rewrite the file in small pages, of which outlines and empty tables leave less unused."""
     with closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA synchronous=OFF")
         database.execute(f"PRAGMA page_size={PAGE_BYTES}")
         database.execute("VACUUM")
 

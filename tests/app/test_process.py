@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import platform
 import subprocess
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.process import COMPILING, VARIABLE, keep_blas_single, keep_kernels
+from furrowmap.process import COMPILING, VARIABLE, importing, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
@@ -109,3 +110,15 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - faults)
         for how in ("kept", "given back")
     )
     assert kept < 0.2 * given_back
+
+
+def test_imports__leave_garbage_collection_as_it_was() -> None:
+    gc.enable()
+    with importing():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() > 0
+    with pytest.raises(ImportError), importing():
+        raise ImportError
+    assert gc.isenabled()
+    gc.unfreeze()
