@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -14,6 +15,7 @@ from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.surfaces.local_ground import GroundSampler
+from furrowmap.core.values.ahead import behind
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.intervals import Interval, interval_numbers
 from furrowmap.core.values.progress import Progress
@@ -27,6 +29,8 @@ SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
+SCANS_BEHIND: Final = 32
+"""Scans that wait to be packed."""
 
 
 class RunSink:
@@ -51,11 +55,13 @@ class RunSink:
 
 
 class RunCloud:
-    """Writes the cloud of a run."""
+    """Writes the cloud of a run; a thread packs the points and sorts those that exceed the memory into a file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._writer: CopcWriter | None = None
+        self._append: Callable[[PointBatch], None] | None = None
+        self._packing = ExitStack()
         self._watch = GroundSampler()
 
     def __enter__(self) -> Self:
@@ -66,13 +72,14 @@ class RunCloud:
         extra = (("scan", "uint32", "scan (revolution) number"),)
         kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra)
         self._writer = CopcWriter(self._path, kind).__enter__()
+        self._append = self._packing.enter_context(behind(self._writer.append, SCANS_BEHIND))
 
     def add(self, placed: PlacedScan) -> None:
         """Take the points of one scan."""
-        assert self._writer is not None
+        assert self._append is not None
         scan = placed.scan
         self._watch.add(placed.xyz_m, placed.kept)
-        self._writer.append(
+        self._append(
             PointBatch(
                 placed.xyz_m,
                 scan.t_s,
@@ -93,6 +100,7 @@ class RunCloud:
             description: of the cloud.
         """
         assert self._writer is not None
+        self._packing.close()
         ground = self._watch.ground()
 
         # The few passes are turned into the points' time, not the many points into the passes'.
@@ -109,7 +117,10 @@ class RunCloud:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._writer is not None:
-            self._writer.__exit__(kind, error, trace)
+            stack = ExitStack()
+            stack.push(self._writer)
+            stack.push(self._packing)
+            stack.__exit__(kind, error, trace)
 
 
 @dataclass(frozen=True)

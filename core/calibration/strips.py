@@ -34,8 +34,8 @@ class StripReturns:
         laser: (n,) group of the laser.
         origin_m: (n, 3) of the vehicle frame, against a local origin.
         rotation: (n, 4) quaternions (w, x, y, z), vehicle to map.
-        velocity_mps: (n, 3) of the vehicle.
-        rate_radps: (n, 3) angular rate in the map's axes.
+        velocity_mps: (n, 3) float32 of the vehicle.
+        rate_radps: (n, 3) float32 angular rate in the map's axes.
         local_m: (3,) the local origin, a corner of a cell.
     """
 
@@ -44,8 +44,8 @@ class StripReturns:
     laser: NDArray[np.int64]
     origin_m: FloatArray
     rotation: FloatArray
-    velocity_mps: FloatArray
-    rate_radps: FloatArray
+    velocity_mps: NDArray[np.float32]
+    rate_radps: NDArray[np.float32]
     local_m: FloatArray
 
     def __len__(self) -> int:
@@ -141,7 +141,9 @@ def _with_poses(
 def _poses(knot, share, knot_m, knot_rotation, turn_rad, velocity, rate):  # type: ignore[no-untyped-def]
     """Poses and their rates (n, 3), (n, 4), (n, 3), (n, 3): straight between knots, turning at a constant rate."""
     n = len(knot)
-    origin, rotation, moving, turning = np.empty((n, 3)), np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
+    origin, rotation = np.empty((n, 3)), np.empty((n, 4))
+    # Of rates few digits count.
+    moving, turning = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)
     for i in range(n):
         k, s = knot[i], share[i]
         for j in range(3):

@@ -48,7 +48,7 @@ def two_strips(wide_m: float, long_m: float, returns: int) -> StripReturns:
             }
         )
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    nothing = np.zeros((len(joined["t_s"]), 3))
+    nothing = np.zeros((len(joined["t_s"]), 3), np.float32)
     return StripReturns(
         **joined, laser=np.zeros(len(nothing), np.int64), velocity_mps=nothing, rate_radps=nothing, local_m=np.zeros(3)
     )
