@@ -129,9 +129,9 @@ def _reach(m, x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, nogil=True)
 def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[no-untyped-def]
-    """Returns in the map (n, 3), and their least and greatest easting and northing."""
+    """Returns in the map (n, 3) float32, and their least and greatest easting and northing."""
     n = len(sensor)
-    out = np.empty((n, 3))
+    out = np.empty((n, 3), np.float32)
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for i in range(n):
         if window[i] < 0:
@@ -140,8 +140,8 @@ def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[
         ax, ay, az = _turned(
             rotation[i, 0], rotation[i, 1], rotation[i, 2], rotation[i, 3], ux + lever[0], uy + lever[1], uz + lever[2]
         )
-        x, y = origin[i, 0] + ax, origin[i, 1] + ay
-        out[i, 0], out[i, 1], out[i, 2] = x, y, origin[i, 2] + az
+        out[i, 0], out[i, 1], out[i, 2] = origin[i, 0] + ax, origin[i, 1] + ay, origin[i, 2] + az
+        x, y = float(out[i, 0]), float(out[i, 1])
         low[0], low[1] = min(low[0], x), min(low[1], y)
         high[0], high[1] = max(high[0], x), max(high[1], y)
     return out, low, high
@@ -155,7 +155,7 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
     for i in range(len(xyz)):
         if window[i] < 0:
             continue
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
         c = int(np.floor(x / CELL_M) - first[0]) * rows + int(np.floor(y / CELL_M) - first[1])
         cell[i] = c
         out[c, 0] += 1.0

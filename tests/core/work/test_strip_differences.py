@@ -47,10 +47,16 @@ def two_strips(wide_m: float, long_m: float, returns: int) -> StripReturns:
                 "rotation": np.tile(turned, (n, 1)),
             }
         )
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    nothing = np.zeros((len(joined["t_s"]), 3), np.float32)
+    times = np.concatenate([part.pop("t_s") for part in parts])
+    joined = {name: np.concatenate([part[name] for part in parts]).astype(np.float32) for name in parts[0]}
+    nothing = np.zeros((len(times), 3), np.float32)
     return StripReturns(
-        **joined, laser=np.zeros(len(nothing), np.int64), velocity_mps=nothing, rate_radps=nothing, local_m=np.zeros(3)
+        times,
+        **joined,
+        laser=np.zeros(len(nothing), np.int64),
+        velocity_mps=nothing,
+        rate_radps=nothing,
+        local_m=np.zeros(3),
     )
 
 
