@@ -120,18 +120,10 @@ def run(
     boundary = field_boundary(opened.inputs.boundary, frame)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
-    lidar = survey.lidar if survey is not None else opened.lidar(float(np.mean(guess.trajectory.span_s)))
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
-    if survey is not None:
-        returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
-        located, flown = _flown(opened, guess, returns, carrier)
-        matched, implement = None, survey.implement
-    else:
-        located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
-        flown = _Flown()
+    lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
-    lidar = _by_used_clock(lidar, matched).ahead_by(-flown.clock_used_s)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -215,6 +207,24 @@ def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
     return _Survey(lidar, thinned_returns(scans, span_s), implement)
 
 
+def _calibrated(
+    opened: OpenSession,
+    guess: Located,
+    survey: _Survey | None,
+    carrier: Trajectory | None,
+    progress: Progress,
+    checkpoint: Checkpoint | None,
+) -> tuple[LidarRecording, Located, Matched | None, _Flown, ImplementTracker]:
+    """Match the scans to the ground, or those of a flight to each other; the recording gets the clock that is found."""
+    if survey is None:
+        lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
+        located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
+        return _by_used_clock(lidar, matched), located, matched, _Flown(), implement
+    returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
+    located, flown = _flown(opened, guess, returns, carrier)
+    return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
+
+
 def _match(
     opened: OpenSession,
     guess: Located,
@@ -222,7 +232,7 @@ def _match(
     progress: Progress,
     checkpoint: Checkpoint | None,
 ) -> tuple[Located, Matched | None, ImplementTracker]:
-    """Read the scans once: match them to the ground or to each other, and collect those that show the implement.
+    """Read the scans once: match them to the ground, and collect those that show the implement.
 
     What an earlier run kept of the matching is used instead.
     """
