@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.nmea.sentences import Sentences
@@ -17,7 +18,7 @@ from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.surfaces.cloth import cloth_ground
-from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.surfaces.gaps import bridged, filled
 from furrowmap.core.surfaces.ground import classify_ground
 from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_distance, radius_outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
@@ -25,6 +26,7 @@ from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.values import npz
 from furrowmap.core.values.attitude import AttitudeTrack
+from furrowmap.core.values.datum import datum_shift_m
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.inertial import InertialTrack
@@ -174,3 +176,18 @@ def test_states__blank_lines_are_passed_over_and_impossible_times_are_not(tmp_pa
             StatesCsv([path], ReadOptions()).states()
     path.write_text("t_s,state\n", encoding="utf-8")
     assert StatesCsv([path], ReadOptions()).inspect().facts["intervals"] == 0
+
+
+def test_gaps__of_a_grid_that_has_none_or_nothing_else_stay() -> None:
+    full, empty = np.arange(6.0).reshape(2, 3), np.full((2, 3), np.nan)
+    assert filled(full).tolist() == full.tolist()
+    assert np.isnan(bridged(empty, 5.0)).all()
+    assert bridged(full, 5.0).tolist() == full.tolist()
+
+
+def test_datum__is_told_by_its_distance() -> None:
+    """The Tokyo datum is some 450 m from WGS 84 in Tokyo; JGD2011 is within a metre or two."""
+    assert datum_shift_m(CRS("EPSG:4301"), 139.75, 35.68) == pytest.approx(450.0, abs=30.0)
+    shift_m = datum_shift_m(CRS("EPSG:6668"), 139.75, 35.68)
+    assert shift_m is not None
+    assert shift_m < 2.0

@@ -14,11 +14,13 @@ from numba import njit
 
 from furrowmap.core.implement import learning
 from furrowmap.core.implement.found import Found
+from furrowmap.core.implement.model import Hint
 from furrowmap.core.implement.near_scans import MOST_SCANS, NearScans
 from furrowmap.core.implement.range_image import COLUMNS, column_of, median_image
 from furrowmap.core.implement.template import CELL_Z_M, SideViewGrid, Template, fit_height
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.tool_states import ToolState
 from tests.core.implement.conftest import HINT, Scene
 
 GRID = SideViewGrid(-3.0, 0.15, 20, 150)
@@ -128,3 +130,37 @@ def test_by_travel__positions_that_were_laid_over_each_other_wrongly_are_set_rig
     travel_m = set_right.levels.high_m - set_right.levels.low_m
     assert travel_m == pytest.approx(0.5, abs=0.06)
     assert learning._by_travel(right) is None
+
+
+def test_region__is_the_stated_one_or_lies_around_the_tool() -> None:
+    box = (-4.0, -1.0, -2.0, 2.0)
+    assert learning._hinted(Hint((-2.0, 0.1), 1.7, box)) == box
+    assert learning._hinted(Hint((-2.0, 0.1), 1.7)) == pytest.approx((-4.0, -0.8, 0.1 - 1.35, 0.1 + 1.35))
+
+
+@pytest.mark.parametrize(
+    ("hidden", "lift_m", "words"),
+    [
+        (ToolState.DOWN, 0.4, "its working position 0.4 m below the lifted one (from the session)"),
+        (ToolState.DOWN, None, "below the lifted one (a default; set [implement] lift_m)"),
+        (ToolState.UP, None, "It is taken as up where it is out of view."),
+        (ToolState.UNKNOWN, None, ""),
+    ],
+)
+def test_tool__that_is_out_of_view_in_one_state_is_told(hidden: ToolState, lift_m: float | None, words: str) -> None:
+    found = learning._out_of_view(hidden, lift_m)
+    assert [notice.code for notice in found] == ["implement-out-of-view"] * bool(words)
+    assert all(words in notice.text for notice in found)
+
+
+@pytest.mark.parametrize("count", [0, 4])
+def test_too_few_scans__show_no_tool_and_no_ground(count: int) -> None:
+    near = NearScans(Mounting((0.0, 0.0, 2.0)))
+    for number in range(count):
+        near.add(_scan(number))
+    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), learning._hinted(HINT))
+    assert learning._find(views) is None
+    learned = learning.learn_implement(near.scans, HINT)
+    assert learned.implement is None
+    assert [notice.code for notice in learned.notices] == ["implement-not-seen"]
+    assert [notice.code for notice in learning.learn_implement(near.scans, None).notices] == ["implement-never-moves"]
