@@ -106,7 +106,10 @@ def test_strips__number_the_points_and_agree_once_the_mounting_is_found(result: 
     assert np.nansum(several) * area_m2 == pytest.approx(strips.geometry.area.sum(), rel=1e-6)
     told = result.report["strip_differences"]
     assert told["before"]["rms_m"] > 0.05
-    assert told["after"]["rms_m"] < 0.009
+    assert told["after"]["rms_m"] < 0.007
+    assert max(abs(pair["after_mean_m"]) for pair in told["pairs"]) < 0.005
+    poses = result.report["strip_adjustment"]
+    assert poses["sigma_after_m"][2] < 0.8 * poses["sigma_before_m"][2]
     cells = gpd.read_file(result.path / "field.gpkg", layer="strip_differences")
     assert np.sqrt(np.mean(cells.after_m**2)) == pytest.approx(told["after"]["rms_m"], abs=2e-4)
     assert "Strips against each other" in (result.path / "report.html").read_text(encoding="utf-8")

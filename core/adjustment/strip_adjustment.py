@@ -15,7 +15,6 @@ from typing import Final
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
@@ -114,17 +113,14 @@ def adjusted_by_strips(
     node = np.clip(np.searchsorted(errors.t_s, returns.t_s, side="right") - 1, 0, len(errors.t_s) - 2)
     heights = cell_heights(returns, node, mounting, lever_m)
     variance, chosen = smooth_groups(heights)
-    design = sparse.hstack(
-        [
-            sparse.csr_matrix(derivatives(returns, heights, chosen, mounting, lever_m)),
-            _pose_design(returns, heights, chosen, errors),
-        ]
-    ).tocsr()
+    fixed = derivatives(returns, heights, chosen, mounting, lever_m)
+    design = np.hstack([fixed, _pose_design(returns, heights, chosen, errors)])
+    first = FIXED + POSE * heights.window[chosen]
     weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
-    prior = np.zeros((design.shape[1],) * 2)
+    prior = np.zeros((FIXED + len(errors.covariance),) * 2)
     prior[np.diag_indices(FIXED)] = 1.0 / np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]) ** 2
     prior[FIXED:, FIXED:] = np.linalg.inv(errors.covariance)
-    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, prior)
+    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, prior)
     after = PoseErrors(errors.t_s, off[FIXED:].reshape(-1, POSE), covariance[FIXED:, FIXED:])
     adjusted = without_errors(trajectory, errors, after)
     return StripAdjustment(adjusted, _corrected(found, stated, off, covariance), errors, after)
@@ -153,7 +149,12 @@ def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: 
 
 
 def _solved(
-    cell: NDArray[np.int64], height_m: FloatArray, independent: FloatArray, design: sparse.csr_matrix, prior: FloatArray
+    cell: NDArray[np.int64],
+    height_m: FloatArray,
+    independent: FloatArray,
+    design: FloatArray,
+    first: NDArray[np.int64],
+    prior: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """What the unknowns put into the heights, and their covariance; the heights of the cells are eliminated.
 
@@ -161,30 +162,71 @@ def _solved(
         cell: (g,) of each group.
         height_m: (g,) of each group.
         independent: (g,) inverse variances.
-        design: (g, u) derivatives by the unknowns.
+        design: (g, FIXED + 12) derivatives by the first unknowns and by those of the two nodes beside the group.
+        first: (g,) the first of the latter.
         prior: (u, u) inverse covariance of the unknowns before.
     """
-    cells, member = np.unique(cell, return_inverse=True)
-    rows = np.arange(len(cell))
-    of_cell = sparse.csr_matrix((np.ones(len(rows)), (member, rows)), (len(cells), len(rows)))
-    robust = np.ones(len(rows))
+    order = np.argsort(cell, kind="stable")
+    begin = np.flatnonzero(np.diff(cell[order], prepend=-1))
+    ends = np.append(begin, len(order))
+    height_m, independent = height_m[order], independent[order]
+    design, first = np.ascontiguousarray(design[order]), first[order]
+    robust = np.ones(len(order))
     for _ in range(ROBUST_ROUNDS):
         weight = independent * robust
-        total: FloatArray = np.asarray(of_cell @ weight)
-        weighted = sparse.diags(weight) @ design
-        means = sparse.diags(1.0 / total) @ (of_cell @ weighted)
-        normal = (design.T @ weighted - means.T @ sparse.diags(total) @ means).toarray() + prior
-        middle: FloatArray = np.asarray(of_cell @ (weight * height_m)) / total
-        off = np.linalg.solve(normal, np.asarray(weighted.T @ height_m - means.T @ (total * middle)))
-        residual = np.asarray(height_m - design @ off - of_cell.T @ (middle - means @ off))
+        normal, right = _normal_equations(ends, height_m, weight, design, first, len(prior))
+        normal += np.tril(normal, -1).T + prior
+        off = np.linalg.solve(normal, right)
+        columns = first[:, None] + np.arange(2 * POSE)
+        left = height_m - design[:, :FIXED] @ off[:FIXED] - np.einsum("gc,gc->g", design[:, FIXED:], off[columns])
+        middle = np.add.reduceat(weight * left, begin) / np.add.reduceat(weight, begin)
+        residual = left - np.repeat(middle, np.diff(ends))
         robust = huber_weight(np.abs(residual) * np.sqrt(independent))
     return off, np.asarray(np.linalg.inv(normal), np.float64)
 
 
+@numba.njit(cache=True, nogil=True)
+def _normal_equations(ends, height_m, weight, design, first, unknowns):  # type: ignore[no-untyped-def]
+    """Lower triangle of the normal matrix and the right side of groups in the order of their cells."""
+    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    width = design.shape[1]
+    column = np.empty(width, np.int64)
+    column[:FIXED] = np.arange(FIXED)
+    mean, seen = np.zeros(unknowns), np.zeros(unknowns, np.bool_)
+    active = np.empty(unknowns, np.int64)
+    for c in range(len(ends) - 1):
+        count, total, middle = 0, 0.0, 0.0
+        for g in range(ends[c], ends[c + 1]):
+            w = weight[g]
+            total += w
+            middle += w * height_m[g]
+            column[FIXED:] = np.arange(first[g], first[g] + width - FIXED)
+            for j in range(width):
+                u, by = column[j], w * design[g, j]
+                if not seen[u]:
+                    seen[u], active[count] = True, u
+                    count += 1
+                mean[u] += by
+                right[u] += by * height_m[g]
+                for k in range(j + 1):
+                    normal[u, column[k]] += by * design[g, k]
+        for a in range(count):
+            u = active[a]
+            share = mean[u] / total
+            right[u] -= share * middle
+            for b in range(count):
+                v = active[b]
+                if v <= u:
+                    normal[u, v] -= share * mean[v]
+        for a in range(count):
+            mean[active[a]], seen[active[a]] = 0.0, False
+    return normal, right
+
+
 def _pose_design(
     returns: StripReturns, heights: CellHeights, chosen: NDArray[np.intp], errors: PoseErrors
-) -> sparse.csr_matrix:
-    """(c, 6 m) mean derivatives of the heights of some groups by the errors of the poses at the nodes."""
+) -> FloatArray:
+    """(c, 12) mean derivatives of the heights of some groups by the errors of the poses at the nodes beside each."""
     row = np.full(len(heights.cell), -1, np.int32)
     row[chosen] = np.arange(len(chosen))
     node, slope = heights.window[chosen], heights.slope[chosen]
@@ -194,11 +236,8 @@ def _pose_design(
     middle = np.column_stack([(heights.place[chosen] + 0.5) * CELL_M, heights.height_m[chosen]])
     share, origin = sums[:, :, :1], sums[:, :, 1:]
     by_turn = np.cross(share * middle[:, None] - origin, normal[:, None])
-    values = np.concatenate([share * normal[:, None], by_turn], axis=2)
-    columns = POSE * node[:, None] + np.arange(2 * POSE)
-    rows = np.repeat(np.arange(len(chosen)), 2 * POSE)
-    shape = len(chosen), POSE * len(errors.t_s)
-    return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape)
+    out: FloatArray = np.concatenate([share * normal[:, None], by_turn], axis=2).reshape(len(chosen), 2 * POSE)
+    return out
 
 
 @numba.njit(cache=True, nogil=True)
