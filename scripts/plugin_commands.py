@@ -16,8 +16,8 @@ import click
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands.json"
-NOT_IN_QGIS = {"qgis install", "worker", "frames", "gnss solve"}
-"""What installs the plugin, what the plugin starts, what draws, and what needs a program that QGIS does not bring."""
+NOT_IN_QGIS = {"qgis install", "worker"}
+"""What installs the plugin, and what the plugin starts."""
 OF_THE_CONSOLE = {"--json", "--quiet", "--verbose", "--log-file", "--debug"}
 UNITS = {"METRES": "m", "M": "m", "SECONDS": "s", "DEGREES": "°"}
 LEAST = 0.0001

@@ -16,6 +16,7 @@
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
   <message><source>Azimuth</source><translation>方位角</translation></message>
+  <message><source>Base station (RINEX)</source><translation>基準局（RINEX）</translation></message>
   <message><source>Between columns.</source><translation>列と列の間隔。</translation></message>
   <message><source>Between rows.</source><translation>行と行の間隔。</translation></message>
   <message><source>Blocks</source><translation>ブロック</translation></message>
@@ -64,6 +65,7 @@
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
+  <message><source>Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which has to be installed. A session names the result as its GNSS log.</source><translation>RINEX ファイルから、基準局に対する移動局の位置を計算します。RTKLIB のプログラム rnx2rtkp がインストールされている必要があります。結果はセッションで GNSS ログとして指定します。</translation></message>
   <message><source>Continue a run into DIR that was killed or lost power: its scan matching is used again if session and recordings are unchanged.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
@@ -82,7 +84,11 @@
   <message><source>Direction of tillage</source><translation>耕うん方向</translation></message>
   <message><source>Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.</source><translation>座標北から時計回りの耕うん方向。ランダム粗度から耕うんの跡を除きます。</translation></message>
   <message><source>Disc targets</source><translation>円板標的</translation></message>
+  <message><source>Draw the frames from the side and from above.</source><translation>座標系を横と上から見た図に描きます。</translation></message>
+  <message><source>Drawing</source><translation>図</translation></message>
+  <message><source>Elevation mask</source><translation>仰角マスク</translation></message>
   <message><source>End of the first row</source><translation>最初の行の終点</translation></message>
+  <message><source>Ephemerides (RINEX)</source><translation>航法暦（RINEX）</translation></message>
   <message><source>Epochs of the reference</source><translation>基準のエポック</translation></message>
   <message><source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source><translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation></message>
   <message><source>Evaluate a GNSS log</source><translation>GNSS ログの評価</translation></message>
@@ -108,6 +114,7 @@
   <message><source>Format</source><translation>形式</translation></message>
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
+  <message><source>Frames of a session</source><translation>セッションの座標系</translation></message>
   <message><source>Give either '{one}' or '{other}'.</source><translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation></message>
   <message><source>Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.</source><translation>区画全体のポリゴン。GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、または角の座標の CSV。</translation></message>
   <message><source>Ground classification</source><translation>地面の分類</translation></message>
@@ -124,10 +131,12 @@
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
   <message><source>LAS, LAZ or COPC files; they are used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
+  <message><source>Latitude, longitude and height above the ellipsoid of its antenna, separated by commas; by default approximate, from its file.</source><translation>アンテナの緯度、経度、楕円体高をコンマで区切って指定します。省略した場合はファイルにある概略位置を使います。</translation></message>
   <message><source>Lay out the plots of a trial</source><translation>試験区を配置</translation></message>
   <message><source>Layers</source><translation>レイヤ</translation></message>
   <message><source>Leave out noise</source><translation>ノイズを除外</translation></message>
   <message><source>Leave out outliers and the noise classes 7 and 18 of the input.</source><translation>外れ値と、入力のノイズクラス 7、18 を除外します。</translation></message>
+  <message><source>Leave out satellites below this elevation.</source><translation>この仰角より低い衛星を使いません。</translation></message>
   <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
   <message><source>Length of a plot</source><translation>試験区の長さ</translation></message>
   <message><source>Length of a plot along the base line [default: what the two corners leave].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
@@ -147,6 +156,7 @@
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
   <message><source>NMEA, or another log that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>Navigation files of the same day.</source><translation>同じ日の航法ファイル。</translation></message>
   <message><source>Net parcels from a file</source><translation>調査区画のファイル</translation></message>
   <message><source>Net parcels with the same identifiers, instead of an inset.</source><translation>同じ識別子をもつ調査区画。内側への幅の代わりに指定します。</translation></message>
   <message><source>Net parcels: metres off each end, off each side</source><translation>調査区画：両端と両側から除く幅（m）</translation></message>
@@ -161,6 +171,8 @@
   <message><source>Number the plots of each block anew: 101, 102, … 201.</source><translation>ブロックごとに番号を付け直します（101、102、… 201）。</translation></message>
   <message><source>Numbering</source><translation>番号の付け方</translation></message>
   <message><source>Numbers along</source><translation>番号の進む方向</translation></message>
+  <message><source>Observations of the base station at the same time.</source><translation>同じ時刻の基準局の観測データ。</translation></message>
+  <message><source>Observations of the rover.</source><translation>移動局の観測データ。</translation></message>
   <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
@@ -188,6 +200,9 @@
   <message><source>Plots, as .gpkg or .geojson.</source><translation>試験区（.gpkg または .geojson）。</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
+  <message><source>Position of the base station</source><translation>基準局の位置</translation></message>
+  <message><source>Positions</source><translation>位置</translation></message>
+  <message><source>Positions from RINEX files</source><translation>RINEX ファイルから位置を計算</translation></message>
   <message><source>PostGIS schema</source><translation>PostGIS スキーマ</translation></message>
   <message><source>PostGIS schema of the tables.</source><translation>テーブルの PostGIS スキーマ。</translation></message>
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
@@ -213,6 +228,7 @@
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
+  <message><source>Rover (RINEX)</source><translation>移動局（RINEX）</translation></message>
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
@@ -222,6 +238,7 @@
   <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
+  <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the directions of its axes in words. A drawing shows them from the side and from above. The recordings are not read.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
@@ -240,9 +257,12 @@
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
+  <message><source>The .pos file [default: name of ROVER with .pos].</source><translation>出力する .pos ファイル（既定は ROVER の名前に .pos を付けたもの）。</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
+  <message><source>The rover stands still</source><translation>移動局は静止</translation></message>
+  <message><source>The rover stands still.</source><translation>移動局は静止しています。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>

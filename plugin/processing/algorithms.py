@@ -505,6 +505,43 @@ ALGORITHMS = (
         outputs=(FINDINGS,),
     ),
     Algorithm(
+        "frames",
+        "Frames of a session",
+        "session",
+        "Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the "
+        "directions of its axes in words. A drawing shows them from the side and from above. The recordings are not "
+        "read.",
+        basic={**SESSION, "--svg": parameter("DRAWING", "Drawing", filter="SVG (*.svg)")},
+        outputs=(FINDINGS,),
+    ),
+    Algorithm(
+        "gnss solve",
+        "Positions from RINEX files",
+        "accuracy",
+        "Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which "
+        "has to be installed. A session names the result as its GNSS log.",
+        basic={
+            "rover": parameter("ROVER", "Rover (RINEX)", "Observations of the rover."),
+            "base": parameter("BASE", "Base station (RINEX)", "Observations of the base station at the same time."),
+            "nav": parameter("NAVIGATION", "Ephemerides (RINEX)", "Navigation files of the same day."),
+            "--base-position": parameter(
+                "POSITION",
+                "Position of the base station",
+                "Latitude, longitude and height above the ellipsoid of its antenna, separated by commas; by default "
+                "approximate, from its file.",
+                kind="numbers",
+                count=3,
+            ),
+            "--static": parameter("STATIC", "The rover stands still"),
+            "--output": parameter("OUTPUT", "Positions", filter="RTKLIB solution (*.pos)"),
+        },
+        advanced={"--mask": parameter("MASK", "Elevation mask"), **OVERWRITE},
+        outputs=(
+            Output("EPOCHS", "number", "Epochs", item("epochs")),
+            FINDINGS,
+        ),
+    ),
+    Algorithm(
         "gnss evaluate",
         "Evaluate a GNSS log",
         "accuracy",

@@ -163,6 +163,14 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
         "crs": run("crs", SESSION=folder / "session.toml"),
+        "frames": run("frames", SESSION=folder / "session.toml", DRAWING=folder / "frames.svg"),
+        "gnss_solve": run(
+            "gnss_solve",
+            ROVER=folder / "no_rover.obs",
+            BASE=folder / "no_base.obs",
+            NAVIGATION=[str(folder / "no_base.nav")],
+            OUTPUT=folder / "rover.pos",
+        ),
         "gnss_evaluate": run(
             "gnss_evaluate",
             TEST=folder / "gnss.nmea",
@@ -244,7 +252,7 @@ def by_hand(folder: Path) -> Path:
 
 
 def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
-    assert set(answers["logged"]) == {"calibrate", "crashing", "foreign", "broken"}
+    assert set(answers["logged"]) == {"calibrate", "gnss_solve", "crashing", "foreign", "broken"}
     assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
 
@@ -395,6 +403,17 @@ def test_check__gives_what_the_command_line_gives(
     assert answers["check"]["outputs"]["RMSE_VERTICAL_M"] == answer["accuracy"]["rmse_vertical_m"]
     assert answers["check"]["outputs"]["MET"] is answer["verdicts"]["vertical"]["met"]
     assert (folder / "errors.csv").read_text(encoding="utf-8").count("\n") > 10
+
+
+def test_frames__are_those_of_the_command_line(
+    answers: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answers["frames"]["error"] is None
+    by_command = answer_of(capsys, "frames", folder / "session.toml")
+    found = json.loads(answers["frames"]["outputs"]["FINDINGS"])
+    assert {**found, "svg": None} == by_command
+    assert (folder / "frames.svg").read_text(encoding="utf-8").startswith("<")
+    assert "no_rover.obs" in answers["gnss_solve"]["error"]
 
 
 def test_algorithms__have_all_been_asked_to_work(answers: dict[str, Any]) -> None:
