@@ -221,7 +221,8 @@ def _adjusted(problem: Problem, state: State) -> Adjusted:
 
 def _beside(problem: Problem) -> tuple[Observation, ...]:
     """The observations beside the positions."""
-    return GnssDrift(problem.positions), problem.links, *problem.hints.observations
+    hints = problem.hints.observations(problem.links.track, problem.positions)
+    return GnssDrift(problem.positions), problem.links, *hints
 
 
 def _with_real_noise(adjusted: Adjusted, notices: list[Notice]) -> Adjusted:

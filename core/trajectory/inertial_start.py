@@ -17,6 +17,7 @@ from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.preintegration import increments
+from furrowmap.core.estimation.standing import Standing
 from furrowmap.core.estimation.states import State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
@@ -110,10 +111,9 @@ class Hints:
             return Course.of(antenna_m, white, drift, lever_m)
         return None
 
-    @property
-    def observations(self) -> tuple[Observation, ...]:
-        """What joins the adjustment."""
-        wheels = (AlongNose(),) if self.on_wheels else ()
+    def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
+        """What joins the adjustment of an IMU and positions."""
+        wheels = (AlongNose(), Standing.of(track, positions)) if self.on_wheels else ()
         log = self.heading
         return wheels if log is None else (*wheels, RecordedHeadings(log.t_s, log.yaw_rad, log.sigma_rad))
 

@@ -518,8 +518,8 @@ ALGORITHMS = (
         "gnss solve",
         "Positions from RINEX files",
         "accuracy",
-        "Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which "
-        "has to be installed. A session names the result as its GNSS log.",
+        "Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program "
+        "rnx2rtkp, which has to be installed. A session names the result as its GNSS log.",
         basic={
             "rover": parameter("ROVER", "Rover (RINEX)", "Observations of the rover."),
             "base": parameter("BASE", "Base station (RINEX)", "Observations of the base station at the same time."),
