@@ -11,6 +11,7 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import geopandas as gpd
 import laspy
 import numpy as np
 import pyogrio
@@ -162,6 +163,17 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "temporary mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
+        "plots": run(
+            "plots",
+            CORNER="139.9,36.5 [EPSG:4326]",
+            AZIMUTH=90,
+            ROWS=2,
+            COLUMNS=3,
+            LENGTH=10,
+            WIDTH=2,
+            CRS="EPSG:6677",
+            OUTPUT=folder / "plots.gpkg",
+        ),
         "crs": run("crs", SESSION=folder / "session.toml"),
         "frames": run("frames", SESSION=folder / "session.toml", DRAWING=folder / "frames.svg"),
         "gnss_solve": run(
@@ -349,6 +361,13 @@ def test_cloud__is_opened_by_its_classes(answers: dict[str, Any], folder: Path) 
     assert answers["cloud"]["outputs"]["POINTS"] == len(clean.points)
     assert 0 < len(clean.points) == len(np.unique(np.floor(clean.xyz / 0.5), axis=0)) < len(whole.points)
     assert answers["cloud"]["loaded"]["clean"] == ["Clean point cloud", True, "classified"]
+
+
+def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["plots"]["error"] is None
+    assert answers["plots"]["outputs"]["PLOTS"] == 6
+    west, south, east, north = gpd.read_file(folder / "plots.gpkg").total_bounds
+    assert (east - west, north - south) == pytest.approx((30.0, 4.0))
 
 
 def test_surface__is_opened_in_its_style(answers: dict[str, Any], folder: Path) -> None:
