@@ -15,12 +15,12 @@ from pyproj import CRS
 
 from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
 from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
-from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.site_soil import SOILS, site_soil
 from furrowmap.core.crops.soil import SoilMethod
 from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.crs_name import name_of
@@ -147,7 +147,7 @@ def parcels(
         staged_folder(folder) as staging,
         ParcelPoints(areas, staging.parent, settings.around_m) as points,
     ):
-        notices, span_s = _collect(opened, points, settings, progress)
+        notices, span_s = _collect(opened, file, points, settings, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
@@ -203,7 +203,7 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
 
 
 def _collect(
-    clouds: Clouds, points: ParcelPoints, settings: ParcelSettings, progress: Progress
+    clouds: Clouds, parcels: Path, points: ParcelPoints, settings: ParcelSettings, progress: Progress
 ) -> tuple[list[Notice], tuple[float, float] | None]:
     """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
 
@@ -226,7 +226,7 @@ def _collect(
             if len(known):
                 first_s, last_s = min(first_s, float(known.min())), max(last_s, float(known.max()))
     if not points.count:
-        raise no_points_error(clouds, points.box_m)
+        raise elsewhere_error(parcels, clouds.points, points.box_m)
     return notices, (first_s, last_s) if first_s <= last_s else None
 
 

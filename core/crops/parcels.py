@@ -77,27 +77,21 @@ def read_parcels(
     return tuple(parcels)
 
 
-def expect_near(parcels: Sequence[Parcel], bounds_m: tuple[float, float, float, float], path: Path) -> None:
-    """Refuse parcels of another place.
+def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, float]) -> InputError:
+    """The error where no point lies in or around a parcel.
 
     Args:
-        parcels: on the map.
-        bounds_m: west, south, east, north of the points, in map coordinates.
-        path: of their file, for the message.
-
-    Raises:
-        InputError: if no parcel touches the bounds.
+        path: of the parcels.
+        points: number of points of the clouds.
+        box_m: west, south, east, north of the parcels and what surrounds them.
     """
-    shapes = np.array([parcel.gross for parcel in parcels], object)
-    there = shapely.box(*bounds_m)
-    if shapely.intersects(shapes, there).any():
-        return
-    apart_m = float(shapely.distance(shapes, there).min())
-    far = f"{apart_m / 1000.0:,.1f} km" if apart_m >= 1000.0 else f"{apart_m:.0f} m"
-    raise InputError(
-        f"{path}: the nearest parcel is {far} from the points.",
-        "The parcels are of another place, or their coordinates are not in the CRS that the file states.",
-        "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
+    within = ", ".join(f"{end:.1f}" for end in box_m)
+    return InputError(
+        f"{path}: none of {points:,} points lies in or around its parcels ({within}).",
+        "The parcels are of another place, or their coordinates are not in the CRS that the file states; or the points "
+        "have other classes.",
+        "Name the right file, or state its CRS; GeoJSON has longitude before latitude. `furrowmap inspect` shows the "
+        "extent and classes of the points.",
         code="parcels-elsewhere",
     )
 

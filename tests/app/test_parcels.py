@@ -116,7 +116,7 @@ def test_parcels__of_another_place_leave_nothing(trial: Path, tmp_path: Path) ->
     places.to_file(tmp_path / "elsewhere.gpkg")
     with pytest.raises(FurrowmapError) as raised:
         furrowmap.parcels([trial / "flight.laz"], tmp_path / "elsewhere.gpkg", tmp_path / "out")
-    assert raised.value.code == "no-points-left"
+    assert raised.value.code == "parcels-elsewhere"
     assert not (tmp_path / "out").exists()
 
 

@@ -16,7 +16,7 @@ from pyproj import CRS
 from shapely.affinity import rotate, translate
 
 from furrowmap.core.crops.net_parcel import net_of
-from furrowmap.core.crops.parcels import expect_near, read_parcels
+from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.values.errors import InputError
 
 MAP = CRS.from_epsg(25832)
@@ -180,13 +180,7 @@ def test_inset__larger_than_a_parcel_is_refused(tmp_path: Path) -> None:
     assert refused.value.code == "parcels-inset"
 
 
-def test_parcels_of_another_place_or_time__are_refused(tmp_path: Path) -> None:
-    parcels = read_parcels(geojson(tmp_path / "p.geojson", ({"id": 1}, GOOD)), MAP)
-    _, south, east, north = parcels[0].gross.bounds
-    expect_near(parcels, (east, south, east + 10.0, north), tmp_path)
-    with pytest.raises(InputError, match=r"the nearest parcel is 2\.0 km from") as refused:
-        expect_near(parcels, (east + 2000.0, south, east + 3000.0, north), tmp_path)
-    assert refused.value.code == "parcels-elsewhere"
+def test_parcels_on_a_datum_of_the_past__are_refused(tmp_path: Path) -> None:
     gpd.GeoDataFrame({"id": [1]}, geometry=[shapely.box(9.2, 48.8, 9.21, 48.81)], crs=4326).to_crs(31467).to_file(
         tmp_path / "old.gpkg"
     )
