@@ -1,5 +1,7 @@
 """The whole way, `furrowmap run`, and its stages: points per second, and peak memory at one and five times the length.
 
+Of flights, the sample `uav_wheat` where it is beside the checkout, and ten minutes of GNSS and IMU without a scanner.
+
 The recordings are simulated once and kept in the user's cache folder. Decoding is set against velodyne-decoder in the
 same run; the whole is measured from outside, as a process of its own, start included. Beside the time that passed
 stands the processors' own, which other work on the machine stretches less.
@@ -44,6 +46,31 @@ pass_m = [14.0]
 """
 
 
+FLIGHT = Path(__file__).resolve().parents[2] / "shared" / "data" / "uav_wheat" / "session.toml"
+INERTIAL = """
+name = "bench_inertial"
+seed = 5
+[place]
+lon_lat_deg = [11.3885, 55.328]
+height_m = 70.0
+geoid_m = 36.621
+crs = "EPSG:25832"
+[flight]
+strips = 12
+strip_m = 192.0
+spacing_m = 8.0
+cross_strips = 0
+speed_mps = 4.0
+[gnss.rtk]
+white_m = 0.008
+white_h_m = 0.015
+[imu]
+[lidar]
+start_s = 1e6
+"""
+"""Ten minutes at 200 Hz."""
+
+
 def main() -> None:
     folders = {label: recording(passes) for label, passes in PASSES.items()}
     print(f"{'':28}{'points':>12}{'seconds':>10}{'M points/s':>12}{'peak MB':>10}")
@@ -56,25 +83,54 @@ def main() -> None:
         middle = runs[len(runs) // 2]
         row(f"whole, {label}", counted(session), middle.seconds, middle.peak_mb)
         print(f"{'':4}processor {middle.processor_s:.1f} s; of the time, in s: {middle.stages}", flush=True)
+    flights()
+
+
+def flights() -> None:
+    """The sample flight, and GNSS and IMU alone."""
+    for label, session in (("flight", FLIGHT), ("GNSS and IMU, 600 s", inertial())):
+        if not session.exists():
+            print(f"{label}: {session} is not there")
+            continue
+        middle = sorted((whole(session) for _ in range(ROUNDS)), key=lambda run: run.seconds)[ROUNDS // 2]
+        if middle.points:
+            row(label, middle.points, middle.seconds, middle.peak_mb)
+        else:
+            print(f"{label:40}{middle.seconds:10.2f}{'':12}{middle.peak_mb:10.0f}")
+        print(f"{'':4}processor {middle.processor_s:.1f} s; of the time, in s: {middle.stages}", flush=True)
 
 
 @dataclass(frozen=True)
 class Whole:
-    """One run: seconds, those of all processors, peak memory, and seconds of each stage as the report has them."""
+    """One run: seconds, those of all processors, peak memory, seconds of each stage, and points of the cloud."""
 
     seconds: float
     processor_s: float
     peak_mb: float
     stages: str
+    points: int
 
 
 def recording(passes: int) -> Path:
-    """The recording, simulated at the first call."""
+    """The recording of a drive."""
+    return simulated(f"run_{passes}", SCENARIO.format(passes=passes))
+
+
+def inertial() -> Path:
+    """The session of a flight without a scanner, simulated at the first call."""
+    session = simulated("inertial", INERTIAL) / "session.toml"
+    text = session.read_text(encoding="utf-8").replace('lidar = ["recording.pcap"]\n', "")
+    session.write_text(text, encoding="utf-8")
+    return session
+
+
+def simulated(name: str, scenario: str) -> Path:
+    """The recording of a scenario, simulated at the first call."""
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "furrowmap" / "benchmarks"
-    folder = cache / f"run_{passes}"
+    folder = cache / name
     if not (folder / "truth" / "figures.json").exists():
-        print(f"simulating {passes} passes, once …", file=sys.stderr)
-        simulate(scenario_from(SCENARIO.format(passes=passes), "whole_run"), folder)
+        print(f"simulating {name}, once …", file=sys.stderr)
+        simulate(scenario_from(scenario, "whole_run"), folder)
     return folder
 
 
@@ -109,7 +165,7 @@ def peer(capture: Path) -> None:
 
 def whole(session: Path) -> Whole:
     """`furrowmap run` as a process."""
-    with tempfile.TemporaryDirectory(dir=session.parent) as folder:
+    with tempfile.TemporaryDirectory(dir=recording(PASSES["1x"])) as folder:
         start = time.perf_counter()
         process = subprocess.Popen(
             [Path(sys.executable).with_name("furrowmap"), "run", str(session), "-o", f"{folder}/out", "-q"],
@@ -120,9 +176,10 @@ def whole(session: Path) -> Whole:
         seconds = time.perf_counter() - start
         if status != 0:
             raise SystemExit(f"furrowmap run {session} failed")
-        timings = json.loads(Path(folder, "out", "report.json").read_text())["timings"]
-        stages = ", ".join(f"{stage} {value:.1f}" for stage, value in timings.items())
-        return Whole(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, stages)
+        report = json.loads(Path(folder, "out", "report.json").read_text())
+        stages = ", ".join(f"{stage} {value:.1f}" for stage, value in report["timings"].items())
+        points = int(report["figures"].get("points") or 0)
+        return Whole(seconds, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, stages, points)
 
 
 def counted(session: Path) -> int:

@@ -95,39 +95,34 @@ def rings_of(shapes: Sequence[BaseGeometry], origin_m: tuple[float, float]) -> R
 
 
 @njit(cache=True, nogil=True)
-def _ring_of(rings, x, y):  # type: ignore[no-untyped-def]
-    """The first polygon that a point lies in; -1 for none."""
-    west, south, side, rows, columns = rings.grid
-    i, j = math.floor((y - south) / side), math.floor((x - west) / side)
-    if i < 0 or j < 0 or i >= rows or j >= columns:
-        return -1
-    cell = i * columns + j
-    for place in range(rings.starts[cell], rings.starts[cell + 1]):
-        k = rings.near[place]
-        if x < rings.boxes[k, 0] or y < rings.boxes[k, 1] or x > rings.boxes[k, 2] or y > rings.boxes[k, 3]:
+def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, out):  # type: ignore[no-untyped-def]
+    """The first polygon that each point lies in; -1 for none. Arrays one by one: passing them together costs more."""
+    west, south, side, rows, columns = grid
+    for n in range(len(x_m)):
+        out[n] = -1
+        x, y = x_m[n], y_m[n]
+        i, j = math.floor((y - south) / side), math.floor((x - west) / side)
+        if i < 0 or j < 0 or i >= rows or j >= columns:
             continue
-        inside = False
-        for c in range(rings.first[k], rings.first[k + 1] - 1):
-            y0, y1 = rings.y[c], rings.y[c + 1]
-            if (y0 > y) != (y1 > y):
-                x0, x1 = rings.x[c], rings.x[c + 1]
-                if x < x0 + (y - y0) / (y1 - y0) * (x1 - x0):
+        cell = i * columns + j
+        for place in range(starts[cell], starts[cell + 1]):
+            k = near[place]
+            if x < boxes[k, 0] or y < boxes[k, 1] or x > boxes[k, 2] or y > boxes[k, 3]:
+                continue
+            inside = False
+            for c in range(first[k], first[k + 1] - 1):
+                y0, y1 = ys[c], ys[c + 1]
+                if (y0 > y) != (y1 > y) and x < xs[c] + (y - y0) / (y1 - y0) * (xs[c + 1] - xs[c]):
                     inside = not inside
-        if inside:
-            return k
-    return -1
-
-
-@njit(cache=True, nogil=True)
-def _rings_at(rings, x, y, out):  # type: ignore[no-untyped-def]
-    for k in range(len(x)):
-        out[k] = _ring_of(rings, x[k], y[k])
+            if inside:
+                out[n] = k
+                break
 
 
 def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray) -> IntArray:
     """Number (n,) of the first polygon that each point (n,), from the rings' origin, lies in; -1 for none."""
     out = np.empty(len(x_m), np.int64)
-    _rings_at(rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
+    _rings_at(*rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
     return out
 
 
