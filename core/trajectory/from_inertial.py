@@ -140,12 +140,14 @@ class InertialTrajectory(GnssTrajectory):
     def pose_errors(self) -> PoseErrors:
         """Errors of the poses at nodes in time, zero as far as positions and IMU say, and their joint covariance.
 
-        The nodes are NODE_S apart; on long drives further, so that they are no more than MOST_NODES.
+        The nodes are NODE_S apart; on long drives further, so that they are no more than MOST_NODES beside the ends of
+        the chains of knots.
         """
         a = self.adjusted
         knots = a.problem.knots
         step = max(round(NODE_S / STEP_S), -(-len(knots) // MOST_NODES))
-        nodes = np.unique(np.append(np.arange(0, len(knots), step), len(knots) - 1))
+        ends = [end for chain in knots.chains for end in (chain.first, chain.first + chain.count - 1)]
+        nodes = np.unique(np.append(np.arange(0, len(knots), step), ends))
         equations = normal_equations((a.observed, *_beside(a.problem)), knots, a.state)
         covariance = marginal_covariance(equations, a.state.layout.size, nodes, POSE)
         return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)

@@ -237,3 +237,22 @@ def test_a_stretch__whose_motion_shows_no_heading_has_no_poses() -> None:
     result = found(stays, both)
     assert "imu-not-aligned" in {notice.code for notice in result.notices}
     assert result.trajectory.t_s[-1] < still_s[0]
+
+
+def test_pose_errors__have_the_sigmas_of_the_poses_and_nodes_at_the_ends_of_chains() -> None:
+    flight = Flight(40.0, seed=6)
+    exact = flight.noisy_imu()
+    t_s = exact.t_s - BEGIN_S
+    heard = (t_s < 18.0) | (t_s > 21.0)
+    paused = InertialTrack(exact.t_s[heard], exact.rate_radps[heard], exact.force_mps2[heard])
+    result = found(flight.noisy_track(), paused)
+    errors_of = result.pose_errors()
+    gap = np.diff(errors_of.t_s).argmax()
+    assert BEGIN_S + 17.5 < errors_of.t_s[gap] < BEGIN_S + 18.0
+    assert BEGIN_S + 21.0 < errors_of.t_s[gap + 1] < BEGIN_S + 21.5
+    assert (errors_of.value == 0.0).all()
+    own = np.sqrt(np.diag(errors_of.covariance)).reshape(-1, 6)[1:-1]
+    poses = result.trajectory
+    near = np.abs(poses.t_s - errors_of.t_s[1:-1, None]).argmin(axis=1)
+    np.testing.assert_allclose(own[:, :3], poses.sigma[near, :3], rtol=0.05)
+    np.testing.assert_allclose(np.degrees(own[:, 5]), poses.sigma[near, 5], rtol=0.05)
