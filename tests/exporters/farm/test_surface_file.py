@@ -11,8 +11,10 @@ from pyproj import CRS
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.farm.database import check_farm_map
 from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import ResultFolder
 from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
 
 UTM = "EPSG:32654"
@@ -87,3 +89,24 @@ def test_surface__of_other_cells_is_refused(
     with pytest.raises(InputError, match=words) as refused:
         written(tmp_path, transform, crs)
     assert refused.value.code == "surface-unusable"
+
+
+def test_farm_map__that_is_a_folder_or_no_geopackage_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.gpkg").write_text("text")
+    (tmp_path / "damaged.gpkg").write_bytes(b"SQLite format 3\0" + b"x" * 500)
+    for path, words in (
+        (tmp_path, "is a folder"),
+        (tmp_path / "text.gpkg", "is not a GeoPackage"),
+        (tmp_path / "damaged.gpkg", "is damaged"),
+    ):
+        with pytest.raises(InputError, match=words) as refused:
+            check_farm_map(path)
+        assert refused.value.code == "not-a-base"
+
+
+def test_layer__that_a_result_does_not_have(tmp_path: Path) -> None:
+    result = ResultFolder(tmp_path, {}, ("trajectory", "passes"))
+    with pytest.raises(InputError, match=r"field\.gpkg has no layer 'tracks'") as refused:
+        result.layer("tracks")
+    assert refused.value.code == "no-such-layer"
+    assert refused.value.lines[2] == "Layers: trajectory, passes."

@@ -132,3 +132,20 @@ def test_promise_19__a_folder_with_the_name_of_a_product_leaves_all_as_it_was(tm
         write(tmp_path, "new", (*NAMES, "dsm.tif"))
     assert contents(tmp_path) == {"old"}
     assert not leases(tmp_path)
+
+
+def test_promise_19__a_file_with_the_name_of_a_folder_of_products_leaves_all_as_it_was(tmp_path: Path) -> None:
+    write(tmp_path, "old")
+    (tmp_path / "tiles").write_text("a file")
+    with pytest.raises(InputError, match="tiles is no folder") as caught, staged_folder(tmp_path) as products:
+        (products / "tiles").mkdir()
+        (products / "tiles" / "1.tif").write_text("new")
+    assert caught.value.lines[1] == "The products in the folder of that name cannot be written."
+    assert (tmp_path / "tiles").read_text() == "a file"
+    assert contents(tmp_path) == {"old", "a file"}
+    assert not leases(tmp_path)
+
+
+def test_recovery__of_a_folder_that_is_not_there_is_none(tmp_path: Path) -> None:
+    recover(tmp_path / "gone")
+    assert not (tmp_path / "gone").exists()
