@@ -19,6 +19,8 @@ BoolArray = NDArray[np.bool_]
 PIXEL_M: Final = 0.04
 BARE_SIGMAS: Final = 4.0
 """Pixels whose highest return lies no more than this many standard deviations of the noise above the soil are bare."""
+CHANCE_SHARE: Final = 0.5
+"""Of the variance within pixels: the rest is that of the plants in a pixel, which its highest return shows rightly."""
 FEWEST_PIXELS: Final = 30
 """With three returns or more, that the penetration is estimated from."""
 
@@ -34,7 +36,8 @@ class Canopy:
         seen: (rows, columns) net pixels with returns; the others are filled.
         returns: by pixel.
         penetration: of the canopy; None with too few pixels.
-        error_m: standard deviation of the top of one pixel by chance, on average.
+        error_m: standard deviation of the top of one pixel by the model, on average.
+        chance_m: how much wider than those of well-seen pixels chance spreads the tops.
     """
 
     grid: Grid
@@ -44,6 +47,7 @@ class Canopy:
     returns: PixelReturns
     penetration: Penetration | None
     error_m: float
+    chance_m: float
 
 
 def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
@@ -62,13 +66,15 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     crop = seen & (returns.highest_m > BARE_SIGMAS * noise_m)
     found = _penetration(returns, crop, noise_m)
     top = np.where(seen, np.maximum(returns.highest_m, 0.0), np.nan)
-    error = 0.0
+    error = chance = 0.0
     if found is not None:
         number = np.minimum(returns.count[crop], MOST_RETURNS)
         top[crop] += found.top_above_highest_m()[number]
-        error = float(np.sqrt(np.mean(found.spread_of_highest_m()[number] ** 2)))
+        variance = found.spread_of_highest_m() ** 2
+        error = float(np.sqrt(variance[number].mean()))
+        chance = float(np.sqrt(CHANCE_SHARE * np.maximum(variance[number] - variance[MOST_RETURNS], 0.0).mean()))
     whole = _without_gaps(top, net)
-    return Canopy(grid, net, whole, seen, returns, found, error)
+    return Canopy(grid, net, whole, seen, returns, found, error, chance)
 
 
 def _penetration(returns: PixelReturns, crop: BoolArray, noise_m: float) -> Penetration | None:

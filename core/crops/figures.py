@@ -108,7 +108,7 @@ def _without_chance(canopy: Canopy) -> FloatArray:
     middle = float(np.median(top))
     stands = top >= STANDS_M
     variance = float(top[stands].var()) if stands.any() else 0.0
-    left = math.sqrt(max(variance - canopy.error_m**2, 0.25 * variance) / variance) if variance > 0.0 else 1.0
+    left = math.sqrt(max(variance - canopy.chance_m**2, 0.25 * variance) / variance) if variance > 0.0 else 1.0
     return np.where(stands, np.maximum(middle + left * (top - middle), 0.0), top)
 
 
@@ -129,7 +129,7 @@ def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
 def _roughness_m(canopy: Canopy) -> float:
     """Standard deviation of the heights about the mean of the squares around, less that of chance."""
     off = canopy.top_m - _smooth(canopy, ROUGHNESS_M)
-    variance = float(np.nanvar(off[canopy.net])) - canopy.error_m**2
+    variance = float(np.nanvar(off[canopy.net])) - canopy.chance_m**2
     return math.sqrt(max(variance, 0.0))
 
 

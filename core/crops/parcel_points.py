@@ -144,6 +144,7 @@ class ParcelPoints:
         self._kept = rings_of(self._shapes, self.origin_m)
         self._crop = rings_of([_wider(parcel.gross, CLEAR_M) for parcel in parcels], self.origin_m)
         self._reach = rings_of([_wider(parcel.gross, REACH_M) for parcel in parcels], self.origin_m)
+        self._wide = around_m is not None and around_m > CLEAR_M
         self._base_m: float | None = None
         self._own, self._soil = RecordSpool(_POINT, folder), RecordSpool(_POINT, folder)
         self.count = 0
@@ -171,15 +172,18 @@ class ParcelPoints:
         if self._base_m is None:
             self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
         x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
+        sown = ring_at(self._crop, x, y) >= 0
+        own = np.full(len(x), -1, np.int64)
+        asked = np.ones(len(x), np.bool_) if self._wide else sown
+        own[asked] = ring_at(self._kept, x[asked], y[asked])
+        soil = ~sown
+        soil[soil] = ring_at(self._reach, x[soil], y[soil]) >= 0
         near = np.column_stack([x, y, xyz_m[:, 2] - self._base_m]).astype(np.float32)
-        kept, crop = ring_at(self._kept, x, y), ring_at(self._crop, x, y)
-        own = kept >= 0
-        self.count += int(own.sum())
-        self._own.add(near[own], kept[own])
-        open_ground = np.flatnonzero(crop < 0)
-        open_ground = open_ground[ring_at(self._reach, x[open_ground], y[open_ground]) >= 0]
-        tile = np.floor(near[open_ground, :2] / TILE_M)
-        self._soil.add(near[open_ground], square_keys(tile[:, 0], tile[:, 1]))
+        inside = own >= 0
+        self.count += int(inside.sum())
+        self._own.add(near[inside], own[inside])
+        tile = np.floor(near[soil, :2] / TILE_M)
+        self._soil.add(near[soil], square_keys(tile[:, 0], tile[:, 1]))
 
     def of(self, number: int) -> FloatArray:
         """The points (n, 3) float64 of a parcel by its number, in map coordinates."""

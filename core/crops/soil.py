@@ -29,6 +29,8 @@ RATIOS: Final = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Standard deviations of the relief, over those of a cell, that are tried."""
 TRIED: Final = 12
 """Parcels whose surroundings the relief is estimated from."""
+TRIED_CELLS: Final = 100
+"""Cells of each of them."""
 
 
 @dataclass(frozen=True)
@@ -204,16 +206,16 @@ class SoilAround:
 
 def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface") -> SoilAround:
     """The soil from the cells around each parcel."""
-    clean = {name: _fewer(without_crop(cells)) for name, cells in near.items()}
+    clean = {name: _fewer(without_crop(cells), MOST_CELLS) for name, cells in near.items()}
     full = [cells for cells in clean.values() if len(cells) > FEWEST_CELLS]
     step = max(1, len(full) // TRIED)
-    return SoilAround(clean, relief_of(full[::step][:TRIED]), method)
+    return SoilAround(clean, relief_of([_fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]]), method)
 
 
-def _fewer(cells: SoilCells) -> SoilCells:
-    """At most MOST_CELLS of the cells, evenly chosen."""
-    if len(cells) <= MOST_CELLS:
+def _fewer(cells: SoilCells, most: int) -> SoilCells:
+    """At most so many of the cells, evenly chosen."""
+    if len(cells) <= most:
         return cells
     chosen = np.zeros(len(cells), np.bool_)
-    chosen[np.linspace(0, len(cells) - 1, MOST_CELLS).round().astype(np.intp)] = True
+    chosen[np.linspace(0, len(cells) - 1, most).round().astype(np.intp)] = True
     return cells.at(chosen)
