@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +21,7 @@ BARE_SIGMAS: Final = 4.0
 """Pixels whose highest return lies no more than this many standard deviations of the noise above the soil are bare."""
 CHANCE_SHARE: Final = 0.5
 """Of the variance within pixels: the rest is that of the plants in a pixel, which its highest return shows rightly."""
-FEWEST_PIXELS: Final = 30
+FEWEST_PIXELS: Final = 200
 """With three returns or more, that the penetration is estimated from."""
 
 
@@ -38,6 +38,7 @@ class Canopy:
         penetration: of the canopy; None with too few pixels.
         error_m: standard deviation of the top of one pixel by the model, on average.
         chance_m: how much wider than those of well-seen pixels chance spreads the tops.
+        extrapolated_m: change of the mean height by extrapolation to many returns.
     """
 
     grid: Grid
@@ -48,10 +49,15 @@ class Canopy:
     penetration: Penetration | None
     error_m: float
     chance_m: float
+    extrapolated_m: float = 0.0
 
 
 def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
     """The top of a canopy: the highest return of each pixel, raised by what the penetration of the parcel says.
+
+    What is left of the influence of density (low pixels are hit less often, and are missing) falls with the number of
+    returns: it is taken from the difference to the same estimate with half of the returns (M. H. Quenouille (1956),
+    Notes on bias in estimation, Biometrika 43, 353-360).
 
     Args:
         xy_m: (n, 2) easting and northing of returns.
@@ -61,6 +67,24 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         noise_m: standard deviation of heights of returns from one place.
     """
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
+    whole = _once(column, row, height_m, grid, net, noise_m)
+    if whole.penetration is None:
+        return whole
+    first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
+    halves = [_once(column[part], row[part], height_m[part], grid, net, noise_m) for part in (first, ~first)]
+    if any(half.penetration is None for half in halves):
+        return whole
+    mean = float(whole.top_m[net].mean())
+    extrapolated = mean - float(np.mean([half.top_m[net].mean() for half in halves]))
+    crop = net & (whole.top_m > BARE_SIGMAS * noise_m)
+    top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
+    return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
+
+
+def _once(
+    column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float
+) -> Canopy:
+    """The top from all of some returns, without extrapolation."""
     returns = pixel_returns(column, row, height_m, grid)
     seen = net & (returns.count > 0)
     crop = seen & (returns.highest_m > BARE_SIGMAS * noise_m)
@@ -73,8 +97,7 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         variance = found.spread_of_highest_m() ** 2
         error = float(np.sqrt(variance[number].mean()))
         chance = float(np.sqrt(CHANCE_SHARE * np.maximum(variance[number] - variance[MOST_RETURNS], 0.0).mean()))
-    whole = _without_gaps(top, net)
-    return Canopy(grid, net, whole, seen, returns, found, error, chance)
+    return Canopy(grid, net, _without_gaps(top, net), seen, returns, found, error, chance)
 
 
 def _penetration(returns: PixelReturns, crop: BoolArray, noise_m: float) -> Penetration | None:

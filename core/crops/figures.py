@@ -25,6 +25,8 @@ LODGED_SHARE: Final = 0.1
 """Share of low squares from which a parcel is marked."""
 NOISE_SHARE: Final = 0.15
 """Standard deviation of the noise, as a share: the crop may scatter otherwise than the soil."""
+EXTRAPOLATED_SHARE: Final = 0.5
+"""Standard deviation of the extrapolation to many returns, as a share."""
 CORRELATED_PIXELS: Final = 9.0
 """Neighbouring pixels that vary together."""
 
@@ -113,7 +115,7 @@ def _without_chance(canopy: Canopy) -> FloatArray:
 
 
 def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
-    """Standard deviation of the mean height but for the soil: by chance, by the model, by the noise, by filling."""
+    """Standard deviation of the mean height but for the soil: by chance, model, noise, filling, extrapolation."""
     found = canopy.penetration
     if found is None:
         return float("nan")
@@ -123,7 +125,7 @@ def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
     noise = NOISE_SHARE * found.noise_m
     # pixels without returns lie deeper than their neighbours: a spread of the heights at most
     empty = (1.0 - seen / max(int(canopy.net.sum()), 1)) * float(true.std())
-    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2)
+    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)
 
 
 def _roughness_m(canopy: Canopy) -> float:

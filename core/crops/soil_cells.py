@@ -21,7 +21,10 @@ SPREAD_M: Final = 0.06
 REJECTED: Final = 3.0
 """Standard deviations above or below the local plane, and at least `LEAST_REJECTED_M`."""
 LEAST_REJECTED_M: Final = 0.03
-_ROUNDS: Final = 8
+LOW_SHARE: Final = 0.4
+"""Share of the cells that is soil at least."""
+_LOW_ROUNDS: Final = 4
+_ROUNDS: Final = 14
 MEDIAN_LOSS: Final = 1.2533
 """Standard deviation of a median over that of a mean, of normal values."""
 
@@ -75,9 +78,9 @@ def soil_cells(xyz_m: FloatArray, cell_m: float = CELL_M) -> SoilCells:
 def without_crop(cells: SoilCells) -> SoilCells:
     """Cells near one parcel without those that lie above or below the others.
 
-    Planes are fitted by least squares, and the cells farther from them than three standard deviations (from the median
-    of the distances) left out, until nothing changes. Crop lies above the soil: in the first rounds only cells above
-    are left out.
+    A plane is fitted by least squares to the lower part of the cells, over which crop of parcels that the user does not
+    name stands; then cells farther from it than three standard deviations (from the median of the distances) are left
+    out, and the plane fitted to the others, until nothing changes.
     """
     if not len(cells):
         return cells
@@ -86,13 +89,15 @@ def without_crop(cells: SoilCells) -> SoilCells:
     for number in range(_ROUNDS):
         if kept.sum() <= design.shape[1]:
             break
-        plane = np.linalg.lstsq(design[kept], cells.height_m[kept])[0]
-        off = cells.height_m - design @ plane
-        off = off - np.median(off[kept])
-        limit = max(REJECTED * 1.4826 * float(np.median(np.abs(off[kept]))), LEAST_REJECTED_M)
-        now = (off <= limit) & ((off >= -limit) | (number < 2))
-        if (now == kept).all() and number >= 2:
-            break
+        off = cells.height_m - design @ np.linalg.lstsq(design[kept], cells.height_m[kept])[0]
+        if number < _LOW_ROUNDS:
+            now = off <= np.quantile(off, LOW_SHARE)
+        else:
+            off = off - np.median(off[kept])
+            limit = max(REJECTED * 1.4826 * float(np.median(np.abs(off[kept]))), LEAST_REJECTED_M)
+            now = np.abs(off) <= limit
+            if (now == kept).all():
+                break
         kept = now
     return cells.at(kept)
 
