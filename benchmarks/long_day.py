@@ -2,8 +2,8 @@
 
 A short simulated recording is repeated with its times carried on, moved so that each turn of it begins where the one
 before ended; after FIELD turns, with a pause, another visit begins at the first place. Of the packets one in THIN is
-kept, so that eight hours are gigabytes and take minutes: what grows with the time (poses, positions, equations,
-windows, layers) is that of a full day, what grows with the points alone is not.
+kept, so that eight hours are gigabytes and still show the ground well enough to be matched: what grows with the time
+(poses, positions, equations, windows, layers) is that of a full day, what grows with the points alone is not.
 
     long_day.py FOLDER MINUTES ...      FOLDER: a recording of `furrowmap simulate` or of the samples
     long_day.py FOLDER --runs 50        runs of one turn after another in one process, as a program of the user has them
@@ -32,7 +32,7 @@ import tomli_w
 
 from furrowmap import run
 
-THIN = 67
+THIN = 29
 """Of a VLP-16's 75.4 packets a turn; no divisor, so that all directions are kept in turn."""
 PERIOD_S = 61.0
 """Of a turn; longer than the recording."""
