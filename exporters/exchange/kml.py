@@ -12,6 +12,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.values.errors import Notice, printable
+from furrowmap.exporters.exchange.kml_styles import LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY
 
@@ -19,19 +20,6 @@ if TYPE_CHECKING:
     import geopandas as gpd
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
-_COLOURS: Final = {  # aabbggrr, as in the layers' QGIS styles
-    "passes": ("ff2f6f3f", "804f9f5f"),
-    "coverage": ("ff2f6f3f", "404f9f5f"),
-    "overlaps": ("ff0066ff", "a03388ff"),
-    "misses": ("ff2222dd", "a04444ff"),
-    "unworked": ("ff6e6e6e", "406e6e6e"),
-    "boundary": ("ff141414", "00ffffff"),
-    "zones": ("ff888888", "20888888"),
-    "tool_path": ("ffc06020", "00ffffff"),
-    TRAJECTORY: ("ff606060", "00ffffff"),
-    "events": ("ff000000", "00ffffff"),
-}
-_PLAIN: Final = ("ff404040", "40ffffff")
 _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """The first of these fields that a feature has is its name."""
 
@@ -48,8 +36,10 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     document = ET.SubElement(root, "Document")
     _text(document, "name", origin.title)
     _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.metadata.items()))
-    for name in layers:
-        _add_style(document, name)
+    looks = {name: layer_looks(name, _numbers(layer)) for name, layer in layers.items()}
+    for name, look in looks.items():
+        for value in look.by_value:
+            _add_style(document, style_name(name, value), look.by_value[value])
     notices = []
     for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
@@ -59,19 +49,23 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
             notices.append(Notice("kml-trajectory", "The trajectory is one line in KML, without the scans' fields."))
         else:
             for row in layer.to_dict("records"):
-                _add_placemark(folder, name, row, str(layer.geometry.name))
+                _add_placemark(folder, name, row, str(layer.geometry.name), looks[name])
     ET.indent(root)
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
     return notices
 
 
-def _add_style(document: ET.Element, layer: str) -> None:
-    line, fill = _COLOURS.get(layer, _PLAIN)
-    style = ET.SubElement(document, "Style", id=layer)
+def _numbers(layer: gpd.GeoDataFrame) -> list[int]:
+    return [int(number) for number in layer["pass"].dropna()] if "pass" in layer else []
+
+
+def _add_style(document: ET.Element, name: str, look: Look) -> None:
+    style = ET.SubElement(document, "Style", id=name)
+    _text(ET.SubElement(style, "IconStyle"), "color", look.mark)
     stroke = ET.SubElement(style, "LineStyle")
-    _text(stroke, "color", line)
+    _text(stroke, "color", look.mark)
     _text(stroke, "width", "2")
-    _text(ET.SubElement(style, "PolyStyle"), "color", fill)
+    _text(ET.SubElement(style, "PolyStyle"), "color", look.fill)
 
 
 def _add_line(folder: ET.Element, trajectory: gpd.GeoDataFrame) -> None:
@@ -84,7 +78,7 @@ def _add_line(folder: ET.Element, trajectory: gpd.GeoDataFrame) -> None:
     _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(np.column_stack([points.x, points.y])))
 
 
-def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry: str) -> None:
+def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry: str, looks: LayerLooks) -> None:
     shape = row.pop(geometry)
     if shape is None or shape.is_empty:
         return
@@ -93,7 +87,7 @@ def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry
     key = next((key for key in _TITLES if key in fields), None)
     _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
     _add_time(mark, fields)
-    _text(mark, "styleUrl", f"#{layer}")
+    _text(mark, "styleUrl", f"#{looks.name(layer, fields)}")
     data = ET.SubElement(mark, "ExtendedData")
     for name, text in fields.items():
         _text(ET.SubElement(data, "Data", name=name), "value", text)

@@ -24,13 +24,25 @@ from pystac.extensions.projection import ProjectionExtension
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import TRAJECTORIES
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.reports.drawings import pass_colour
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.export import NAMES, export
 from furrowmap.workflows.mosaic import mosaic
 from tests.exporters.vectors.worked_field import worked_field
 
 JAPAN = CRS.from_epsg(6677)
-LAYERS = ["events", "trajectory", "tool_path", "misses", "overlaps", "coverage", "passes", "zones"]
+LAYERS = [
+    "events",
+    "trajectory",
+    "tool_path",
+    "misses",
+    "unworked",
+    "boundary",
+    "overlaps",
+    "coverage",
+    "passes",
+    "zones",
+]
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +198,24 @@ def told_in(to: str, target: Path) -> dict[str, str]:
         comment = ET.parse(target / "TASKDATA.XML", parser).getroot()[0]
         return dict(line.strip().split(": ", 1) for line in comment.text.strip().splitlines())
     return json.loads((target / "provenance.json").read_text(encoding="utf-8"))
+
+
+def test_kml__has_the_colours_of_the_map(result: Path, tmp_path: Path) -> None:
+    """Those that QGIS shows: missed ground yellow, worked twice red, passes from orange to blue."""
+    path = tmp_path / "field.kml"
+    export([result], "kml", path)
+    root = ET.parse(path).getroot()
+    named = {f"#{style.get('id')}": style for style in root.findall(".//{*}Style")}
+    shown: dict[str, set[str]] = {}
+    for folder in root.findall(".//{*}Folder"):
+        for mark in folder.findall("{*}Placemark"):
+            style = named[str(mark.findtext("{*}styleUrl"))]
+            fill = str(style.findtext("{*}PolyStyle/{*}color"))[2:]
+            shown.setdefault(str(folder.findtext("{*}name")), set()).add(fill)
+
+    assert shown["misses"] <= {"00edff", "00beff"}  # blue, green, red: yellow and amber, as in misses.qml
+    assert shown["overlaps"] == {"1c1ae3"}
+    assert shown["passes"] == {"".join(pass_colour(n, 3)[k : k + 2] for k in (5, 3, 1)) for n in (1, 2, 3)}
 
 
 @pytest.mark.parametrize(
