@@ -256,7 +256,10 @@ def _axes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
-    """The box (2, 2) around the region of `factor` times the least sum of squares, and that limit."""
+    """The box (2, 2) around the region of `factor` times the least sum of squares, and that limit.
+
+    A region smaller than a cell is first seen as one node: where it reaches the border of the box, the box grows.
+    """
     box, least = outer, np.inf
     for _ in range(ROUNDS):
         nodes = _on_grid(seen, box, NODES)
@@ -264,14 +267,22 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[Flo
         inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
         inside.flat[np.argmin(nodes.sum_squares)] = True
         ends = [np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]
-        step = np.diff(box, axis=1)[:, 0] / (NODES - 1)
-        narrow = np.array(
-            [[box[k, 0] + (ends[k][0] - 1) * step[k], box[k, 0] + (ends[k][1] + 1) * step[k]] for k in (0, 1)]
+        width = np.diff(box, axis=1)[:, 0]
+        step = width / (NODES - 1)
+        around = np.array(
+            [
+                [
+                    box[k, 0] - 0.5 * width[k] if first == 0 else box[k, 0] + (first - 2) * step[k],
+                    box[k, 1] + 0.5 * width[k] if last == NODES - 1 else box[k, 0] + (last + 2) * step[k],
+                ]
+                for k, (first, last) in enumerate(ends)
+            ]
         )
-        narrow = np.clip(narrow, outer[:, :1], outer[:, 1:])
-        if (np.diff(narrow, axis=1) > 0.8 * np.diff(box, axis=1)).all():
+        around = np.clip(around, outer[:, :1], outer[:, 1:])
+        ratio = np.diff(around, axis=1)[:, 0] / width
+        if ((ratio > 0.8) & (ratio <= 1.0)).all():
             break
-        box = narrow
+        box = around
     return box, least * factor
 
 
