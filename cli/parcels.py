@@ -10,7 +10,7 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import classes_of
+from furrowmap.cli.point_options import classes_of, widths_of
 from furrowmap.cli.tables import file_size, table
 from furrowmap.core.values.errors import printable
 
@@ -21,16 +21,14 @@ PARCEL_TABLE = "parcels.csv"
 
 @click.command(
     short_help="Measure height and volume of crops by parcel.",
-    epilog="\b\nExample:\n  furrowmap parcels flight.copc.laz parcels.geojson -o crops --net-inset 1.0 0.11",
+    epilog="\b\nExample:\n  furrowmap parcels flight.copc.laz parcels.geojson -o crops --net-inset 1.0,0.11",
 )
 @click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
 @click.argument("parcels_file", metavar="PARCELS", type=FILE)
 @click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
 @click.option(
     "--net-inset",
-    type=(click.FloatRange(0), click.FloatRange(0)),
-    default=(0.0, 0.0),
-    metavar="ENDS SIDES",
+    metavar="ENDS,SIDES",
     help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
 )
 @click.option("--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset.")
@@ -66,7 +64,7 @@ def parcels(
     clouds: tuple[Path, ...],
     parcels_file: Path,
     output: Path,
-    net_inset: tuple[float, float],
+    net_inset: str | None,
     net: Path | None,
     method: Any,
     soil: Any,
@@ -85,7 +83,7 @@ def parcels(
     parcels. Writes parcels.gpkg, parcels.csv, crop_height.tif and parcels.json.
     """
     settings = furrowmap.ParcelSettings(
-        net_inset_m=net_inset,
+        net_inset_m=widths_of(net_inset, "--net-inset"),
         net=net,
         method=method,
         soil=soil,

@@ -1,7 +1,8 @@
-"""Parsing of --bbox and of lists of classes."""
+"""Parsing of --bbox, of lists of classes and of pairs of widths."""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from furrowmap.core.values.errors import UsageError
@@ -38,6 +39,18 @@ def classes_of(text: str | None, option: str) -> frozenset[int] | None:
     return frozenset(int(number) for number in numbers)
 
 
+def widths_of(text: str | None, option: str) -> tuple[float, float]:
+    """Two widths in metres given by an option; zeros without one.
+
+    Raises:
+        UsageError: if the text is not two numbers, or one is below zero.
+    """
+    widths = _numbers(text, option, 2) or [0.0, 0.0]
+    if not all(0.0 <= width < math.inf for width in widths):
+        raise _no_list(option, text, "two widths in metres")
+    return widths[0], widths[1]
+
+
 def _numbers(text: str | None, option: str, count: int | None = None) -> list[float] | None:
     """The numbers given by an option.
 
@@ -65,6 +78,6 @@ def _no_list(option: str, text: str | None, wanted: str) -> UsageError:
     return UsageError(
         f"{option} {text!r} is not {wanted}.",
         "Nothing was done.",
-        "Examples: --bbox 500000,5000000,500100,5000100, --class 2,9.",
+        "Examples: --bbox 500000,5000000,500100,5000100, --class 2,9, --net-inset 1.0,0.11.",
         code="usage",
     )

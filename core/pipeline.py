@@ -33,7 +33,8 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
-from furrowmap.core.values.ahead import ahead, behind, beside
+from furrowmap.core.values.ahead import ahead, behind
+from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent

@@ -19,7 +19,7 @@ import tomli_w
 from furrowmap.core import pipeline
 from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.values.ahead import beside
+from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent

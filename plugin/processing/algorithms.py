@@ -236,7 +236,9 @@ ALGORITHMS = (
                 "Parcels",
                 "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
             ),
-            "--net-inset": parameter("NET_INSET", "Net parcels: metres off each end, off each side"),
+            "--net-inset": parameter(
+                "NET_INSET", "Net parcels: metres off each end, off each side", kind="numbers", count=2
+            ),
             "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={

@@ -17,7 +17,7 @@ FLAGS = {
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
-    **{name: {"overwrite"} for name in ("plots", "propose_session", "response", "simulate", "surface")},
+    **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""
 TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": ()}
@@ -28,6 +28,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "evaluate_log": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
     "solve_gnss": {"static": False, "mask_deg": 15.0},
     "mosaic": {"mean": False},
+    "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
 }  # fmt: skip
 """What is not None in the settings of a function."""

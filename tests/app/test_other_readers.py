@@ -36,7 +36,18 @@ ATTACK = "document.title='attacked'"
 HOSTILE = f'=cmd() <script>{ATTACK}</script>"><img src=x onerror="{ATTACK}"> \x1b[31m圃場 & ]]> \'; DROP'
 SHOWN = HOSTILE.replace("\x1b", "\\x1b")
 RECORDING = f'"><img src=x onerror={ATTACK}>.pcap'
-LAYERS = ("trajectory", "events", "tool_path", "misses", "overlaps", "coverage", "passes", "zones")
+LAYERS = (
+    "trajectory",
+    "events",
+    "tool_path",
+    "misses",
+    "unworked",
+    "boundary",
+    "overlaps",
+    "coverage",
+    "passes",
+    "zones",
+)
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +161,7 @@ def test_exports__are_the_same_for_gdal_and_the_web(made: furrowmap.Result, web_
     elif to in ("flatgeobuf", "shapefile", "kml"):
         theirs = gpd.read_file(path, layer="passes")
         features = web_reader(to, path)["features"]
-        found = next(one for one in features if to != "kml" or one["properties"]["styleUrl"] == "#passes")
+        found = next(one for one in features if to != "kml" or one["properties"]["styleUrl"] == "#passes-1")
         shape, properties = shapely.geometry.shape(found["geometry"]), found["properties"]
     elif to == "geojson":
         theirs = gpd.read_file(path)

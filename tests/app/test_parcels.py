@@ -93,13 +93,21 @@ def test_parcels__raster_has_the_mean_of_the_table(crops: tuple[Path, dict[str, 
 
 
 def test_parcels__command_says_the_same(trial: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("parcels", trial / "flight.laz", trial / "parcels.gpkg", "-o", trial / "again", "--net-inset", 0.5, 0.1)
+    words = ("parcels", trial / "flight.laz", trial / "parcels.gpkg", "-o", trial / "again", "--net-inset", "0.5,0.1")
     assert command_line([str(word) for word in words]) == 0
     out = capsys.readouterr().out
     assert "mean_height_m" in out
     assert "parcels.csv" in out
     assert command_line([str(word) for word in words]) == 4
     assert "--overwrite" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("inset", ["0.5", "0.5,0.1,0.1", "a,b", "-0.5,0.1", "nan,0", "0.1,inf"])
+def test_parcels__a_wrong_inset_is_refused(trial: Path, inset: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["parcels", trial / "flight.laz", trial / "parcels.gpkg", "-o", trial / "no", f"--net-inset={inset}"]
+    assert command_line([str(word) for word in words]) == 2
+    assert repr(inset) in capsys.readouterr().err
+    assert not (trial / "no").exists()
 
 
 def test_parcels__published_method_states_no_sigma(trial: Path) -> None:

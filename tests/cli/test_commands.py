@@ -133,12 +133,14 @@ def test_run__answers_with_the_folder_and_the_report(
     assert answer == json.loads((tmp_path / "result" / "report.json").read_text(encoding="utf-8"))
 
 
-def test_run__keeps_the_products_of_another_session(
+def test_run__keeps_the_products_of_another_recording(
     session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = tmp_path / "result"
     assert call(capsys, "run", session, "-o", result)[0] == 0
     session.write_text(session.read_text().replace("straight", "another"))
+    (capture,) = session.parent.glob("*.pcap")
+    capture.write_bytes(capture.read_bytes()[:-1264])  # its last packet, with the capture's header of it
     assert call(capsys, "run", session, "-o", result)[0] == 4
     assert json.loads((result / "report.json").read_text())["session"]["name"] == "straight"
     assert call(capsys, "run", session, "-o", result, "--overwrite")[0] == 0

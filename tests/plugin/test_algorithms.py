@@ -16,6 +16,7 @@ import laspy
 import numpy as np
 import pyogrio
 import pytest
+import shapely
 
 from furrowmap.cli.main import command_line
 
@@ -45,6 +46,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     folder = tmp_path_factory.mktemp("north field 圃場")
     shutil.copyfile(shared_data / "velodyne" / "vlp16_single_gps.pcap", folder / "recording.pcap")
     shutil.copyfile(shared_data / "isoxml" / "other" / "single_dpd.zip", folder / "tasks.zip")
+    for name in ("truth/parcels_truth.csv", "treatments.csv"):
+        shutil.copy(shared_data / "uav_wheat" / name, folder)
+    plots = [shapely.box(16_649.5, 96_558.7 + 1.6 * k, 16_652.0, 96_560.2 + 1.6 * k) for k in range(2)]
+    gpd.GeoDataFrame({"id": [1, 2]}, geometry=plots, crs="EPSG:6677").to_file(folder / "parcels.gpkg")
     for name in ("gnss.nmea", "reference.nmea"):
         shutil.copyfile(shared_data / "tractor_loop" / name, folder / name)
     rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
@@ -173,6 +178,20 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             WIDTH=2,
             CRS="EPSG:6677",
             OUTPUT=folder / "plots.gpkg",
+        ),
+        "parcels": run(
+            "parcels",
+            CLOUDS=[str(cloud)],
+            PARCELS=folder / "parcels.gpkg",
+            NET_INSET="0.3,0.1",
+            OUTPUT=folder / "crops",
+        ),
+        "response": run(
+            "response",
+            TABLES=[str(folder / "parcels_truth.csv")],
+            TREATMENTS=folder / "treatments.csv",
+            MEASURE="mean_height_crop_m",
+            OUTPUT=folder / "trial",
         ),
         "crs": run("crs", SESSION=folder / "session.toml"),
         "frames": run("frames", SESSION=folder / "session.toml", DRAWING=folder / "frames.svg"),
@@ -368,6 +387,14 @@ def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], fo
     assert answers["plots"]["outputs"]["PLOTS"] == 6
     west, south, east, north = gpd.read_file(folder / "plots.gpkg").total_bounds
     assert (east - west, north - south) == pytest.approx((30.0, 4.0))
+
+
+def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["parcels"]["error"] is None
+    assert answers["parcels"]["outputs"]["PARCELS_MEASURED"] == 2
+    assert (folder / "crops" / "parcels.csv").exists()
+    assert answers["response"]["error"] is None
+    assert answers["response"]["outputs"]["CHART"] == str(folder / "trial" / "response.svg")
 
 
 def test_surface__is_opened_in_its_style(answers: dict[str, Any], folder: Path) -> None:
