@@ -12,10 +12,10 @@ from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
 class Flight(Table, frozen=True):
     """Path and motion of an aircraft; with this table the scenario is a flight, and nothing drives."""
 
-    strips: Annotated[int, Meta(ge=1, description="parallel lines, flown to and fro")] = 4
+    strips: Annotated[int, Meta(ge=1, le=10_000, description="parallel lines, flown to and fro")] = 4
     strip_m: Annotated[float, Meta(gt=0, description="length of a strip")] = 40.0
     spacing_m: Annotated[float, Meta(gt=0, description="distance between strips, to the left of the first")] = 8.0
-    cross_strips: Annotated[int, Meta(ge=0, description="lines across all strips, flown after them")] = 2
+    cross_strips: Annotated[int, Meta(ge=0, le=10_000, description="lines across all strips, flown after them")] = 2
     waypoints_m: Annotated[
         tuple[tuple[float, float], ...],
         Meta(description="path instead of strips: [along, to the left of the first line]"),
@@ -93,4 +93,4 @@ class Line(Table, frozen=True):
 
     rate_hz: Annotated[float, Meta(gt=0, le=200, description="sweeps per second")] = 25.0
     field_deg: Annotated[float, Meta(gt=0, le=360, description="angle of a sweep, about the x axis")] = 100.0
-    beams: Annotated[int, Meta(ge=2, description="beams in a sweep")] = 401
+    beams: Annotated[int, Meta(ge=2, le=10_000, description="beams in a sweep")] = 401

@@ -101,7 +101,7 @@ class Drive(Table, frozen=True):
         BY_KIND,
         BY_KIND,
     )
-    passes: Annotated[int, Meta(ge=1, description="number of passes, without lanes_m")] = 3
+    passes: Annotated[int, Meta(ge=1, le=10_000, description="number of passes, without lanes_m")] = 3
     spacing_m: Annotated[float, Meta(description="distance between lanes, positive to the left, without lanes_m")] = 1.6
     lanes_m: Annotated[tuple[float, ...], Meta(description="offset of each pass to the left of the first")] = ()
     pass_m: Annotated[

@@ -100,7 +100,8 @@ class Db3File(StorageFile):
         )
         damaged = 0
         for row, number, received_ns, data in rows:
-            self.share_read = min(1.0, row / (last or 1))
+            if isinstance(row, int) and isinstance(last, int) and last > 0:  # a table may be made otherwise
+                self.share_read = min(1.0, max(0.0, row / last))
             if number in known and isinstance(received_ns, int) and isinstance(data, bytes):
                 yield BagMessage(*known[number], received_ns, data)
             else:

@@ -435,6 +435,21 @@ def test_rows_of_a_database_that_are_no_messages_are_counted(tmp_path: Path) -> 
     assert "2 rows that are not messages of a known topic are skipped" in notice.text
 
 
+@pytest.mark.parametrize("number", ["NULL", "'text'", "-5"])
+def test_rows_of_a_database_without_numbers_are_read(tmp_path: Path, number: str) -> None:
+    """As of a damaged description of the table, by which `id` is no key any more."""
+    path = KINDS["plain.db3"](tmp_path)
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE others AS SELECT * FROM messages")
+        database.execute(f"UPDATE others SET id = {number}")
+        database.execute("DROP TABLE messages")
+        database.execute("ALTER TABLE others RENAME TO messages")
+    database.close()
+    files = BagFiles([path])
+    assert len(list(files.messages())) == 10
+    assert 0.0 <= files.share_read <= 1.0
+
+
 def test_messages_in_another_encoding_are_refused(tmp_path: Path) -> None:
     path = KINDS["plain.db3"](tmp_path)
     with sqlite3.connect(path) as database:

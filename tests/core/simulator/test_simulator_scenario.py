@@ -83,6 +83,7 @@ def test_load_scenario__unknown_key_names_the_nearest(text: str, words: str) -> 
         ("[soil]\nkind = 'wet'", "[soil.kind]"),
         ("[soil]\nswell_m = 'high'", "[soil.swell_m]"),
         ("[drive]\npasses = 3\npass_m = [5.0, 6.0]", "2 entries for 3 passes"),
+        ("[drive]\npasses = 18446744073709551616", "[drive.passes]"),
         ("[drive]\nstops = [[4, 1.0, 2.0]]", "on none of the 3 passes"),
         ("[implement]\nlift_m = 0.1", "never leave the ground"),
         ("[lidar]\nrpm = 700", "[lidar.rpm]"),
