@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pandas as pd
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.values.errors import Notice, printable
-from furrowmap.exporters.exchange.kml_styles import LayerLooks, Look, layer_looks, style_name
+from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY
 
@@ -36,7 +37,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     document = ET.SubElement(root, "Document")
     _text(document, "name", origin.title)
     _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.metadata.items()))
-    looks = {name: layer_looks(name, _numbers(layer)) for name, layer in layers.items()}
+    looks = {name: layer_looks(name, _numbers(layer) if name == PASSES else ()) for name, layer in layers.items()}
     for name, look in looks.items():
         for value in look.by_value:
             _add_style(document, style_name(name, value), look.by_value[value])
@@ -56,7 +57,11 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
 
 
 def _numbers(layer: gpd.GeoDataFrame) -> list[int]:
-    return [int(number) for number in layer["pass"].dropna()] if "pass" in layer else []
+    """Numbers of the passes, without what a damaged layer has in their place."""
+    if "pass" not in layer:
+        return []
+    numbers = pd.to_numeric(layer["pass"], errors="coerce")
+    return [int(number) for number in numbers[np.isfinite(numbers)]]
 
 
 def _add_style(document: ET.Element, name: str, look: Look) -> None:

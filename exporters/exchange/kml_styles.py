@@ -67,7 +67,8 @@ def layer_looks(layer: str, numbers: Sequence[int] = ()) -> LayerLooks:
     symbols = {str(symbol.get("name")): _look(symbol, opacity) for symbol in root.iter("symbol")}
     first = symbols["0"]
     if layer == PASSES:
-        colours = {n: _kml(pass_colour(n, max(numbers)), first.fill[:2]) for n in numbers}
+        last = max(numbers, default=0)
+        colours = {n: _kml(pass_colour(n, last), first.fill[:2]) for n in numbers}
         return LayerLooks("pass", {"": first} | {str(n): Look(first.mark, colour) for n, colour in colours.items()})
     renderer = next(root.iter("renderer-v2"))
     values = dict(_categories(renderer, symbols))
