@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -168,7 +169,8 @@ def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, tmp_pat
     furrowmap.preview(folder / "moving.toml", tmp_path / "preview")
     with rasterio.open(tmp_path / "preview" / "preview_dsm.tif") as surface:
         assert np.nanmax(surface.read(1)) > np.asarray(result.trajectory.geometry.z).max() + 4.0
-    rigid = text.replace("[imu]", "[camera.imu]")
+    rigid = re.sub(r"\[imu\]\n(?:[^\[\n].*\n|\n)*", "", text)
+    assert "imu.csv" not in rigid
     (folder / "rigid.toml").write_text(rigid, encoding="utf-8")
     with pytest.raises(InputError) as refused:
         furrowmap.preview(folder / "rigid.toml", tmp_path / "refused")

@@ -31,6 +31,8 @@ EVERY_ONE: Final = {
 }
 """Nothing is left out unasked."""
 FACTORS: Final = {
+    "core/images/frame_poses.py FramePoses.scale": 1.0,
+    "core/images/frame_poses.py frame_poses(scale)": 1.0,
     "core/readers/messages.py Messages.column(factor)": 1.0,
     "core/readers/imu_csv.py _Columns.seconds": 1.0,
     "core/values/session.py ImuColumn.scale": 1.0,

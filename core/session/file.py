@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, get_args, get_origin
 import msgspec
 from msgspec.inspect import is_struct_type
 
+from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.values.attitude import MAGNETIC
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
@@ -212,6 +213,7 @@ def _faults(session: Session) -> Iterator[str]:
     if session.crs.geoid_grid is not None and session.crs.heights == ELLIPSOIDAL:
         yield f'crs.geoid_grid needs heights above a geoid, but crs.heights is "{ELLIPSOIDAL}"'
     yield from _repetitions(session)
+    yield from camera_faults(session.camera)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     yield from _far_places(session)
@@ -255,6 +257,8 @@ def _far_places(session: Session) -> Iterator[str]:
         places["imu.xyz_m"] = session.imu.xyz_m
     if session.mount is not None and session.mount.xyz_m is not None:
         places["mount.xyz_m"] = session.mount.xyz_m
+    if session.camera is not None:
+        places["camera.xyz_m"] = session.camera.xyz_m
     if session.antenna is not None:
         places["antenna.xyz_m"] = session.antenna.xyz_m
     if session.implement is not None:

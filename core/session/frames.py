@@ -147,31 +147,14 @@ def frame_tree(session: Session, frame: MapFrame) -> FrameTree:
     if session.recording.lidar:
         model = f" ({session.lidar.model})" if session.lidar.model else ""
         frames.append(Frame("lidar_link", BASE, session.lidar.mounting, f"scanner{model}"))
-    camera = _camera(session)
-    if camera is not None:
-        frames.append(
-            Frame("camera_optical_frame", BASE, camera, "camera: x right in the image, y down, z along the view")
-        )
+    if session.camera is not None:
+        words = "camera: x right in the image, y down, z along the view"
+        frames.append(Frame("camera_optical_frame", BASE, session.camera.mounting, words))
     if session.implement is not None:
         x, y = session.implement.xy_m
         words = f"middle of the working line, {session.implement.width_m:g} m wide"
         frames.append(Frame("implement_link", BASE, Mounting((x, y, 0.0)), words, has_axes=False))
     return FrameTree(tuple(frames))
-
-
-def _camera(session: Session) -> Mounting | None:
-    """The mounting of the camera, where the session states it in numbers."""
-    table = session.camera or {}
-    parts = [table.get(name) for name in ("xyz_m", "rpy_deg")]
-    numbers = [
-        tuple(float(v) for v in part)
-        for part in parts
-        if isinstance(part, list | tuple) and len(part) == 3 and all(isinstance(v, int | float) for v in part)
-    ]
-    if len(numbers) < 2 or not np.isfinite(numbers).all():
-        return None
-    (x, y, z), (roll, pitch, yaw) = numbers
-    return Mounting((x, y, z), (roll, pitch, yaw))
 
 
 def pose_words(frame: Frame) -> str:

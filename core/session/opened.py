@@ -22,9 +22,11 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
+from furrowmap.core.session.camera import images_of
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
+from furrowmap.core.values.images import Images
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
@@ -53,6 +55,7 @@ class Inputs:
         attitude: logs of roll and pitch, and of the heading.
         mount: attitude of a moving mount.
         boundary: boundary of the field.
+        images: table of the camera's images.
         parcels: parcels of a trial.
         treatments: what each parcel was given.
         states: tool states.
@@ -67,6 +70,7 @@ class Inputs:
     attitude: tuple[Path, ...] = ()
     mount: Path | None = None
     boundary: Path | None = None
+    images: Path | None = None
     parcels: Path | None = None
     treatments: Path | None = None
     states: tuple[Path, ...] = ()
@@ -97,6 +101,7 @@ class Inputs:
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
+            images=one(session.camera.table if session.camera is not None else None),
             parcels=one(parcels.file if parcels is not None else None),
             treatments=one(parcels.treatments if parcels is not None else None),
             states=several(implement.states if implement is not None else ()),
@@ -108,7 +113,7 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (self.mount, self.boundary, self.parcels, self.treatments, *self.states)
+        single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, *self.states)
         single += (self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(
@@ -233,6 +238,18 @@ class OpenSession:
             _expect(reader, GivesAttitude, path, key)
             readers.append(cast("AttitudeReader", reader))
         return readers[0], readers[1]
+
+    def images(self, notices: list[Notice]) -> Images:
+        """The images of the camera, by the clock of the positions.
+
+        Args:
+            notices: what is wrong with single images is added.
+
+        Raises:
+            InputError: if a file cannot be read.
+        """
+        assert self.session.camera is not None
+        return images_of(self.file, self.session.camera, notices)
 
     def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
         """The laser scans.

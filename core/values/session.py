@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -246,6 +246,50 @@ class Mount(_Part, frozen=True):
     xyz_m: Vector3 | None = None
 
 
+class CameraSource(_Part, frozen=True):
+    """`[camera]`: a camera on the vehicle, and its images.
+
+    Attributes:
+        table: CSV with the file and the time of each image.
+        files: images whose times are in their EXIF data; names may have `*` and `?`.
+        width, height: of the images, in pixels.
+        fx, fy, cx, cy: focal lengths and principal point in pixels; (0, 0) is the middle of the top left pixel.
+        k1, k2, k3, p1, p2: Brown distortion, as in OpenCV.
+        model: camera model of COLMAP, with `params` instead of the above.
+        params: its parameters in the order of COLMAP.
+        xyz_m: the projection centre in the vehicle frame.
+        rpy_deg: roll, pitch, yaw of the optical frame (x right in the image, y down, z along the view) in the vehicle
+            frame.
+        shutter_delay_s: middle of the exposure after the time stated for an image.
+        minus_gnss_s: clock of the camera minus that of the positions, if they differ by a constant.
+    """
+
+    table: str | None = None
+    files: tuple[str, ...] = ()
+    width: Annotated[int, Meta(ge=1)] | None = None
+    height: Annotated[int, Meta(ge=1)] | None = None
+    fx: _Positive | None = None
+    fy: _Positive | None = None
+    cx: float | None = None
+    cy: float | None = None
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    model: str | None = None
+    params: tuple[float, ...] = ()
+    xyz_m: Vector3 = (0.0, 0.0, 0.0)
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    shutter_delay_s: float = 0.0
+    minus_gnss_s: float = 0.0
+
+    @property
+    def mounting(self) -> Mounting:
+        """The mounting (extrinsic calibration) of the camera."""
+        return Mounting(self.xyz_m, self.rpy_deg)
+
+
 class Parcels(_Part, frozen=True):
     """`[parcels]`: the parcels of a trial.
 
@@ -285,8 +329,8 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, parcels, run: the tables.
-        camera: table of files that a run does not read.
+        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, run: the
+            tables.
     """
 
     furrowmap: int
@@ -303,12 +347,11 @@ class Session(_Part, frozen=True):
     trajectory: TrajectorySource | None = None
     parcels: Parcels | None = None
     run: Run = Run()
-    camera: dict[str, Any] | None = None
+    camera: CameraSource | None = None
 
 
 EXAMPLES: Final = {
     "name": '"North field"',
-    "camera": '{ table = "images.csv" }',
     "recording.lidar": '["recording.pcap"]',
     "recording.gnss": '["gnss.nmea"]',
     "recording.lidar_minus_gnss_s": "0.0",
@@ -358,6 +401,25 @@ EXAMPLES: Final = {
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",
+    "camera.table": '"images.csv"',
+    "camera.files": '["images/*.jpg"]',
+    "camera.width": "800",
+    "camera.height": "600",
+    "camera.fx": "661.4",
+    "camera.fy": "661.9",
+    "camera.cx": "402.7",
+    "camera.cy": "296.1",
+    "camera.k1": "-0.082",
+    "camera.k2": "0.011",
+    "camera.k3": "0.0",
+    "camera.p1": "0.0",
+    "camera.p2": "0.0",
+    "camera.model": '"OPENCV"',
+    "camera.params": "[661.4, 661.9, 403.2, 296.6, -0.082, 0.011, 0.0, 0.0]",
+    "camera.xyz_m": "[-0.05, 0.0, -0.42]",
+    "camera.rpy_deg": "[180.0, 0.0, -90.0]",
+    "camera.shutter_delay_s": "0.0",
+    "camera.minus_gnss_s": "0.0",
     "parcels.file": '"parcels.geojson"',
     "parcels.net_inset_m": "[1.00, 0.11]",
     "parcels.treatments": '"treatments.csv"',

@@ -77,6 +77,7 @@ def test_keys__the_schema_has_all_tables() -> None:
         "implement",
         "field",
         "trajectory",
+        "camera",
         "parcels",
         "run",
     }

@@ -1,0 +1,1 @@
+"""Images along a trajectory: projection, and what frames show of points and surfaces."""

@@ -1,0 +1,115 @@
+"""Between directions of the optical frame and pixels, with Brown distortion."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.camera import Camera
+
+FloatArray = NDArray[np.float64]
+
+ITERATIONS: Final = 20
+CONVERGED: Final = 1e-12
+"""Newton's method has converged when the direction changes by less."""
+
+
+def project(camera: Camera, xyz_m: FloatArray) -> FloatArray:
+    """Pixels of points.
+
+    Args:
+        camera: whose intrinsics are used.
+        xyz_m: (n, 3) in the optical frame.
+
+    Returns:
+        (n, 2) column and row, also outside the image; nan for points behind the camera, and beyond
+        :attr:`~furrowmap.core.values.camera.Camera.widest`.
+    """
+    points = np.ascontiguousarray(xyz_m, np.float64).reshape(-1, 3)
+    pixels: FloatArray = project_points(camera.intrinsics, camera.widest, points)
+    return pixels
+
+
+def unproject(camera: Camera, pixels: FloatArray) -> FloatArray:
+    """Directions of pixels, by Newton's method.
+
+    Args:
+        camera: whose intrinsics are used.
+        pixels: (n, 2) column and row.
+
+    Returns:
+        (n, 3) in the optical frame, with z = 1; nan where no direction within
+        :attr:`~furrowmap.core.values.camera.Camera.widest` has the pixel.
+    """
+    at = np.ascontiguousarray(pixels, np.float64).reshape(-1, 2)
+    directions: FloatArray = unproject_pixels(camera.intrinsics, camera.widest, at)
+    return directions
+
+
+def inside(camera: Camera, pixels: FloatArray) -> NDArray[np.bool_]:
+    """(n,) whether pixels (n, 2) lie in the image, between the middles of its outermost pixels."""
+    column, row = pixels[:, 0], pixels[:, 1]
+    return (column >= 0) & (column <= camera.width - 1) & (row >= 0) & (row <= camera.height - 1)
+
+
+@numba.njit("UniTuple(float64, 2)(float64[::1], float64, float64)", cache=True, nogil=True)
+def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
+    """Column and row of the direction (x, y, 1)."""
+    square = x * x + y * y
+    radial = 1.0 + square * (intrinsics[4] + square * (intrinsics[5] + square * intrinsics[6]))
+    p1, p2 = intrinsics[7], intrinsics[8]
+    bent_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
+    bent_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y
+    return intrinsics[0] * bent_x + intrinsics[2], intrinsics[1] * bent_y + intrinsics[3]
+
+
+@numba.njit("float64[:, ::1](float64[::1], float64, float64[:, ::1])", cache=True, nogil=True)
+def project_points(intrinsics, widest, xyz_m):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`project`."""
+    out = np.full((len(xyz_m), 2), np.nan)
+    for i in range(len(xyz_m)):
+        z = xyz_m[i, 2]
+        if not z > 0.0:
+            continue
+        x, y = xyz_m[i, 0] / z, xyz_m[i, 1] / z
+        if x * x + y * y <= widest * widest:
+            out[i, 0], out[i, 1] = pixel_of(intrinsics, x, y)
+    return out
+
+
+@numba.njit("float64[:, ::1](float64[::1], float64, float64[:, ::1])", cache=True, nogil=True)
+def unproject_pixels(intrinsics, widest, pixels):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`unproject`: from the undistorted guess, shortened to lie within the widest angle."""
+    out = np.full((len(pixels), 3), np.nan)
+    k1, k2, k3, p1, p2 = intrinsics[4], intrinsics[5], intrinsics[6], intrinsics[7], intrinsics[8]
+    for i in range(len(pixels)):
+        at_x = (pixels[i, 0] - intrinsics[2]) / intrinsics[0]
+        at_y = (pixels[i, 1] - intrinsics[3]) / intrinsics[1]
+        length = np.sqrt(at_x * at_x + at_y * at_y)
+        shorter = min(1.0, 0.9 * widest / length) if length > 0.0 else 1.0
+        x, y = at_x * shorter, at_y * shorter
+        found = False
+        for _ in range(ITERATIONS):
+            square = x * x + y * y
+            radial = 1.0 + square * (k1 + square * (k2 + square * k3))
+            slope = k1 + square * (2.0 * k2 + 3.0 * square * k3)  # of the radial factor by the square
+            miss_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x) - at_x
+            miss_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y - at_y
+            xx = radial + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
+            xy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
+            yy = radial + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
+            determinant = xx * yy - xy * xy
+            if not abs(determinant) > 1e-12:
+                break
+            step_x = (yy * miss_x - xy * miss_y) / determinant
+            step_y = (xx * miss_y - xy * miss_x) / determinant
+            x, y = x - step_x, y - step_y
+            if abs(step_x) + abs(step_y) < CONVERGED * (1.0 + abs(x) + abs(y)):
+                found = x * x + y * y <= widest * widest * (1.0 + 1e-9)
+                break
+        if found:
+            out[i, 0], out[i, 1], out[i, 2] = x, y, 1.0
+    return out

@@ -1,0 +1,187 @@
+"""Image files: their pixels, and the times and positions in their EXIF data."""
+
+from __future__ import annotations
+
+import datetime as dt
+import warnings
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.images import Images
+
+TAKEN, OFFSET, SUBSECOND = 0x9003, 0x9011, 0x9291
+"""EXIF DateTimeOriginal, OffsetTimeOriginal, SubSecTimeOriginal."""
+MODIFIED: Final = 0x0132
+"""TIFF DateTime."""
+EXIF, GPS = 0x8769, 0x8825
+"""Where the tags of EXIF and of GPS are."""
+ZONE_STEP_S: Final = 900.0
+"""Time zones are multiples of this off UTC."""
+FORMATS: Final = ("JPEG", "PNG", "TIFF")
+MOST_PIXELS: Final = 300_000_000
+"""Of the largest aerial cameras; more would exhaust the memory."""
+
+
+def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
+    """Images with the times in their EXIF data, those that have one.
+
+    The time is DateTimeOriginal with its fraction of a second. Its zone is OffsetTimeOriginal, else the quarters of an
+    hour by which it differs from the time of GPS (UTC) in the file, else UTC.
+
+    Args:
+        paths: of JPEG, TIFF or PNG files.
+        notices: how many have no time, cannot be read, or state no zone, is added.
+
+    Raises:
+        InputError: if Pillow is not installed.
+    """
+    expect_pillow()
+    taken: list[tuple[Path, float, tuple[float, float, float]]] = []
+    unreadable: list[Path] = []
+    timeless: list[Path] = []
+    zoneless = 0
+    for path in paths:
+        try:
+            seconds, zone, place = _tags(path)
+        except Exception:  # noqa: BLE001 (Pillow raises errors of all families on damaged files)
+            unreadable.append(path)
+            continue
+        if seconds is None:
+            timeless.append(path)
+            continue
+        zoneless += not zone
+        taken.append((path, seconds, place))
+    notices += _told(unreadable, timeless, zoneless, len(paths))
+    times = np.array([seconds for _, seconds, _ in taken], np.float64)
+    places = np.array([place for _, _, place in taken], np.float64).reshape(-1, 3)
+    return Images.sorted([path for path, _, _ in taken], times, places)
+
+
+def read_pixels(path: Path) -> NDArray[np.uint8]:
+    """The pixels (height, width, 3) of an image as they are stored, red, green, blue; not turned as EXIF may say.
+
+    Raises:
+        ValueError: if it is no image, is damaged or cut, or has too many pixels.
+    """
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=FORMATS) as image:
+                size = image.size
+                pixels = np.asarray(image.convert("RGB")) if size[0] * size[1] <= MOST_PIXELS else None
+    except Exception as error:  # noqa: BLE001 (as above)
+        raise ValueError(f"{path}: {error}") from None
+    if pixels is None:
+        raise ValueError(f"{path}: {size[0]} × {size[1]} pixels")
+    return pixels
+
+
+def expect_pillow() -> None:
+    """Refuse to read images where Pillow is not installed.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if find_spec("PIL") is None:
+        raise InputError(
+            "Pillow is not installed.",
+            "Images cannot be read without it.",
+            'Install the extra: pip install "furrowmap[photo]"',
+            code="extra-missing",
+        )
+
+
+def _told(unreadable: list[Path], timeless: list[Path], zoneless: int, count: int) -> list[Notice]:
+    notices = []
+    if unreadable:
+        text = f"{len(unreadable)} of {count} images cannot be read, the first of them {unreadable[0]}."
+        notices.append(Notice("images-unreadable", text))
+    if timeless:
+        text = (
+            f"{len(timeless)} of {count} images have no time in their EXIF data, the first of them {timeless[0]}. They "
+            "are not used; a table of files and times ([camera] table) gives them one."
+        )
+        notices.append(Notice("images-without-time", text))
+    if zoneless:
+        text = (
+            f"{zoneless} of {count} images state no time zone: their times are taken for UTC. [camera] minus_gnss_s "
+            "corrects a constant offset, such as 7200.0 for times of UTC+2."
+        )
+        notices.append(Notice("image-time-zone", text))
+    return notices
+
+
+def _tags(path: Path) -> tuple[float | None, bool, tuple[float, float, float]]:
+    """UTC in seconds or None, whether its zone is known, and longitude, latitude, height."""
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with Image.open(path, formats=FORMATS) as image:
+            tags = image.getexif()
+            inner, gps = tags.get_ifd(EXIF), tags.get_ifd(GPS)
+            modified = tags.get(MODIFIED)
+    satellites = _satellite_time(gps)
+    place = _place(gps)
+    local = _local(inner.get(TAKEN) or modified, inner.get(SUBSECOND))
+    if local is None:
+        return satellites, True, place
+    offset_s = _offset(inner.get(OFFSET))
+    if offset_s is None and satellites is not None:
+        offset_s = ZONE_STEP_S * round((local - satellites) / ZONE_STEP_S)
+    return local - (offset_s or 0.0), offset_s is not None, place
+
+
+def _local(text: Any, fraction: Any) -> float | None:
+    """Seconds of `YYYY:MM:DD HH:MM:SS` in its own zone."""
+    try:
+        stamp = dt.datetime.strptime(str(text).strip("\0 "), "%Y:%m:%d %H:%M:%S").replace(tzinfo=dt.UTC)
+    except ValueError:
+        return None
+    digits = str(fraction or "").strip("\0 ")
+    return stamp.timestamp() + (float(f"0.{digits}") if digits.isdecimal() and digits.isascii() else 0.0)
+
+
+def _offset(text: Any) -> float | None:
+    """Seconds of `+HH:MM`."""
+    try:
+        offset = dt.datetime.strptime(str(text).strip("\0 "), "%z").utcoffset()
+    except ValueError:
+        return None
+    return offset.total_seconds() if offset is not None else None
+
+
+def _satellite_time(gps: dict[int, Any]) -> float | None:
+    """UTC of GPSDateStamp and GPSTimeStamp."""
+    try:
+        day = dt.datetime.strptime(str(gps[29]).strip("\0 "), "%Y:%m:%d").replace(tzinfo=dt.UTC)
+        hours, minutes, seconds = (float(part) for part in gps[7])
+    except (KeyError, ValueError, TypeError, ZeroDivisionError):
+        return None
+    within = 3600.0 * hours + 60.0 * minutes + seconds
+    return day.timestamp() + within if np.isfinite(within) else None
+
+
+def _place(gps: dict[int, Any]) -> tuple[float, float, float]:
+    """Longitude and latitude in degrees, height in metres; nan where they are not stated."""
+    try:
+        lat, lon = (
+            sign * sum(float(part) / unit for part, unit in zip(gps[tag], (1.0, 60.0, 3600.0), strict=True))
+            for tag, sign in ((2, -1.0 if gps[1] == "S" else 1.0), (4, -1.0 if gps[3] == "W" else 1.0))
+        )
+    except (KeyError, ValueError, TypeError, ZeroDivisionError):
+        return (float("nan"),) * 3
+    try:
+        below = gps.get(5) in (1, b"\1")
+        height = float(gps[6]) * (-1.0 if below else 1.0)
+    except (KeyError, ValueError, TypeError, ZeroDivisionError):
+        height = float("nan")
+    return lon, lat, height

@@ -1,0 +1,130 @@
+"""Tables of images: CSV with the file and the time of each."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.readers.csv_header import columns_of
+from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.file_names import leads_out
+from furrowmap.core.values.images import Images
+
+FILES: Final = ("file", "image", "filename", "name")
+TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps", "time": "iso"}
+"""Names of the columns; `time` is ISO 8601, UTC without a zone."""
+LARGEST_BYTES: Final = 1 << 26
+
+
+def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
+    """The images that a table names, those that exist.
+
+    Args:
+        path: of the table; names in it are relative to its folder.
+        folder: that the images must lie in.
+        notices: images that are missing, and rows that are incomplete, are added.
+
+    Raises:
+        InputError: if columns are missing, a field is no time, or an image lies outside the folder.
+    """
+    names, cells = _rows(path, notices)
+    file = next((name for name in FILES if name in names), None)
+    time = next((name for name in TIMES if name in names), None)
+    if file is None or time is None:
+        raise InputError(
+            f"{path}, line 1: no columns of file names and times.",
+            "A table of images has a row for each image: its file, and the time at which it was taken.",
+            f"Name the columns file and time_unix_s (or time_gps_s, or time in ISO 8601), not {', '.join(names)[:80]}.",
+            code="missing-column",
+        )
+    at = names.index(file), names.index(time)
+    rows = [(line, row[at[0]], row[at[1]]) for line, row in cells if len(row) > max(at) and row[at[0]] and row[at[1]]]
+    if len(rows) < len(cells):
+        text = f"{path}: {len(cells) - len(rows)} of {len(cells)} rows have an empty field and are dropped."
+        notices.append(Notice("rows-incomplete", text))
+    seconds = np.array([_seconds(text, time, f"{path}, line {line}") for line, _, text in rows], np.float64)
+    times = utc_of(seconds, "unix" if TIMES[time] == "iso" else TIMES[time], str(path), ReadOptions())
+    paths = [_inside(path, folder, name) for _, name, _ in rows]
+    there = np.array([image.is_file() for image in paths], bool)
+    if not there.all():
+        first = rows[int(np.argmin(there))][1]
+        text = (
+            f"{path}: {int((~there).sum())} of {len(rows)} images do not exist, the first of them {first!r}. The "
+            "others are used."
+        )
+        notices.append(Notice("images-missing", text))
+    return Images.sorted([image for image, is_there in zip(paths, there, strict=True) if is_there], times[there])
+
+
+def _rows(path: Path, notices: list[Notice]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The names of the columns, and of each row the number of its line and its fields."""
+    with Source(path) as source:
+        data, fault = source.read(LARGEST_BYTES + 1), source.fault
+    if len(data) > LARGEST_BYTES:
+        raise InputError(
+            f"{path}: more than {LARGEST_BYTES:,} bytes.",
+            "That is no table of images.",
+            "Name a CSV with a row for each image under `[camera] table`.",
+            code="not-a-table",
+        )
+    if fault:
+        notices.append(cut_notice(path, fault))
+    lines = data.decode("utf-8-sig", "replace").splitlines()
+    names, separator = columns_of(lines[0] if lines else "")
+    cells = [
+        (number, [cell.strip().strip('"') for cell in line.split(separator)])
+        for number, line in enumerate(lines[1:], start=2)
+        if line.strip()
+    ]
+    return names, cells
+
+
+def _inside(table: Path, folder: Path, name: str) -> Path:
+    """The path of an image.
+
+    Raises:
+        InputError: if it lies outside the folder.
+    """
+    image = table.parent / name.replace("\\", "/")
+    if "\0" in name or leads_out(image, folder):
+        raise InputError(
+            f"{table}: {name[:80]!r} is outside the session's folder.",
+            "A session may only name files in its own folder or below, so that a foreign one cannot read others.",
+            "Put the session file in a folder above the images, or copy the images beside it.",
+            code="session-path-outside",
+        )
+    return image
+
+
+def _seconds(text: str, column: str, where: str) -> float:
+    try:
+        if TIMES[column] != "iso":
+            return _finite(text)
+        stamp = dt.datetime.fromisoformat(text.replace("/", "-"))
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
+    except (ValueError, OverflowError):
+        raise InputError(
+            f"{where}: column `{column}` holds {text[:40]!r}, which is no time.",
+            "time_unix_s and time_gps_s are seconds, time is ISO 8601 such as 2026-05-23T09:41:12.345 (UTC, or with a "
+            "zone).",
+            "Correct or remove that line.",
+            code="not-a-time",
+        ) from None
+
+
+def _finite(text: str) -> float:
+    """A number.
+
+    Raises:
+        ValueError: if it is none, or not finite.
+    """
+    number = float(text)
+    if not np.isfinite(number):
+        raise ValueError(text)
+    return number

@@ -1,0 +1,58 @@
+"""Images of a camera, with their times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Images:
+    """Image files in the order of time.
+
+    Attributes:
+        paths: of the files.
+        t_s: (n,) UTC that is stated for each, not decreasing.
+        lon_lat_h: (n, 3) float64 longitude and latitude in degrees and height in metres, as the files state them; nan
+            where they do not.
+    """
+
+    paths: tuple[Path, ...]
+    t_s: FloatArray
+    lon_lat_h: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.paths)
+        if self.t_s.shape != (n,) or self.lon_lat_h.shape != (n, 3):
+            raise ValueError(f"Images has {n} paths, t_s {self.t_s.shape}, lon_lat_h {self.lon_lat_h.shape}")
+        if not bool(np.all(np.diff(self.t_s) >= 0)):
+            raise ValueError("Images.t_s decreases")
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    @classmethod
+    def sorted(cls, paths: Sequence[Path], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> Images:
+        """Images in any order; without `lon_lat_h` (n, 3) their positions are unknown."""
+        place = np.full((len(paths), 3), np.nan) if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
+        order = np.argsort(t_s, kind="stable")
+        return cls(tuple(paths[k] for k in order), t_s[order], place[order])
+
+    def earlier_by(self, seconds: float) -> Images:
+        """The images with earlier times."""
+        return replace(self, t_s=self.t_s - seconds) if seconds else self
+
+
+def joined(parts: Sequence[Images]) -> Images:
+    """All images of several sources in the order of time."""
+    if len(parts) == 1:
+        return parts[0]
+    paths = [path for part in parts for path in part.paths]
+    times = np.concatenate([np.zeros(0), *(part.t_s for part in parts)])
+    return Images.sorted(paths, times, np.concatenate([np.zeros((0, 3)), *(part.lon_lat_h for part in parts)]))
