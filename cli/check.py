@@ -49,6 +49,12 @@ CLASS = click.FloatRange(0.0, min_open=True)
     is_flag=True,
     help="Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.",
 )
+@click.option(
+    "--within",
+    type=FILE,
+    metavar="POLYGONS",
+    help="Compare points in these polygons only: a vector file, or a CSV of corners.",
+)
 @click.option("--table", "table_file", type=FILE, metavar="FILE", help="Write a CSV table of the errors at each point.")
 @click.option("--overwrite", is_flag=True, help="Replace an existing table.")
 @common_options
@@ -62,6 +68,7 @@ def check(
     diameter: float,
     require_vertical: float | None,
     require_horizontal: float | None,
+    within: Path | None,
     table_file: Path | None,
     *,
     pairs: bool,
@@ -74,7 +81,7 @@ def check(
     including the error of the survey, and the precision within and between swaths. The exit status is 4 if a required
     RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
-    settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical)
+    settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical, within)
     required = (require_vertical, require_horizontal)
     if pairs:
         with console.work() as progress:

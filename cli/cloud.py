@@ -51,6 +51,9 @@ from furrowmap.core.values.errors import printable
 )
 @click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
 @click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
+@click.option(
+    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
+)
 @click.option("--crs", metavar="CRS", help="CRS of input files without one.")
 @click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
 @click.option("--overwrite", is_flag=True, help="Replace an existing output file.")
@@ -66,6 +69,7 @@ def cloud(
     voxel: float | None,
     bbox: str | None,
     bbox_crs: str | None,
+    within: Path | None,
     crs: str | None,
     dst_crs: str | None,
     *,
@@ -79,7 +83,7 @@ def cloud(
     """
     box, without = box_of(bbox), classes_of(without_class, "--without-class")
     cleaning = furrowmap.Cleaning(box, without or frozenset(), every, outliers, drop_noise, ground, voxel)
-    settings = furrowmap.CleanSettings(cleaning, bbox_crs, crs, dst_crs)
+    settings = furrowmap.CleanSettings(cleaning, bbox_crs, crs, dst_crs, within)
     with console.work() as progress:
         account = furrowmap.clean(clouds, output, settings, overwrite=overwrite, progress=progress)
     console.warn_of(account)

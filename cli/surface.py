@@ -70,6 +70,9 @@ from furrowmap.core.values.errors import printable
     metavar="DEGREES",
     help="Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.",
 )
+@click.option(
+    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
+)
 @click.option("--crs", metavar="CRS", help="CRS of input files without one.")
 @click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
 @click.option("--overwrite", is_flag=True, help="Replace existing surfaces in DIR.")
@@ -82,6 +85,7 @@ def surface(
     statistic: str,
     bbox: str | None,
     bbox_crs: str | None,
+    within: Path | None,
     classes: str | None,
     ground_method: Any,
     outliers: Any,
@@ -112,6 +116,7 @@ def surface(
         tillage_heading_deg=tillage,
         crs=crs,
         dst_crs=dst_crs,
+        within=within,
     )
     with console.work() as progress:
         account = furrowmap.surface(clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn)

@@ -37,6 +37,7 @@ ROOMS = {
     "estimation": ["values"],
     "geodesy": ["values"],
     "readers": ["values"],
+    "areas": ["readers", "values"],
     "session": ["geodesy", "readers", "values"],
     "trajectory": ["estimation", "geodesy", "readers", "values"],
     "surfaces": ["values"],
@@ -45,7 +46,7 @@ ROOMS = {
     "matching": ["estimation", "values"],
     "calibration": ["estimation", "matching", "values"],
     "adjustment": ["calibration", "estimation", "matching", "session", "trajectory", "values"],
-    "pointclouds": ["geodesy", "implement", "readers", "session", "surfaces", "trajectory", "values"],
+    "pointclouds": ["areas", "geodesy", "implement", "readers", "session", "surfaces", "trajectory", "values"],
     "work": [
         "adjustment",
         "calibration",
@@ -58,8 +59,8 @@ ROOMS = {
         "trajectory",
         "values",
     ],
-    "checking": ["geodesy", "pointclouds", "readers", "values"],
-    "crops": ["geodesy", "pointclouds", "readers", "surfaces", "values"],
+    "checking": ["areas", "geodesy", "pointclouds", "readers", "values"],
+    "crops": ["areas", "geodesy", "pointclouds", "readers", "surfaces", "values"],
     "evaluation": ["readers", "values"],
     "simulator": [],
 }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from furrowmap.core.checking.check import Check, check_product
 from furrowmap.core.checking.cloud_at_points import Targets
 from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
+from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -30,12 +31,19 @@ class CheckSettings:
         diameter_m: of the discs.
         points_sigma_m: standard deviation of the survey on each axis, where the file of points states none.
         class_m: vertical accuracy class asked for; precision beyond it is a warning.
+        within: vector file, or CSV of corners: only surveyed points in its polygons are compared.
     """
 
     targets: Targets = "none"
     diameter_m: float = 0.3
     points_sigma_m: float | None = None
     class_m: float | None = None
+    within: str | Path | None = None
+
+    @property
+    def area_file(self) -> Path | None:
+        """The file of the polygons."""
+        return Path(self.within) if self.within is not None else None
 
 
 def check(
@@ -70,10 +78,9 @@ def check(
     found = check_product(
         Path(product),
         Path(points),
-        points_crs=optional_crs(crs),
+        SurveyOptions(optional_crs(crs), settings.points_sigma_m, settings.area_file),
         targets=settings.targets,
         diameter_m=settings.diameter_m,
-        sigma_m=settings.points_sigma_m,
         class_m=settings.class_m,
         progress=progress,
     )
@@ -110,7 +117,7 @@ def check_pairs(
     if table is not None:
         refuse_existing(Path(table), overwrite=overwrite)
     if Path(measured).suffix.lower() in TABLES:
-        pairs = pairs_of_files(Path(measured), Path(surveyed), optional_crs(crs))
+        pairs = pairs_of_files(Path(measured), Path(surveyed), optional_crs(crs), settings.area_file)
     else:
         found = check(measured, surveyed, settings, crs=crs, progress=progress)
         pairs = pairs_of_product(found.points, found.notices)

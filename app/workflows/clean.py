@@ -15,7 +15,7 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
@@ -32,7 +32,7 @@ from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.workflows.cloud_inputs import input_records, input_rows
+from furrowmap.workflows.cloud_inputs import area_records, input_records, input_rows
 
 FINEST_M: Final = 1e-4
 """Steps of coordinates; in a 32-bit number they reach 214 km."""
@@ -50,12 +50,14 @@ class CleanSettings:
         box_crs: CRS of the box; None for that of the cloud.
         crs: CRS of files that state none.
         dst_crs: CRS of the cloud; None for that of the files.
+        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
     """
 
     cleaning: Cleaning = field(default_factory=Cleaning)
     box_crs: CRS | str | None = None
     crs: CRS | str | None = None
     dst_crs: CRS | str | None = None
+    within: str | Path | None = None
 
 
 def clean(
@@ -89,18 +91,19 @@ def clean(
     if settings.cleaning.ground == "csf":
         require_cloth()
     opened = open_clouds(paths, optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
     box, far = box_in(opened, settings.cleaning.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
     if box is None:
         box, far = near_box(opened, progress)
     cleaning = replace(settings.cleaning, box=box)
     inputs = input_records(opened, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
-    summary, notices = _write_cleaned(opened, cleaning, target, inputs, progress)
+    summary, notices = _write_cleaned(opened, cleaning, target, [*inputs, *area_records(opened)], progress)
     account = {
         "furrowmap": version("furrowmap"),
         "inputs": input_rows(opened, inputs),
         "crs": name_of(opened.crs),
-        "parameters": _parameters(cleaning),
+        "parameters": _parameters(cleaning, opened),
         "figures": {
             "points_read": opened.points,
             "points": summary.points,
@@ -138,7 +141,9 @@ def _write_cleaned(
                 "points of clouds, cleaned",
                 inputs=[(record.name, record.sha256) for record in inputs],
                 span_s=None if clouds.week_times else lost.span_s,
-                parameters={name: str(value) for name, value in _parameters(cleaning).items() if value is not None},
+                parameters={
+                    name: str(value) for name, value in _parameters(cleaning, clouds).items() if value is not None
+                },
             )
             summary = writer.close(progress, description=origin.text)
     notices = [notice for survey in surveys for notice in survey.notices()]
@@ -210,9 +215,10 @@ def _scale_m(clouds: Clouds) -> float:
     return max(FINEST_M, min([USUAL_M, *(step for file in clouds.files for step in file.header.scale)]))
 
 
-def _parameters(cleaning: Cleaning) -> dict[str, Any]:
+def _parameters(cleaning: Cleaning, clouds: Clouds) -> dict[str, Any]:
     return {
         "box": list(cleaning.box) if cleaning.box is not None else None,
+        "within": clouds.area.path.name if clouds.area is not None else None,
         "without_classes": sorted(cleaning.without) or None,
         "every": cleaning.every,
         "outliers": cleaning.outliers,

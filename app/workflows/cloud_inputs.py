@@ -15,6 +15,11 @@ def input_records(clouds: Clouds, progress: Progress) -> list[FileRecord]:
     return [file_records([file.path], file.path.parent, progress)[0] for file in clouds.files]
 
 
+def area_records(clouds: Clouds) -> list[FileRecord]:
+    """Name, size and SHA-256 of the file of the area that the clouds are clipped to; none without one."""
+    return file_records([clouds.area.path], clouds.area.path.parent) if clouds.area is not None else []
+
+
 def input_rows(clouds: Clouds, records: Sequence[FileRecord]) -> list[dict[str, Any]]:
     """Name, format, points and SHA-256 of each file."""
     return [

@@ -88,6 +88,7 @@ class CloudRasters:
             "tillage_heading_deg": settings.tillage_heading_deg,
             "classes": sorted(settings.classes) if settings.classes is not None else None,
             "box": list(self.box) if self.box is not None else None,
+            "within": self.clouds.area.path.name if self.clouds.area is not None else None,
         }
 
     @property
@@ -171,6 +172,9 @@ class CloudRasters:
                 bands = raster.read(window=window(outer, self.grid))
                 height = bridged(bands[0].astype(np.float64), reach)
                 new = np.isfinite(height) & ~np.isfinite(bands[0])
+                if (area := self.clouds.area) is not None:
+                    beyond = new & ~area.contains(outer.positions_m()).reshape(new.shape)
+                    height[beyond], new[beyond] = np.nan, False
                 arrays: Bands = [height, *bands[1:], new.astype(np.float32)]
                 own = inner.window_in(outer)
                 put(inner, [array[own] for array in arrays])

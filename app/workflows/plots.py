@@ -10,7 +10,7 @@ import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.crops.placing import placed
+from furrowmap.core.areas.placing import placed
 from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel

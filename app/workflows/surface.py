@@ -10,7 +10,7 @@ from typing import Any, Final
 import rasterio
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, no_points_error, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
@@ -23,7 +23,7 @@ from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.result_folder import REPORT, SURFACE_PRODUCTS, SURFACES_REPORT
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.workflows.cloud_inputs import input_records, input_rows
+from furrowmap.workflows.cloud_inputs import area_records, input_records, input_rows
 from furrowmap.workflows.cloud_rasters import CloudRasters
 
 CACHE_BYTES: Final = 64 << 20
@@ -67,6 +67,7 @@ def surface(
     folder = Path(out)
     _refuse_occupied(folder, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
     # Without a limit GDAL caches up to a twentieth of the memory.
     with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
         account = _write_surfaces(opened, staging, settings, progress, warn)
@@ -105,7 +106,8 @@ def _write_surfaces(
         method = _method(settings, spooled)
         report([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
         records = input_records(clouds, progress)
-        rasters = CloudRasters(staging, clouds, grid, settings, box, method, records, spooled.span_s)
+        files = [*records, *area_records(clouds)]
+        rasters = CloudRasters(staging, clouds, grid, settings, box, method, files, spooled.span_s)
         rasters.surfaces(spooled, progress)
     figures, notices = rasters.derived(progress)
     report(notices)

@@ -15,7 +15,7 @@ from furrowmap.core.checking.notices import accuracy_notices, precision_notices
 from furrowmap.core.checking.point_check import Box, PointCheck
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
-from furrowmap.core.checking.surveyed_points import SurveyedPoints
+from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.progress import Progress, silent
@@ -44,11 +44,10 @@ class Check:
 def check_product(
     product: Path,
     points_file: Path,
+    options: SurveyOptions = SurveyOptions(),
     *,
-    points_crs: pyproj.CRS | None = None,
     targets: Targets = "none",
     diameter_m: float = 0.3,
-    sigma_m: float | None = None,
     class_m: float | None = None,
     progress: Progress = silent,
 ) -> Check:
@@ -57,10 +56,9 @@ def check_product(
     Args:
         product: the file.
         points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
-        points_crs: of a points file, and of a cloud, without a CRS.
+        options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.
-        sigma_m: standard deviation of the survey along each axis, where the file states none.
         class_m: required vertical accuracy class; None for none.
         progress: receives the share of the cloud that was read.
 
@@ -78,12 +76,14 @@ def check_product(
     with product.open("rb") as file:
         is_cloud = file.read(4) == SIGNATURE
     found = (
-        cloud_at_points(product, points_file, points_crs, targets, diameter_m, progress)
+        cloud_at_points(product, points_file, options, targets, diameter_m, progress)
         if is_cloud
-        else surface_at_points(product, points_file, points_crs)
+        else surface_at_points(product, points_file, options)
     )
     checks, survey = found.points, found.survey
-    stated = np.where(np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if sigma_m is None else sigma_m)
+    stated = np.where(
+        np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if options.sigma_m is None else options.sigma_m
+    )
     accuracy = _accuracy(checks, stated, found.swath_key)
     if accuracy.vertical is None:
         raise InputError(

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey, find_swath_key, swath_numbers
 from furrowmap.core.checking.local_plane import local_plane
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
-from furrowmap.core.checking.surveyed_points import SurveyedPoints, read_points
+from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.checking.target_discs import find_disc
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
@@ -39,7 +39,7 @@ LUMINANCE: Final = np.array([0.299, 0.587, 0.114])
 def cloud_at_points(
     path: Path,
     points_file: Path,
-    points_crs: pyproj.CRS | None,
+    options: SurveyOptions = SurveyOptions(),
     targets: Targets = "none",
     diameter_m: float = 0.3,
     progress: Progress = silent,
@@ -49,7 +49,7 @@ def cloud_at_points(
     Args:
         path: of a LAS, LAZ or COPC file.
         points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
-        points_crs: of a points file, and of a cloud, without a CRS.
+        options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.
         progress: receives the share of the cloud that was read.
@@ -58,8 +58,8 @@ def cloud_at_points(
         InputError: if a file cannot be read.
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
-    clouds = _opened(path, points_crs)
-    survey = read_points(points_file, clouds.crs, points_crs)
+    clouds = _opened(path, options.crs)
+    survey = survey_of(points_file, clouds.crs, options)
     reach_m = max(RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
     (cloud,) = clouds.files
     own = is_ours(cloud)

@@ -13,7 +13,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.checking.point_check import PointCheck
-from furrowmap.core.checking.surveyed_points import SurveyedPoints, in_degrees, read_points
+from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
 from furrowmap.core.values.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]
@@ -93,13 +93,16 @@ class PairedPoints:
         return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
-def pairs_of_files(measured: Path, surveyed: Path, crs: pyproj.CRS | None = None) -> PairedPoints:
+def pairs_of_files(
+    measured: Path, surveyed: Path, crs: pyproj.CRS | None = None, within: Path | None = None
+) -> PairedPoints:
     """The points that two CSV or GeoPackage files name alike.
 
     Args:
         measured: points measured in a product.
         surveyed: points of the survey.
-        crs: of the plane in which they are compared, needed for longitudes and latitudes.
+        crs: of the plane in which they are compared, needed for longitudes and latitudes, and for polygons.
+        within: vector file, or CSV of corners, in whose polygons the points of the survey lie; None for all.
 
     Raises:
         InputError: if a file cannot be read, names a point twice, or both have no name in common.
@@ -112,8 +115,16 @@ def pairs_of_files(measured: Path, surveyed: Path, crs: pyproj.CRS | None = None
             "Give a projected CRS with --crs, such as that of the session.",
             code="pairs-need-crs",
         )
+    if crs is None and within is not None:
+        raise InputError(
+            f"{within}: polygons, without a CRS of the points.",
+            "The polygons cannot be placed among them.",
+            "Give the CRS of the points with --crs, such as that of the session.",
+            code="pairs-need-crs",
+        )
     target = crs if crs is not None else _PLANE
-    return paired(read_points(measured, target), read_points(surveyed, target), measured, surveyed)
+    chosen = survey_of(surveyed, target, SurveyOptions(within=within))
+    return paired(read_points(measured, target), chosen, measured, surveyed)
 
 
 def paired(one: SurveyedPoints, other: SurveyedPoints, measured: Path, surveyed: Path) -> PairedPoints:

@@ -9,7 +9,7 @@ import numpy as np
 import pyproj
 
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
-from furrowmap.core.checking.surveyed_points import read_points
+from furrowmap.core.checking.surveyed_points import SurveyOptions, survey_of
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.values.errors import InputError
 
@@ -17,13 +17,13 @@ HEIGHT: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
 
-def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | None) -> ProductAtPoints:
+def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = SurveyOptions()) -> ProductAtPoints:
     """Height of a surface at each point, bilinear between cell centres.
 
     Args:
         path: of a GeoTIFF, whose first band is heights.
         points_file: see :func:`furrowmap.core.checking.surveyed_points.read_points`.
-        points_crs: of a points file that states none.
+        options: what is stated about the points.
 
     Raises:
         InputError: if it is no such raster, or the points cannot be read.
@@ -39,7 +39,7 @@ def surface_at_points(path: Path, points_file: Path, points_crs: pyproj.CRS | No
             raise _no_surface(path, f"holds {band!r} and no heights above a datum")
         box = tuple(raster.bounds)
         crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
-        survey = read_points(points_file, crs, points_crs)
+        survey = survey_of(points_file, crs, options)
         checks, to_cells = [], ~raster.transform
         for name, xyz in zip(survey.name, survey.xyz_m, strict=True):
             column, row = (a * xyz[0] + b * xyz[1] + c for a, b, c in (to_cells[:3], to_cells[3:6]))

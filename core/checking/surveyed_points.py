@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,6 +10,7 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
+from furrowmap.core.areas.area import nothing_within, read_area
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.survey_table import read_table
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
@@ -47,6 +48,40 @@ class SurveyedPoints:
 
     def __len__(self) -> int:
         return len(self.name)
+
+
+@dataclass(frozen=True)
+class SurveyOptions:
+    """What a user states about a file of surveyed points.
+
+    Attributes:
+        crs: of a file without one, and of a cloud without one.
+        sigma_m: standard deviation along each axis, where the file states none.
+        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
+    """
+
+    crs: pyproj.CRS | None = None
+    sigma_m: float | None = None
+    within: Path | None = None
+
+
+def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> SurveyedPoints:
+    """The points of a file in the CRS of a product, without those outside the polygons.
+
+    Raises:
+        InputError: as :func:`read_points`, or if the polygons cannot be read, or hold none of the points.
+        RefusedError: as :func:`read_points`.
+    """
+    survey = read_points(path, target, options.crs)
+    if options.within is None:
+        return survey
+    area = read_area(options.within, target)
+    kept = area.contains(survey.xyz_m)
+    if not kept.any():
+        east, north, _ = survey.xyz_m[0].tolist()
+        raise nothing_within(area, f"{len(survey)} points in {path.name}", (east, north))
+    names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
+    return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept])
 
 
 def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:

@@ -14,10 +14,10 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.crops.corner_table import IDS, corner_polygons, is_corner_table
+from furrowmap.core.areas.corner_table import IDS
+from furrowmap.core.areas.polygon_file import MapPolygons, polygons_on_map
 from furrowmap.core.crops.net_parcel import net_of
-from furrowmap.core.crops.placing import placed
-from furrowmap.core.readers.vector_file import FORMATS, Polygons, read_polygons
+from furrowmap.core.readers.vector_file import FORMATS
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
@@ -44,7 +44,7 @@ def read_parcels(
     column named id, parcel, plot or name, else 1, 2, … in the order of the file; blocks those of a column block or rep.
 
     Args:
-        path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV (:mod:`.corner_table`).
+        path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV of corners.
         target: projected CRS of the map.
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
         net: file with the net parcels, under the same identifiers, instead of an inset.
@@ -104,26 +104,13 @@ def label(value: object) -> str:
 
 
 def _on_map(path: Path, target: CRS) -> list[_Found]:
-    refuse = partial(_unreadable, path)
-    table = is_corner_table(path)
-    polygons = corner_polygons(path, target, refuse) if table else read_polygons(path, refuse)
-    try:
-        shapes = list(placed([_single(shape) for shape in polygons.shapes], polygons.crs, target, f"{path}"))
-    except InputError:
-        raise
-    except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
-        raise _unreadable(path, str(error) or type(error).__name__) from None
+    polygons = polygons_on_map(path, target, partial(_unreadable, path))
     names = _identifiers(path, polygons.attributes)
-    _expect_valid(path, names, shapes)
+    _expect_valid(path, names, polygons.shapes)
     return [
         _Found(name, shape, attributes)
-        for name, shape, attributes in zip(names, shapes, _others(polygons), strict=True)
+        for name, shape, attributes in zip(names, polygons.shapes, _others(polygons), strict=True)
     ]
-
-
-def _single(shape: BaseGeometry) -> BaseGeometry:
-    """A polygon of one part instead of a multipolygon of one."""
-    return shape.geoms[0] if isinstance(shape, shapely.MultiPolygon) and len(shape.geoms) == 1 else shape
 
 
 def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -149,7 +136,7 @@ def _id_column(attributes: Sequence[Mapping[str, Any]]) -> str | None:
     return next((names[name] for name in IDS if name in names), None)
 
 
-def _others(polygons: Polygons) -> list[dict[str, Attribute]]:
+def _others(polygons: MapPolygons) -> list[dict[str, Attribute]]:
     """The attributes besides the identifier: numbers as such, all else as text; empty cells are left out."""
     column = _id_column(polygons.attributes)
     return [

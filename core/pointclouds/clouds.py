@@ -13,6 +13,7 @@ import pyproj
 from numpy.typing import NDArray
 from pyproj.crs import CompoundCRS
 
+from furrowmap.core.areas.area import Area, nothing_within, read_area
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
@@ -57,6 +58,7 @@ class Clouds:
         change: transformation from the horizontal CRS of the files; None where they agree.
         unit_m: unit of the heights of the files.
         notices: on the files and their CRS.
+        area: points outside of it are left out; None for none.
     """
 
     files: tuple[CloudFile, ...]
@@ -64,6 +66,7 @@ class Clouds:
     change: CrsChange | None
     unit_m: float
     notices: tuple[Notice, ...]
+    area: Area | None = None
 
     @property
     def points(self) -> int:
@@ -125,6 +128,7 @@ class Clouds:
             RefusedError: likewise.
         """
         done = 0
+        box = self.selected(box)
         for file in self.files:
             survey = Survey(file)
             source_box = box if self.change is None else None
@@ -134,11 +138,19 @@ class Clouds:
                 done += len(batch)
                 kept = ~batch.withheld if wanted is None else wanted(file, batch) & ~batch.withheld
                 points = self._placed(batch.where(kept))
-                yield file, points if source_box is box else _within(points, box)
+                points = points if source_box is box else _within(points, box)
+                yield file, points if self.area is None else points.where(self.area.contains(points.xyz_m))
                 if read is not None:
                     read(done)
             if seen is not None and source_box is None:
                 seen(survey)
+
+    def selected(self, box: Box | None) -> Box | None:
+        """What a box has in common with that of the area; None where there is neither."""
+        if self.area is None or box is None:
+            return box if self.area is None else self.area.bounds_m
+        west, south, east, north = self.area.bounds_m
+        return max(box[0], west), max(box[1], south), min(box[2], east), min(box[3], north)
 
     def _placed(self, batch: CloudBatch) -> CloudBatch:
         xyz = batch.xyz_m
@@ -194,17 +206,35 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     return Clouds(files, whole, change, unit_m, tuple(notices))
 
 
+def clipped(clouds: Clouds, polygons: Path | None) -> Clouds:
+    """Clouds without the points outside the polygons of a file (:func:`~furrowmap.core.areas.area.read_area`).
+
+    Raises:
+        InputError: if the polygons cannot be read.
+    """
+    return clouds if polygons is None else replace(clouds, area=read_area(polygons, clouds.crs))
+
+
 def box_in(clouds: Clouds, box: Box | None, box_crs: pyproj.CRS | None) -> Box | None:
-    """A box in the output CRS of clouds."""
+    """The box of the points to use: what a box, in a CRS of its own, and the area of the clouds have in common."""
     if box is None or box_crs is None:
-        return box
+        return clouds.selected(box)
     change = pyproj.Transformer.from_crs(box_crs.to_2d(), clouds.crs.to_2d(), always_xy=True)
     west, south, east, north = change.transform_bounds(*box)
-    return west, south, east, north
+    return clouds.selected((west, south, east, north))
 
 
 def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
     """The error where no point is selected."""
+    if clouds.area is not None:
+        west, south, east, north = _place(clouds.files)
+        at = 0.5 * (west + east), 0.5 * (south + north)
+        if clouds.change is not None:
+            x, y = clouds.change(np.array([at[0]]), np.array([at[1]]))
+            at = float(x[0]), float(y[0])
+        return nothing_within(
+            clouds.area, f"{clouds.points:,} points in {len(clouds.files)} file(s)", at if clouds.points else None
+        )
     within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
     return InputError(
         f"None of {clouds.points:,} points in {len(clouds.files)} file(s) is selected{within}.",

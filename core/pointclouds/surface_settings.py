@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 from pyproj import CRS
@@ -30,6 +31,7 @@ class SurfaceSettings:
         tillage_heading_deg: direction of tillage, clockwise from grid north, whose marks random roughness leaves out.
         crs: CRS of files that state none.
         dst_crs: CRS of the surfaces; None for that of the files.
+        within: vector file, or CSV of corners, in whose polygons the points used lie; None for all.
 
     Raises:
         UsageError: if there is no such statistic.
@@ -47,6 +49,7 @@ class SurfaceSettings:
     tillage_heading_deg: float | None = None
     crs: CRS | str | None = None
     dst_crs: CRS | str | None = None
+    within: str | Path | None = None
 
     def __post_init__(self) -> None:
         Statistic.parse(self.statistic)

@@ -121,6 +121,11 @@ class Grid:
         northing = (self.north - 0.5 - np.arange(self.rows)) * self.cell_m
         return easting.astype(np.float64), northing.astype(np.float64)
 
+    def positions_m(self) -> FloatArray:
+        """Easting and northing (rows * columns, 2) of the cells' centres, row by row from the north."""
+        easting, northing = np.meshgrid(*self.centres_m())
+        return np.column_stack([easting.ravel(), northing.ravel()])
+
     def coarser(self, factor: int) -> Self:
         """The smallest grid of cells `factor` times as large that covers this one."""
         west, north = self.west // factor, -(-self.north // factor)

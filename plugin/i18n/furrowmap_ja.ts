@@ -115,6 +115,7 @@
   <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
   <message><source>Frames of a session</source><translation>セッションの座標系</translation></message>
+  <message><source>GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.</source><translation>GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、または頂点の CSV。座標系は問いません。</translation></message>
   <message><source>Give either '{one}' or '{other}'.</source><translation>「{one}」か「{other}」のどちらか一方を指定してください。</translation></message>
   <message><source>Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.</source><translation>区画全体のポリゴン。GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、または角の座標の CSV。</translation></message>
   <message><source>Ground classification</source><translation>地面の分類</translation></message>
@@ -279,6 +280,7 @@
   <message><source>Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].</source><translation>区画全体と調査区画の間の幅（m）。両端、両側の順 [既定値: なし]。</translation></message>
   <message><source>Width of a plot</source><translation>試験区の幅</translation></message>
   <message><source>Width of a plot across the base line.</source><translation>基線に直交する試験区の幅。</translation></message>
+  <message><source>Within polygons</source><translation>ポリゴンで切り抜く</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>Worked ground from task data (ISOXML)</source><translation>作業データ（ISOXML）から作業した範囲</translation></message>
   <message><source>Working width</source><translation>作業幅</translation></message>

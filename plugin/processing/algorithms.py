@@ -44,8 +44,14 @@ OVERWRITE = {
         "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
     )
 }
+WITHIN = parameter(
+    "WITHIN",
+    "Within polygons",
+    "GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.",
+)
 CLOUDS = {
     "--bbox": parameter("EXTENT", "Extent"),
+    "--within": WITHIN,
     "--every": parameter("EVERY", "Every n-th point"),
     "--crs": parameter("CRS", "CRS of clouds without one"),
 }
@@ -605,6 +611,7 @@ ALGORITHMS = (
         },
         advanced={
             "--crs": parameter("CRS", "CRS of the points"),
+            "--within": WITHIN,
             "--targets": parameter("TARGETS", "Disc targets"),
             "--diameter": parameter("DIAMETER", "Diameter of the discs"),
             **OVERWRITE,

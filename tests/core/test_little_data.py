@@ -63,6 +63,6 @@ def test_rasters__without_a_crs_are_refused(tmp_path: Path) -> None:
     shape = {"width": 4, "height": 4, "count": 1, "dtype": "float32", "transform": place}
     with rasterio.open(path, "w", driver="GTiff", **shape) as file:
         file.write(np.ones((1, 4, 4), np.float32))
-    for read in (lambda: surface_file(path), lambda: surface_at_points(path, tmp_path / "points.csv", None)):
+    for read in (lambda: surface_file(path), lambda: surface_at_points(path, tmp_path / "points.csv")):
         with pytest.raises(FurrowmapError, match=r"(?i)no CRS"):
             read()

@@ -19,7 +19,7 @@ from pyproj import CRS, Transformer
 from furrowmap.cli.main import command_line
 from furrowmap.core.checking.check import check_product
 from furrowmap.core.checking.positional_accuracy import Component
-from furrowmap.core.checking.surveyed_points import read_points
+from furrowmap.core.checking.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.values.errors import FurrowmapError, RefusedError
 
 E, N = 22_900.0, 11_600.0
@@ -361,7 +361,7 @@ def test_cloud__in_degrees_is_brought_to_metres(tmp_path: Path) -> None:
     with pytest.raises(FurrowmapError, match="is in degree") as refused:
         check_product(tmp_path / "d.las", points)
     assert "--crs" in refused.value.lines[2]
-    found = check_product(tmp_path / "d.las", points, points_crs=CRS("EPSG:6677"))
+    found = check_product(tmp_path / "d.las", points, SurveyOptions(CRS("EPSG:6677")))
     assert found.accuracy.vertical is not None
     assert (found.accuracy.vertical.n, found.crs.is_projected) == (36, True)
     assert found.accuracy.vertical.greatest_m < 1e-3
@@ -377,7 +377,7 @@ def test_cloud__without_a_crs_takes_that_of_the_points(tmp_path: Path) -> None:
     with pytest.raises(FurrowmapError, match="states no CRS") as refused:
         check_product(path, points)
     assert "--crs" in refused.value.lines[2]
-    assert check_product(path, points, points_crs=CRS("EPSG:6677")).accuracy.vertical is not None
+    assert check_product(path, points, SurveyOptions(CRS("EPSG:6677"))).accuracy.vertical is not None
 
 
 def test_surface__that_holds_no_heights_is_refused(tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ TWO = {"type": "MultiPolygon", "coordinates": [GOOD["coordinates"], [[(12, 55), 
         ([({"id": 1}, GOOD), ({"id": None}, GOOD)], "parcels-identifiers", r"1 polygon \(2\) without one"),
         ([({"id": "a"}, GOOD), ({"id": "b"}, BOW)], "parcels-invalid", r"1 parcel \(b\) with a ring that crosses"),
         ([({"id": "a"}, TWO)], "parcels-invalid", "several parts"),
-        ([({}, ring((191.0, 95.0), (191.1, 95.0), (191.1, 95.1)))], "parcels-elsewhere", "is not for there"),
+        ([({}, ring((191.0, 95.0), (191.1, 95.0), (191.1, 95.1)))], "polygons-elsewhere", "is not for there"),
     ],
 )
 def test_what_is_no_set_of_parcels__is_refused(tmp_path: Path, features: list[object], code: str, says: str) -> None:
@@ -186,7 +186,7 @@ def test_parcels_on_a_datum_of_the_past__are_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"differ by \d+ m") as refused:
         read_parcels(tmp_path / "old.gpkg", MAP)
-    assert refused.value.code == "parcels-datum"
+    assert refused.value.code == "polygons-datum"
 
 
 def test_sample__has_the_net_parcels_of_its_readme(shared_data: Path) -> None:

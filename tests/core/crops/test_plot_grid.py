@@ -144,7 +144,7 @@ def test_command__writes_a_geopackage_and_refuses_what_it_cannot(
         ([*least, "--crs=EPSG:4326", "-o", str(tmp_path / "p.gpkg")], 3, "crs-not-projected"),
         ([*least, "--crs=EPSG:1", "-o", str(tmp_path / "p.gpkg")], 3, "crs-unknown"),
         ([*least, "--corner=1;2", "--crs=EPSG:25832", "-o", str(tmp_path / "p.gpkg")], 2, "usage"),
-        ([*least, '--corner-crs=LOCAL_CS["x"]', "--crs=EPSG:25832", "-o", str(tmp_path / "p.gpkg")], 3, "parcels-crs"),
+        ([*least, '--corner-crs=LOCAL_CS["x"]', "--crs=EPSG:25832", "-o", str(tmp_path / "p.gpkg")], 3, "polygons-crs"),
     ):
         capsys.readouterr()
         assert command_line([*changed, "--json"]) == status

@@ -42,7 +42,7 @@ SOUND = rasterio.Affine(0.5, 0, 1000, 0, -0.5, 2000)
 )
 def test_cells_without_an_extent__are_refused(transform: rasterio.Affine, tmp_path: Path) -> None:
     path = write(tmp_path / "flat.tif", transform)
-    for read in (lambda: surface_file(path), lambda: read_raster(path), lambda: surface_at_points(path, path, None)):
+    for read in (lambda: surface_file(path), lambda: read_raster(path), lambda: surface_at_points(path, path)):
         with pytest.raises(InputError, match="states cells without an extent"):
             read()
 

@@ -36,9 +36,9 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
     if base is None or map_base is None:
         raise InputError(
             f"{what}: its CRS {source.name} or that of the map, {flat.name}, is not tied to the earth.",
-            "The parcels cannot be placed on the map.",
+            "The polygons cannot be placed on the map.",
             "State a projected CRS of the site for both.",
-            code="parcels-crs",
+            code="polygons-crs",
         )
     to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
     to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
@@ -49,10 +49,10 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
     moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
     if not np.isfinite(shapely.get_coordinates(moved)).all():
         raise InputError(
-            f"{what}: the parcels lie at {lat:.4f}, {lon:.4f} (latitude, longitude): {flat.name} is not for there.",
-            "They are not the parcels of this map.",
+            f"{what}: the coordinates lie at {lat:.4f}, {lon:.4f} (latitude, longitude): {flat.name} is not for there.",
+            "They are not those of a place on this map.",
             "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
-            code="parcels-elsewhere",
+            code="polygons-elsewhere",
         )
     return np.asarray(moved, object)
 
@@ -63,9 +63,9 @@ def _expect_modern(bases: tuple[CRS, CRS], lon_deg: float, lat_deg: float, what:
         if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
             raise InputError(
                 f"{what}: the coordinates of {base.name} and of the other CRS differ by {shift_m:.0f} m.",
-                "The parcels would be shifted by that distance.",
+                "The polygons would be shifted by that distance.",
                 "Export them from a GIS in the CRS of the map, which transforms the datum.",
-                code="parcels-datum",
+                code="polygons-datum",
             )
 
 

@@ -1,0 +1,1 @@
+"""Polygons of files on the map, and the points in them."""

@@ -1,0 +1,109 @@
+"""Which polygon points lie in, for many points and polygons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_CELL_M: Final = 0.5
+_MOST_CELLS: Final = 4_000_000
+
+
+class Rings(NamedTuple):
+    """Polygons for kernels; coordinates from an origin.
+
+    Attributes:
+        x, y: (n,) corners of all polygons, the first of each ring repeated at its end, nan between two rings.
+        first: (k + 1,) first corner of each polygon, and n.
+        boxes: (k, 4) west, south, east, north.
+        starts: (rows * columns + 1,) first entry of each cell of a grid in `near`.
+        near: polygons that touch the cells.
+        grid: west, south, side, rows, columns of the grid.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    first: IntArray
+    boxes: FloatArray
+    starts: IntArray
+    near: IntArray
+    grid: tuple[float, float, float, int, int]
+
+
+def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -> Rings:
+    """Polygons, with their holes, as rings."""
+    rings = [_corners(shape) - origin_m for shape in shapes]
+    first = np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64)
+    boxes = np.array([[*np.nanmin(ring, axis=0), *np.nanmax(ring, axis=0)] for ring in rings])
+    west, south = boxes[:, :2].min(axis=0)
+    east, north = boxes[:, 2:].max(axis=0)
+    side = max(_CELL_M, math.sqrt((east - west) * (north - south) / _MOST_CELLS))
+    columns, rows = int((east - west) / side) + 1, int((north - south) / side) + 1
+    low = ((boxes[:, :2] - (west, south)) / side).astype(np.int64)
+    high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)
+    cells, members = [], []
+    for k, ((j0, i0), (j1, i1)) in enumerate(zip(low, high, strict=True)):
+        cell = (np.arange(i0, i1 + 1)[:, None] * columns + np.arange(j0, j1 + 1)).ravel()
+        cells.append(cell)
+        members.append(np.full(len(cell), k))
+    cell, member = np.concatenate(cells), np.concatenate(members)
+    order = np.argsort(cell, kind="stable")
+    starts = np.searchsorted(cell[order], np.arange(rows * columns + 1))
+    corners = np.concatenate(rings)
+    return Rings(
+        np.ascontiguousarray(corners[:, 0]),
+        np.ascontiguousarray(corners[:, 1]),
+        first,
+        boxes,
+        starts.astype(np.int64),
+        member[order].astype(np.int64),
+        (float(west), float(south), float(side), rows, columns),
+    )
+
+
+def _corners(shape: shapely.Polygon) -> FloatArray:
+    """The rings (n, 2) of a polygon one after another, with a row of nan between two: no edge crosses that."""
+    rings = [shapely.get_coordinates(ring) for ring in (shape.exterior, *shape.interiors)]
+    gap = np.full((1, 2), np.nan)
+    return np.concatenate([part for ring in rings for part in (gap, ring)][1:])
+
+
+@njit(cache=True, nogil=True)
+def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, out):  # type: ignore[no-untyped-def]
+    """The first polygon that each point lies in; -1 for none. Arrays one by one: passing them together costs more."""
+    west, south, side, rows, columns = grid
+    for n in range(len(x_m)):
+        out[n] = -1
+        x, y = x_m[n], y_m[n]
+        i, j = math.floor((y - south) / side), math.floor((x - west) / side)
+        if i < 0 or j < 0 or i >= rows or j >= columns:
+            continue
+        cell = i * columns + j
+        for place in range(starts[cell], starts[cell + 1]):
+            k = near[place]
+            if x < boxes[k, 0] or y < boxes[k, 1] or x > boxes[k, 2] or y > boxes[k, 3]:
+                continue
+            inside = False
+            for c in range(first[k], first[k + 1] - 1):
+                y0, y1 = ys[c], ys[c + 1]
+                if (y0 > y) != (y1 > y) and x < xs[c] + (y - y0) / (y1 - y0) * (xs[c + 1] - xs[c]):
+                    inside = not inside
+            if inside:
+                out[n] = k
+                break
+
+
+def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray) -> IntArray:
+    """Number (n,) of the first polygon that each point (n,), from the rings' origin, lies in; -1 for none."""
+    out = np.empty(len(x_m), np.int64)
+    _rings_at(*rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
+    return out
