@@ -106,10 +106,10 @@ def label(value: object) -> str:
 def _on_map(path: Path, target: CRS) -> list[_Found]:
     polygons = polygons_on_map(path, target, partial(_unreadable, path))
     names = _identifiers(path, polygons.attributes)
-    _expect_valid(path, names, polygons.shapes)
+    shapes = _valid(path, names, polygons.shapes)
     return [
         _Found(name, shape, attributes)
-        for name, shape, attributes in zip(names, polygons.shapes, _others(polygons), strict=True)
+        for name, shape, attributes in zip(names, shapes, _others(polygons), strict=True)
     ]
 
 
@@ -151,7 +151,8 @@ def _others(polygons: MapPolygons) -> list[dict[str, Attribute]]:
     ]
 
 
-def _expect_valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometry]) -> None:
+def _valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometry]) -> list[shapely.Polygon]:
+    """The shapes, each a valid polygon of one part."""
     several = [name for name, shape in zip(names, shapes, strict=True) if not isinstance(shape, shapely.Polygon)]
     crossed = [
         name for name, shape in zip(names, shapes, strict=True) if not (shape.is_valid and shape.area > _SMALLEST_M2)
@@ -164,6 +165,7 @@ def _expect_valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometr
                 "Correct the polygons in a GIS (QGIS: Fix geometries, Multipart to singleparts).",
                 code="parcels-invalid",
             )
+    return [shape for shape in shapes if isinstance(shape, shapely.Polygon)]
 
 
 def _expect_same(path: Path, gross: Sequence[str], net_path: Path, nets: Mapping[str, BaseGeometry]) -> None:

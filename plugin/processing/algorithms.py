@@ -44,10 +44,13 @@ OVERWRITE = {
         "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
     )
 }
+POLYGONS = "Polygons (*.gpkg *.shp *.zip *.geojson *.json *.fgb *.kml *.csv)"
 WITHIN = parameter(
     "WITHIN",
     "Within polygons",
     "GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.",
+    kind="file",
+    filter=POLYGONS,
 )
 CLOUDS = {
     "--bbox": parameter("EXTENT", "Extent"),
@@ -248,7 +251,7 @@ ALGORITHMS = (
             "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
-            "--net": parameter("NET", "Net parcels from a file"),
+            "--net": parameter("NET", "Net parcels from a file", kind="file", filter=POLYGONS),
             "--treatments": parameter(
                 "TREATMENTS", "Treatments", kind="file", filter="Tables (*.csv *.xlsx *.ods *.xls)"
             ),
