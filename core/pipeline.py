@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 from time import perf_counter
 from typing import Final, Protocol
 
@@ -18,6 +19,7 @@ from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrat
 from furrowmap.core.calibration.boresight import Boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
@@ -29,6 +31,7 @@ from furrowmap.core.pointclouds.run_notices import (
     session_notices,
 )
 from furrowmap.core.readers.reader import ClockReading, GivesTrack, Reader
+from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
@@ -36,6 +39,7 @@ from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.images import Images
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
@@ -70,6 +74,14 @@ class PointSink(Protocol):
         ...
 
 
+class FrameSink(Protocol):
+    """Takes the frames of a run's camera, before the points are placed."""
+
+    def see(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        """The frames that have a pose, and the local origin of the points' coordinates."""
+        ...
+
+
 @dataclass(frozen=True)
 class MatchedSession:
     """What scan matching of a session found.
@@ -98,7 +110,11 @@ class Checkpoint(Protocol):
 
 
 def run(
-    opened: OpenSession, sink: PointSink, progress: Progress = silent, checkpoint: Checkpoint | None = None
+    opened: OpenSession,
+    sink: PointSink,
+    progress: Progress = silent,
+    checkpoint: Checkpoint | None = None,
+    eyes: FrameSink | None = None,
 ) -> RunResult:
     """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
 
@@ -109,6 +125,7 @@ def run(
         sink: takes the points.
         progress: is called with each stage and its share.
         checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
+        eyes: takes the frames of the camera, where the session has one and some frames have a pose.
 
     Raises:
         FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
@@ -116,6 +133,7 @@ def run(
     session, frame, watch = opened.session, opened.frame, _StopWatch()
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
+    images, image_notices = _images(opened) if eyes is not None else (None, [])
     positions = opened.positions()
     guess, survey = _first_guess(opened, positions, progress)
     boundary = field_boundary(opened.inputs.boundary, frame)
@@ -131,6 +149,8 @@ def run(
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = _ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
+    if images is not None and eyes is not None:
+        _show(eyes, opened, images, located.trajectory, placer.origin_m, image_notices)
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -141,7 +161,7 @@ def run(
     refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, states)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices]
+    notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None)
     notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
     notices += (
@@ -150,6 +170,34 @@ def run(
         else []
     )
     return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), **vars(flown))
+
+
+def _images(opened: OpenSession) -> tuple[Images | None, list[Notice]]:
+    """The images of the session's camera; None where it has none, or they cannot be read here."""
+    notices: list[Notice] = []
+    if opened.session.camera is None:
+        return None, notices
+    if find_spec("PIL") is None:
+        text = "The images are not used: Pillow is not installed. Install the extra: pip install furrowmap[photo]"
+        return None, [Notice("images-unused", text)]
+    images = opened.images(notices)
+    return (images if len(images) else None), notices
+
+
+def _show(
+    eyes: FrameSink,
+    opened: OpenSession,
+    images: Images,
+    trajectory: Trajectory,
+    origin_m: tuple[float, float, float],
+    notices: list[Notice],
+) -> None:
+    """Hand on the images that have a pose; how many have none is added to the notices."""
+    assert opened.session.camera is not None
+    scale = _ground_scale(opened.frame, trajectory)
+    frames = frames_along(images, camera_of(opened.session.camera), trajectory, scale, notices)
+    if frames is not None:
+        eyes.see(frames, origin_m)
 
 
 def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:

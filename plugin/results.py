@@ -28,13 +28,14 @@ FIELD_LAYERS = "field.gpkg"
 CLOUD = "cloud.copc.laz"
 SURFACES = (
     *("change.tif", "swaths.tif", "height_above_ground.tif", "strip_overlap.tif", "density.tif"),
-    *("dsm.tif", "dsm_before.tif", "dtm.tif"),
+    *("orthophoto.tif", "dsm.tif", "dsm_before.tif", "dtm.tif"),
 )
+PICTURE = "orthophoto"
 COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which blend with the hillshade below."""
 SHOWN = (
     *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
-    *("trajectory", "change", "dsm"),
+    *("trajectory", "change", "orthophoto", "dsm"),
 )
 """Layers that are visible at first."""
 MEASURED = ("trajectory", "events", "tool_path")
@@ -150,7 +151,8 @@ def surface_layers(folder):
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
         if layer.isValid():
             styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
-            (show_as_change if path.stem in COLOURED else show_as_surface)(layer, styled=styled)
+            if path.stem != PICTURE:
+                (show_as_change if path.stem in COLOURED else show_as_surface)(layer, styled=styled)
         yield layer
 
 

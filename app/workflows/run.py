@@ -54,6 +54,7 @@ from furrowmap.results import Result, open_result
 from furrowmap.workflows.kept_matching import KeptMatching
 from furrowmap.workflows.parcels import WrittenParcels, parcel_settings, session_parcels, write_parcels
 from furrowmap.workflows.run_cloud import RunCloud, RunSink
+from furrowmap.workflows.run_colours import ColourFigures, RunColours
 
 SPACE: Final = 2
 """Bytes of temporary files and products for each byte of a capture, at least: 10 bytes a point for surfaces and 5 for
@@ -132,6 +133,7 @@ def _write_products(
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
     timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
     content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
+    content["colours"] = made.painted.plain() if made.painted is not None else None
     if made.parcels is not None:
         content["parcels"] = made.parcels.account
     write_item(staging / ITEM, write_report(staging / REPORT, content))
@@ -139,7 +141,7 @@ def _write_products(
 
 @dataclass(frozen=True)
 class _Made:
-    """The result of a run, and the figures of its cloud, rasters and parcels; None where there are none."""
+    """The result of a run, and the figures of its cloud, rasters, parcels and colours; None where there are none."""
 
     found: RunResult
     inputs: list[FileRecord]
@@ -147,31 +149,38 @@ class _Made:
     rasters: RasterFigures | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     parcels: WrittenParcels | None = None
+    painted: ColourFigures | None = None
 
 
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
     """Run a session and write its cloud and its rasters; neither without a scanner."""
     with (
-        RunCloud(staging / CLOUD) as cloud,
+        RunColours() as colours,
+        RunCloud(staging / CLOUD, colours) as cloud,
         FieldPoints(staging, reach_m=_reach_m(opened)) as land,
         session_parcels(opened, staging) as crops,
     ):
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
-        sink = RunSink(cloud, land, crops)
-        found = pipeline.run(opened, sink, progress, KeptMatching(kept(staging), opened, inputs))
+        sink = RunSink(cloud, land, colours, crops)
+        found = pipeline.run(opened, sink, progress, KeptMatching(kept(staging), opened, inputs), colours)
         if not found.session.recording.lidar:
             return _Made(found, inputs)
         origin = run_origin(found, inputs)
         begin = perf_counter()
+        colours.finish(progress)
         with beside(partial(write_rasters, staging, land, found, origin), progress) as rasters:
             summary = cloud.finish(
                 progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
             )
             written = perf_counter()
         surfaced = perf_counter()
+        colours.write_orthophoto(staging, origin, progress)
         # Seconds of the surfaces beyond those of the cloud.
         seconds = {"cloud": written - begin, "surfaces": surfaced - written}
-        made = _Made(found, inputs, summary, rasters.result(), seconds)
+        painted = colours.figures()
+        if painted is not None:
+            found = replace(found, notices=(*found.notices, *painted.notices))
+        made = _Made(found, inputs, summary, rasters.result(), seconds, painted=painted)
         if crops is None:
             return made
         parcels = write_parcels(staging, crops, parcel_settings(opened), found.frame.whole_crs, origin, progress)

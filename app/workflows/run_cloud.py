@@ -24,11 +24,13 @@ from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
+from furrowmap.workflows.run_colours import RunColours
 
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
 MOST_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
+UNCOLOURED: Final = np.zeros(3, np.uint16)
 SCANS_BEHIND: Final = 32
 """Scans that wait to be packed."""
 
@@ -36,8 +38,10 @@ SCANS_BEHIND: Final = 32
 class RunSink:
     """The sink of a run whose points go into its cloud, its surfaces and its parcels, where it has any."""
 
-    def __init__(self, cloud: RunCloud, land: FieldPoints, parcels: ParcelPoints | None = None) -> None:
-        self._cloud, self._land, self._parcels = cloud, land, parcels
+    def __init__(
+        self, cloud: RunCloud, land: FieldPoints, colours: RunColours, parcels: ParcelPoints | None = None
+    ) -> None:
+        self._cloud, self._land, self._colours, self._parcels = cloud, land, colours, parcels
         self._origin_m = (0.0, 0.0, 0.0)
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
@@ -50,6 +54,7 @@ class RunSink:
         """Pass the points of a scan on to all."""
         self._cloud.add(placed)
         self._land.add(placed)
+        self._colours.add(placed)
         if self._parcels is not None:
             self._parcels.add(placed.xyz_m[placed.kept] + self._origin_m)
 
@@ -57,8 +62,8 @@ class RunSink:
 class RunCloud:
     """Writes the cloud of a run; a thread packs the points and sorts those that exceed the memory into a file."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, colours: RunColours) -> None:
+        self._path, self._colours = path, colours
         self._writer: CopcWriter | None = None
         self._append: Callable[[PointBatch], None] | None = None
         self._packing = ExitStack()
@@ -70,7 +75,8 @@ class RunCloud:
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
         """Open the file, now that its CRS and local origin are known."""
         extra = (("scan", "uint32", "scan (revolution) number"),)
-        kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra)
+        self._rgb = UNCOLOURED if self._colours.has_frames else None
+        kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra, colour=self._rgb is not None)
         self._writer = CopcWriter(self._path, kind).__enter__()
         self._append = self._packing.enter_context(behind(self._writer.append, SCANS_BEHIND))
 
@@ -87,12 +93,13 @@ class RunCloud:
                 return_number=scan.return_number,
                 returns=scan.returns,
                 classification=placed.classification,
+                rgb=np.broadcast_to(self._rgb, (len(scan), 3)) if self._rgb is not None else None,
                 extra={"scan": scan.number},
             )
         )
 
     def finish(self, progress: Progress, passes: Sequence[Interval], description: str) -> CopcSummary:
-        """Sort, compress and write the points, each with its class and the number of its pass.
+        """Sort, compress and write the points, each with its class, the number of its pass and its colour.
 
         Args:
             progress: receives the stage "writing cloud".
@@ -110,6 +117,7 @@ class RunCloud:
             ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
             if spans:
                 points.point_source_id[:] = np.minimum(interval_numbers(spans, points.gps_time), MOST_PASSES)
+            self._colours.paint(points, SCALE_M)
 
         return self._writer.close(progress, mark, description)
 

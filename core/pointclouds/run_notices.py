@@ -96,9 +96,6 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
     return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")
 
 
-_UNREAD = {"camera": "Images are not read by this version: the table [camera] is not used."}
-
-
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
     """What the session does not state, and which of its files are not used.
 
@@ -107,7 +104,7 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
         located: the trajectory.
         matched: whether the scans were matched to the ground.
     """
-    notices = [Notice("table-unused", text) for table, text in _UNREAD.items() if getattr(session, table) is not None]
+    notices = []
     from_gnss = located.source == "gnss"
     if located.source == "file" and session.recording.gnss:
         notices.append(Notice("gnss-unused", "The GNSS log is not used: the trajectory comes from [trajectory]."))

@@ -63,8 +63,12 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     return Images.sorted([path for path, _, _ in taken], times, places)
 
 
-def read_pixels(path: Path) -> NDArray[np.uint8]:
+def read_pixels(path: Path, reduction: int = 1) -> NDArray[np.uint8]:
     """The pixels (height, width, 3) of an image as they are stored, red, green, blue; not turned as EXIF may say.
+
+    Args:
+        path: of a JPEG, TIFF or PNG file.
+        reduction: a pixel is the mean of so many by so many; a rest at the right and at the bottom is cut off.
 
     Raises:
         ValueError: if it is no image, is damaged or cut, or has too many pixels.
@@ -76,12 +80,19 @@ def read_pixels(path: Path) -> NDArray[np.uint8]:
             warnings.simplefilter("ignore")
             with Image.open(path, formats=FORMATS) as image:
                 size = image.size
-                pixels = np.asarray(image.convert("RGB")) if size[0] * size[1] <= MOST_PIXELS else None
+                pixels = _reduced(image.convert("RGB"), reduction) if size[0] * size[1] <= MOST_PIXELS else None
     except Exception as error:  # noqa: BLE001 (as above)
         raise ValueError(f"{path}: {error}") from None
     if pixels is None:
         raise ValueError(f"{path}: {size[0]} × {size[1]} pixels")
     return pixels
+
+
+def _reduced(image: Any, reduction: int) -> NDArray[np.uint8]:
+    if reduction > 1:
+        width, height = (length // reduction * reduction for length in image.size)
+        image = image.reduce(reduction, (0, 0, width, height))
+    return np.asarray(image)
 
 
 def expect_pillow() -> None:

@@ -54,33 +54,45 @@ def camera_faults(source: CameraSource | None) -> Iterator[str]:
         yield str(error)
 
 
-def camera_files(session_file: Path, source: CameraSource) -> tuple[Path, ...]:
-    """The files that `[camera] files` names, each once, in the order of their names within each pattern.
+def camera_table(session_file: Path, source: CameraSource | None) -> Path | None:
+    """The table that `[camera] table` names; None where there is none.
 
     Raises:
-        InputError: if one lies outside the session's folder, or a name without wildcards does not exist.
+        InputError: if it lies outside the session's folder.
+    """
+    if source is None or source.table is None:
+        return None
+    folder = session_file.resolve().parent
+    path = folder / source.table
+    if "\0" in source.table or leads_out(path, folder):
+        raise _outside(session_file, source.table)
+    return path.resolve() if path.is_file() else None
+
+
+def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:
+    """The files that `[camera] files` names, each once, in the order of their names within each pattern.
+
+    Args:
+        session_file: path of the session file.
+        source: its table `[camera]`.
+        notices: names of no file are added.
+
+    Raises:
+        InputError: if one lies outside the session's folder.
     """
     folder = session_file.resolve().parent
     found: dict[Path, None] = {}
     for named in source.files:
-        wild = not _WILD.isdisjoint(named)
         try:
-            paths = sorted(folder.glob(named)) if wild else [folder / named]
-            outside = any(leads_out(path, folder) for path in paths)
-            there = all(path.exists() for path in paths)
-        except (OSError, ValueError, NotImplementedError) as error:
-            raise _missing(session_file, named, f"is not a valid file name ({error})") from None
-        if outside:
-            raise InputError(
-                f"{session_file}: {named!r} is outside the session's folder.",
-                "A session file may only name files in its own folder or below, so that a foreign one cannot read "
-                "others.",
-                "Put the session file in a folder above the images, or copy the images beside it.",
-                code="session-path-outside",
-            )
+            paths = sorted(folder.glob(named)) if not _WILD.isdisjoint(named) else [folder / named]
+            there = [path for path in paths if path.is_file()]
+        except (OSError, ValueError, NotImplementedError):
+            paths, there = [], []
+        if any(leads_out(path, folder) for path in paths):
+            raise _outside(session_file, named)
         if not there:
-            raise _missing(session_file, named, "does not exist")
-        found |= dict.fromkeys(path.resolve() for path in paths if path.is_file() or not wild)
+            notices.append(_missing(named))
+        found |= dict.fromkeys(path.resolve() for path in there)
     return tuple(found)
 
 
@@ -90,23 +102,30 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
     Args:
         session_file: path of the session file.
         source: its table `[camera]`.
-        notices: what is wrong with single images is added.
+        notices: what is missing, or wrong with single images, is added.
 
     Raises:
-        InputError: if a file that the session names cannot be read.
+        InputError: if a file lies outside the session's folder, or the table cannot be read.
     """
     folder, parts = session_file.resolve().parent, []
-    if source.table is not None:
-        parts.append(read_image_table(folder / source.table, folder, notices))
+    table = camera_table(session_file, source)
+    if table is not None:
+        parts.append(read_image_table(table, folder, notices))
+    elif source.table is not None:
+        notices.append(_missing(source.table))
     if source.files:
-        parts.append(exif_images(camera_files(session_file, source), notices))
+        parts.append(exif_images(camera_files(session_file, source, notices), notices))
     return joined(parts).earlier_by(source.minus_gnss_s)
 
 
-def _missing(session_file: Path, named: str, what: str) -> InputError:
+def _missing(named: str) -> Notice:
+    return Notice("images-missing", f"[camera] names {named!r}, which does not exist: its images are not used.")
+
+
+def _outside(session_file: Path, named: str) -> InputError:
     return InputError(
-        f"{session_file}: {named!r} {what}.",
-        "The session could not be opened.",
-        "Correct the file name in the session file; paths are relative to that file.",
-        code="session-file-missing",
+        f"{session_file}: {named!r} is outside the session's folder.",
+        "A session file may only name files in its own folder or below, so that a foreign one cannot read others.",
+        "Put the session file in a folder above the images, or copy the images beside it.",
+        code="session-path-outside",
     )

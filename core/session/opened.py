@@ -22,7 +22,7 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
-from furrowmap.core.session.camera import images_of
+from furrowmap.core.session.camera import camera_table, images_of
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
@@ -101,7 +101,7 @@ class Inputs:
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
-            images=one(session.camera.table if session.camera is not None else None),
+            images=camera_table(session_file, session.camera),
             parcels=one(parcels.file if parcels is not None else None),
             treatments=one(parcels.treatments if parcels is not None else None),
             states=several(implement.states if implement is not None else ()),

@@ -100,9 +100,10 @@ class Camera:
 
         Beyond it the polynomial folds back, and would put what is far outside the view into the image.
         """
-        square = np.roots([7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0])
-        turning = square[np.isreal(square) & (square.real > 0.0)].real
-        return float(min([WIDEST, *np.sqrt(turning)]))
+        # Roots of 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ by the inverse of r², whose first coefficient is never zero.
+        inverse = np.roots([1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3])
+        turning = inverse[np.isreal(inverse) & (inverse.real > WIDEST**-2)].real
+        return float(min([WIDEST, *np.sqrt(1.0 / turning)]))
 
     def reduced(self, factor: int) -> Camera:
         """The camera of images whose pixels are the means of `factor` × `factor` of its own; a rest is cut off."""

@@ -29,6 +29,7 @@ CHANGE: Final = "change.tif"
 SWATHS: Final = "swaths.tif"
 DENSITY: Final = "density.tif"
 STRIP_OVERLAP: Final = "strip_overlap.tif"
+ORTHOPHOTO: Final = "orthophoto.tif"
 FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
 PAGE: Final = "report.html"
@@ -74,9 +75,12 @@ def packaged_styles() -> frozenset[str]:
     return frozenset(style.name for style in files("furrowmap.exporters").joinpath("styles").iterdir())
 
 
-RUN_RASTERS: Final = (DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP, CROP_HEIGHT)
+RUN_RASTERS: Final = (
+    DSM, DSM_BEFORE, CHANGE, SWATHS, DTM, HEIGHT_ABOVE_GROUND, DENSITY, STRIP_OVERLAP, CROP_HEIGHT, ORTHOPHOTO,
+)  # fmt: skip
 RUN_PRODUCTS: Final = {
-    CLOUD: "points: LAS 1.4, point format 6, cloud optimised; also a valid LAZ file",
+    CLOUD: "points: LAS 1.4, point format 6, or 7 with the colours of a session with `[camera]`; cloud optimised, "
+    "also a valid LAZ file",
     DSM: "surface at the end, in cells of 5 cm",
     DSM_BEFORE: "surface before the tool passed",
     CHANGE: "change of the surface: after minus before",
@@ -85,6 +89,7 @@ RUN_PRODUCTS: Final = {
     HEIGHT_ABOVE_GROUND: "`dsm.tif` minus the ground, of a flight",
     DENSITY: "points a square metre, of a flight",
     STRIP_OVERLAP: "number of strips that cover the ground, of a flight",
+    ORTHOPHOTO: "true orthophoto: `dsm.tif` in the colours of the images, of a session with `[camera]`",
     CROP_HEIGHT: "height of the crop above the soil in pixels of 4 cm, of a session with `[parcels]`",
     PARCEL_TABLE: "the figures of the layer `parcels` as a table",
     **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},

@@ -112,7 +112,7 @@ def cog_output(
             raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
             raster.descriptions = tuple(band.description for band in bands)
             raster.units = tuple(band.unit for band in bands)
-            raster.update_tags(**_tags(origin))
+            raster.update_tags(**tags_of(origin))
 
             sums = [_Statistics() for _ in bands]
 
@@ -178,7 +178,7 @@ _COMPOUND: Final = (
 )
 
 
-def _tags(origin: Origin) -> dict[str, str]:
+def tags_of(origin: Origin) -> dict[str, str]:
     """GeoTIFF metadata, with TIFF's own tags for some."""
     tags = origin.metadata
     own = {"TIFFTAG_SOFTWARE": tags.pop("SOFTWARE"), "TIFFTAG_IMAGEDESCRIPTION": tags.pop("TITLE")}

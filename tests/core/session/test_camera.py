@@ -132,13 +132,23 @@ def test_exif__has_times_in_their_zone_and_positions(tmp_path: Path) -> None:
     assert all("1 of 6 images" in notice.text for notice in notices)
 
 
-@pytest.mark.parametrize(("name", "code"), [("lost.jpg", "session-file-missing"), ("../*.jpg", "session-path-outside")])
-def test_files__must_exist_and_lie_inside(tmp_path: Path, name: str, code: str) -> None:
+@pytest.mark.parametrize("source", [CameraSource(files=("../*.jpg",)), CameraSource(table="../images.csv")])
+def test_images__outside_the_folder_of_the_session_are_refused(tmp_path: Path, source: CameraSource) -> None:
     folder_of_images(tmp_path, 1)
+    (tmp_path / "images.csv").write_text("file,time_unix_s\n", encoding="utf-8")
     (tmp_path / "session").mkdir()
     with pytest.raises(InputError) as refused:
-        images_of(tmp_path / "session" / "session.toml", CameraSource(files=(name,)), [])
-    assert refused.value.code == code
+        images_of(tmp_path / "session" / "session.toml", source, [])
+    assert refused.value.code == "session-path-outside"
+
+
+@pytest.mark.parametrize(
+    "source", [CameraSource(table="lost.csv"), CameraSource(files=("lost.jpg",)), CameraSource(files=("*.png",))]
+)
+def test_images__that_do_not_exist_are_told(tmp_path: Path, source: CameraSource) -> None:
+    notices: list[Notice] = []
+    assert len(images_of(tmp_path / "session.toml", source, notices)) == 0
+    assert {notice.code for notice in notices} == {"images-missing"}
 
 
 def test_both_keys__add_up(tmp_path: Path) -> None:

@@ -1,0 +1,176 @@
+"""Colours of a run: its points on their way to what colours the cloud and makes the orthophoto."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from types import TracebackType
+from typing import Any, Final, Self
+
+import numpy as np
+
+from furrowmap.core.images.colour_maker import ColourMaker
+from furrowmap.core.images.colouring import NO_FRAME, Colours
+from furrowmap.core.images.frames import Frames
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.values.ahead import behind
+from furrowmap.core.values.clock import las_time_to_utc
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_style, style_of
+from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
+
+SCANS_BEHIND: Final = 32
+"""Scans that wait for the depth maps."""
+NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT], np.uint8)
+"""Classes without colours: the machine is elsewhere in the next frame."""
+
+
+@dataclass(frozen=True)
+class ColourFigures:
+    """Figures of the colours for the report.
+
+    Attributes:
+        frames: used.
+        coloured: points with a colour.
+        unseen: points that no frame sees.
+        left_out: points of the machine and noise.
+        reduction: of the images.
+        ortho_m2: area of the orthophoto.
+        corner: share of the light that is lost in the corners of the images.
+        gain: standard deviation of the logarithms of the frames' exposures.
+        notices: about the images.
+    """
+
+    frames: int
+    coloured: int
+    unseen: int
+    left_out: int
+    reduction: int
+    ortho_m2: float
+    corner: float
+    gain: float
+    notices: tuple[Notice, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """As in `report.json`."""
+        return {
+            "images": self.frames,
+            "points_coloured": self.coloured,
+            "points_not_seen": self.unseen,
+            "points_left_out": self.left_out,
+            "image_reduction": self.reduction,
+            "orthophoto_area_m2": round(self.ortho_m2, 1),
+            "vignetting_corner": round(self.corner, 4),
+            "exposure_spread": round(self.gain, 4),
+        }
+
+
+class RunColours:
+    """Depth maps of the frames in a thread beside the run; then colours for the points of its cloud."""
+
+    def __init__(self) -> None:
+        self._maker: ColourMaker | None = None
+        self._working = ExitStack()
+        self._origin_m = (0.0, 0.0, 0.0)
+        self._lock, self._counts, self._notices = Lock(), np.zeros(3, np.int64), list[Notice]()
+        self._ortho_m2 = 0.0
+        self.colours: Colours | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._working.__exit__(kind, error, trace)
+
+    @property
+    def has_frames(self) -> bool:
+        """Whether there are frames."""
+        return self._maker is not None or self.colours is not None
+
+    def see(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        """Take the frames of the run."""
+        maker, self._origin_m = ColourMaker(frames, origin_m), origin_m
+        self._maker = maker
+        self._add = self._working.enter_context(behind(maker.add, SCANS_BEHIND))
+
+    def add(self, placed: PlacedScan) -> None:
+        """Take the points of a scan."""
+        if self._maker is not None:
+            self._add(placed.xyz_m[placed.kept])
+
+    def finish(self, progress: Progress) -> None:
+        """Read the images, now that all points are known.
+
+        Args:
+            progress: receives the stage "reading images".
+
+        Raises:
+            OSError: if the disk has no room for them.
+        """
+        if self._maker is not None:
+            self._working.close()
+            self.colours, self._maker = self._maker.finish(self._notices, progress), None
+
+    def paint(self, points: Columns, scale_m: float) -> None:
+        """Colour points of the cloud in place; called from several threads.
+
+        Args:
+            points: with coordinates against the local origin.
+            scale_m: of their coordinates.
+        """
+        if self.colours is None or points.rgb is None:
+            return
+        wanted = np.flatnonzero(~np.isin(points.classification, NOT_COLOURED))
+        xyz = np.column_stack([axis[wanted] * scale_m for axis in (points.x, points.y, points.z)])
+        rgb, frame = self.colours.of_points(xyz, las_time_to_utc(points.gps_time[wanted]))
+        points.rgb[:, wanted] = rgb
+        unseen = int(np.count_nonzero(frame == NO_FRAME))
+        with self._lock:
+            self._counts += [len(wanted) - unseen, unseen, len(points) - len(wanted)]
+
+    def write_orthophoto(self, folder: Path, origin: Origin, progress: Progress) -> None:
+        """Write the orthophoto of the surface in a folder, and its style.
+
+        Raises:
+            OSError: if they cannot be written.
+        """
+        if self.colours is None or not (folder / DSM).exists():
+            return
+        photo = folder / ORTHOPHOTO
+        self._ortho_m2 = write_orthophoto(photo, folder / DSM, self.colours, self._origin_m, origin, progress)
+        if not self._ortho_m2:
+            photo.unlink()
+            return
+        (folder / style_of(ORTHOPHOTO)).write_text(packaged_style("orthophoto.qml"), encoding="utf-8")
+
+    def figures(self) -> ColourFigures | None:
+        """Figures of the cloud's colours, when it is written; None without frames."""
+        if self.colours is None:
+            return None
+        pixels, balance = self.colours.pixels, self.colours.balance
+        coloured, unseen, left_out = self._counts.tolist()
+        if coloured + unseen and not coloured:
+            text = (
+                "No point has a colour: no image shows any of them. Check [camera] xyz_m and rpy_deg (`furrowmap "
+                "frames`) and the times of the images."
+            )
+            self._notices.append(Notice("nothing-coloured", text))
+        return ColourFigures(
+            int(pixels.usable.sum()),
+            coloured,
+            unseen,
+            left_out,
+            pixels.reduction,
+            self._ortho_m2,
+            balance.corner,
+            float(balance.gain.std()),
+            tuple(self._notices),
+        )

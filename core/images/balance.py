@@ -1,0 +1,105 @@
+"""Radiometric balance of frames: their exposures and the vignetting, from what several of them see.
+
+The level of a channel is taken for the product of the ground's brightness, a gain of the frame and the vignetting, a
+function of the distance from the middle of the image (Goldman and Chen 2005); in logarithms they add up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, diags, hstack, identity
+from scipy.sparse.linalg import spsolve
+
+FloatArray = NDArray[np.float64]
+
+DARKEST, BRIGHTEST = 6.0, 248.0
+"""Levels beyond are cut off, or mostly noise."""
+PRIOR: Final = 0.3
+"""Standard deviation of gains and of the coefficients of the vignetting, in logarithms."""
+NOISE: Final = 0.1
+"""Of the logarithm of a level, before it is estimated."""
+ROUNDS: Final = 4
+HUBER: Final = 1.5
+FEWEST: Final = 200
+"""Observations without which nothing is balanced."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Gains and vignetting, as natural logarithms of factors of the levels.
+
+    Attributes:
+        gain: (n, 3) of each frame's red, green and blue.
+        vignetting: (3,) coefficients of the square, fourth and sixth power of the distance from the middle of the
+            image, 1 in its corners.
+    """
+
+    gain: FloatArray
+    vignetting: FloatArray
+
+    @classmethod
+    def none(cls, count: int) -> Balance:
+        """No differences between `count` frames, and no vignetting."""
+        return cls(np.zeros((count, 3)), np.zeros(3))
+
+    @property
+    def corner(self) -> float:
+        """Share of the light that is lost in the corners."""
+        return float(1.0 - np.exp(self.vignetting.sum()))
+
+
+def balanced(
+    count: int, point: NDArray[np.int32], frame: NDArray[np.int32], radius: FloatArray, levels: FloatArray
+) -> Balance:
+    """Gains and vignetting by robust least squares.
+
+    Args:
+        count: of frames.
+        point: (m,) which point is observed, in increasing order.
+        frame: (m,) by which frame.
+        radius: (m,) distance from the middle of the image, 1 in its corners.
+        levels: (m, 3) levels of red, green, blue, 0 to 255.
+    """
+    good = ((levels > DARKEST) & (levels < BRIGHTEST)).all(axis=1)
+    times = np.bincount(point[good], minlength=int(point.max(initial=0)) + 1)
+    good &= times[point] > 1
+    if good.sum() < FEWEST:
+        return Balance.none(count)
+    _, which = np.unique(point[good], return_inverse=True)
+    frame, logs = frame[good], np.log(levels[good])
+    square = radius[good] ** 2
+    powers = np.column_stack([square, square**2, square**3])
+    shared = _fitted(which, frame, count, logs.mean(axis=1), powers)
+    left = logs - (powers @ shared[count:])[:, None]
+    gain = np.column_stack([_fitted(which, frame, count, left[:, c], None)[:count] for c in range(3)])
+    return Balance(np.ascontiguousarray(gain), np.ascontiguousarray(shared[count:]))
+
+
+def _fitted(
+    point: NDArray[np.intp], frame: NDArray[np.int32], count: int, logs: FloatArray, powers: FloatArray | None
+) -> FloatArray:
+    """Gains (count,) and coefficients of the powers (k,), the brightness of each point eliminated."""
+    m, powers_used = len(logs), 0 if powers is None else powers.shape[1]
+    # scipy's types of sparse products are unions of all that may come out.
+    design: Any = coo_matrix((np.ones(m), (np.arange(m), frame)), shape=(m, count)).tocsr()
+    if powers is not None:
+        design = hstack([design, coo_matrix(powers)]).tocsr()
+    of_point: Any = coo_matrix((np.ones(m), (point, np.arange(m))), shape=(int(point[-1]) + 1, m)).tocsr()
+    weight, noise, found = np.ones(m), NOISE, np.zeros(count + powers_used)
+    for _ in range(ROUNDS):
+        # Normal equations of the gains, those of the points' brightness eliminated (Schur complement).
+        total = np.maximum(of_point @ weight, 1e-12)
+        weighted = diags(weight) @ design
+        sums, right = of_point @ weighted, of_point @ (weight * logs)
+        normal = design.T @ weighted - sums.T @ diags(1.0 / total) @ sums + (noise / PRIOR) ** 2 * identity(len(found))
+        found = spsolve(normal.tocsc(), weighted.T @ logs - sums.T @ (right / total))
+        left = logs - design @ found
+        left -= ((of_point @ (weight * left)) / total)[point]
+        noise = max(1.4826 * float(np.median(np.abs(left))), 1e-4)
+        weight = np.minimum(1.0, HUBER * noise / np.maximum(np.abs(left), 1e-12))
+    out: FloatArray = found
+    return out

@@ -1,0 +1,242 @@
+"""Colours of points from the frames that see them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.images.balance import Balance
+from furrowmap.core.images.frame_pixels import FramePixels
+from furrowmap.core.images.projection import pixel_of
+from furrowmap.core.images.visibility import NEAREST_M, SLACK_M, Visibility
+
+FloatArray = NDArray[np.float64]
+
+TIME_S: Final = 30.0
+"""A frame so much farther in time counts as twice as far in space."""
+OFF_AXIS: Final = 3.0
+"""Weight of the squared tangent of the angle off the axis: at 45° a frame counts as four times as far."""
+BORDER_PX: Final = 1.5
+"""Pixels at the border of an image that are not used."""
+TO_16_BIT: Final = 257.0
+"""255 becomes 65535."""
+SHARPNESS: Final = 8.0
+"""Weights of blended frames fall with this power of their distance: a seam is soft where both are nearly as good."""
+NO_FRAME: Final = -1
+
+
+@dataclass(frozen=True)
+class Colours:
+    """What gives points their colours.
+
+    Attributes:
+        visibility: which frames see them.
+        pixels: of the frames.
+        balance: of their exposures, and vignetting.
+        t_s: (n,) UTC of the frames.
+    """
+
+    visibility: Visibility
+    pixels: FramePixels
+    balance: Balance
+    t_s: FloatArray
+
+    def of_points(self, xyz_m: FloatArray, t_s: FloatArray) -> tuple[NDArray[np.uint16], NDArray[np.int32]]:
+        """The colour of each point in the best frame that sees it.
+
+        The best is the nearest in space, angle off the optical axis and time: least is
+        ``depth · (1 + 3 tan²) · (1 + |Δt| / 30 s)``.
+
+        Args:
+            xyz_m: (n, 3) against the local origin.
+            t_s: (n,) UTC of the points; nan where it does not matter.
+
+        Returns:
+            (3, n) uint16 red, green, blue, at least 1 each, and 0 where no frame sees the point; (n,) int32 index of
+            the frame, or −1.
+        """
+        rgb, frame = np.zeros((3, len(xyz_m)), np.uint16), np.full(len(xyz_m), NO_FRAME, np.int32)
+        best_colours(
+            np.ascontiguousarray(xyz_m, np.float64),
+            np.ascontiguousarray(t_s, np.float64),
+            self.t_s,
+            *self.arguments,
+            rgb,
+            frame,
+        )
+        return rgb, frame
+
+    def blended(self, xyz_m: FloatArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """The colour of each point blended from all frames that see it, mostly from the best one.
+
+        Args:
+            xyz_m: (n, 3) against the local origin; nan for no point.
+
+        Returns:
+            (3, n) float32 red, green, blue, 0 to 255; (n,) whether any frame sees it.
+        """
+        rgb, seen = np.zeros((3, len(xyz_m)), np.float32), np.zeros(len(xyz_m), np.bool_)
+        blended_colours(np.ascontiguousarray(xyz_m, np.float64), *self.arguments, rgb, seen)
+        return rgb, seen
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What the kernels take after the points: view, depth maps, index, pixels, and last gain and vignetting."""
+        v, index = self.visibility, self.visibility.index
+        return (
+            *(v.view.centre_m, v.view.matrix, v.view.intrinsics, v.view.widest, v.view.size),
+            *(v.depth_m, v.slack, v.cell_px),
+            *(index.corner_m, index.cell_m, index.columns, index.start, index.frames),
+            *(self.pixels.rgb, self.pixels.usable, self.pixels.reduction),
+            *(self.balance.gain, self.balance.vignetting),
+        )
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def cell_of(xyz, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def]
+    """Number of the index's cell of a point; points beyond are in the outermost cells."""
+    rows = cells // columns
+    row = min(max(int((xyz[1] - corner[1]) / cell_m), 0), rows - 1)
+    column = min(max(int((xyz[0] - corner[0]) / cell_m), 0), columns - 1)
+    return row * columns + column
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def direction(xyz, centre, matrix, k):  # type: ignore[no-untyped-def]
+    """Tangents x / z and y / z, and depth z, of a point in the optical frame."""
+    dx, dy, dz = xyz[0] - centre[k, 0], xyz[1] - centre[k, 1], xyz[2] - centre[k, 2]
+    z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
+    x = matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz
+    y = matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz
+    return x / z, y / z, z
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped-def]
+    """Whether a pixel is inside the image and nothing lies before the depth z."""
+    if not (BORDER_PX <= u <= size[0] - 1.0 - BORDER_PX and BORDER_PX <= v <= size[1] - 1.0 - BORDER_PX):
+        return False
+    nearest = depth[k, int((v + 0.5) / cell_px), int((u + 0.5) / cell_px)]
+    return z <= nearest + SLACK_M + slack[k] * nearest
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
+    """The grey level (0 to 255) of a channel at a pixel of the unreduced image, bilinear."""
+    at_u = min(max((u - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[2] - 1.001)
+    at_v = min(max((v - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[1] - 1.001)
+    column, row = int(at_u), int(at_v)
+    right, down = at_u - column, at_v - row
+    above = (1.0 - right) * rgb[k, row, column, channel] + right * rgb[k, row, column + 1, channel]
+    below = (1.0 - right) * rgb[k, row + 1, column, channel] + right * rgb[k, row + 1, column + 1, channel]
+    return (1.0 - down) * above + down * below
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
+    """Logarithm of the vignetting at a pixel."""
+    du, dv = u - 0.5 * (size[0] - 1.0), v - 0.5 * (size[1] - 1.0)
+    square = 4.0 * (du * du + dv * dv) / (size[0] * size[0] + size[1] * size[1])
+    return square * (vignetting[0] + square * (vignetting[1] + square * vignetting[2]))
+
+
+@numba.njit(cache=True, nogil=True)
+def best_colours(  # type: ignore[no-untyped-def]
+    xyz, t_s, frame_s, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, gain, vignetting, out, out_frame,
+):  # fmt: skip
+    """Kernel of :meth:`Colours.of_points`."""
+    for i in range(len(xyz)):
+        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
+        best, best_k, best_u, best_v = np.inf, NO_FRAME, 0.0, 0.0
+        for at in range(start[cell], start[cell + 1]):
+            k = listed[at]
+            if not usable[k]:
+                continue
+            x, y, z = direction(xyz[i], centre, matrix, k)
+            square = x * x + y * y
+            if not (z > NEAREST_M and square <= widest * widest):
+                continue
+            apart = abs(t_s[i] - frame_s[k])
+            cost = z * (1.0 + OFF_AXIS * square) * (1.0 + (apart / TIME_S if apart >= 0.0 else 0.0))
+            if cost >= best:
+                continue
+            u, v = pixel_of(intrinsics, x, y)
+            if is_seen(u, v, z, size, depth, slack, cell_px, k):
+                best, best_k, best_u, best_v = cost, k, u, v
+        if best_k == NO_FRAME:
+            continue
+        dark = darkening(best_u, best_v, size, vignetting)
+        for channel in range(3):
+            value = level(pixels, best_k, best_u, best_v, reduction, channel)
+            value *= np.exp(-dark - gain[best_k, channel]) * TO_16_BIT
+            out[channel, i] = np.uint16(min(max(value + 0.5, 1.0), 65535.0))
+        out_frame[i] = best_k
+
+
+@numba.njit(cache=True, nogil=True)
+def blended_colours(  # type: ignore[no-untyped-def]
+    xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, gain, vignetting, out, seen,
+):  # fmt: skip
+    """Kernel of :meth:`Colours.blended`."""
+    for i in range(len(xyz)):
+        if not np.isfinite(xyz[i, 2]):
+            continue
+        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
+        total = 0.0
+        for at in range(start[cell], start[cell + 1]):
+            k = listed[at]
+            if not usable[k]:
+                continue
+            x, y, z = direction(xyz[i], centre, matrix, k)
+            square = x * x + y * y
+            if not (z > NEAREST_M and square <= widest * widest):
+                continue
+            u, v = pixel_of(intrinsics, x, y)
+            if not is_seen(u, v, z, size, depth, slack, cell_px, k):
+                continue
+            # It fades out towards the border of the image, where a frame begins or ends.
+            edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
+            weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
+            dark = darkening(u, v, size, vignetting)
+            for channel in range(3):
+                value = level(pixels, k, u, v, reduction, channel) * np.exp(-dark - gain[k, channel])
+                out[channel, i] += np.float32(weight * value)
+            total += weight
+        if total > 0.0:
+            seen[i] = True
+            for channel in range(3):
+                out[channel, i] = np.float32(min(out[channel, i] / total, 255.0))
+
+
+@numba.njit(cache=True, nogil=True)
+def observations(  # type: ignore[no-untyped-def]
+    xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, most,
+):  # fmt: skip
+    """Every frame's levels of points: point, frame, pixel (m, 2) and levels (m, 3); at most `most`."""
+    point, frame = np.empty(most, np.int32), np.empty(most, np.int32)
+    at_px, levels = np.empty((most, 2)), np.empty((most, 3))
+    count = 0
+    for i in range(len(xyz)):
+        cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
+        for at in range(start[cell], start[cell + 1]):
+            k = listed[at]
+            if not usable[k] or count == most:
+                continue
+            x, y, z = direction(xyz[i], centre, matrix, k)
+            if not (z > NEAREST_M and x * x + y * y <= widest * widest):
+                continue
+            u, v = pixel_of(intrinsics, x, y)
+            if not is_seen(u, v, z, size, depth, slack, cell_px, k):
+                continue
+            point[count], frame[count], at_px[count, 0], at_px[count, 1] = i, k, u, v
+            for channel in range(3):
+                levels[count, channel] = level(pixels, k, u, v, reduction, channel)
+            count += 1
+    return point[:count], frame[:count], at_px[:count], levels[:count]

@@ -1,0 +1,265 @@
+"""Which frames see a point: depth maps from the points themselves, and an index of frames by place.
+
+A point of a cloud is seen by a frame where no other point lies clearly nearer to the camera in its direction (z-buffer;
+on the visibility of point sets see Katz et al. 2007). The cells of a depth map are as large as the points on the
+surfaces in view are dense, so that surfaces are closed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+
+from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.projection import pixel_of
+from furrowmap.core.values import scratch
+
+FloatArray = NDArray[np.float64]
+
+CELL_PX: Final = 4
+MOST_CELLS: Final = 256
+"""Cells across an image; those of larger images have more pixels."""
+POINTS_PER_CELL: Final = 6.0
+"""Mean number of points in a cell with any, from which on surfaces are taken to be closed."""
+MOST_POOLED: Final = 16
+REACH_M: Final = 150.0
+"""Points farther from the camera are not looked at."""
+NEAREST_M: Final = 0.2
+INDEX_CELL_M: Final = 2.0
+INDEX_BYTES: Final = 64 << 20
+PIECE: Final = 256
+"""Consecutive points, which mostly lie close together, of which frames that do not look there are left out."""
+SLACK_M: Final = 0.10
+SLACK_CELLS: Final = 4.0
+"""A point is hidden behind another that is nearer by more than SLACK_M and so many widths of a cell: a surface seen
+at an angle below about 63° off its normal does not hide itself."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Frames as the kernels take them, against a local origin.
+
+    Attributes:
+        centre_m: (n, 3) projection centres.
+        matrix: (n, 3, 3) map to optical frame.
+        axis_cosine: of the largest angle off the optical axis in the image.
+        intrinsics: (9,) of the camera.
+        widest: tangent of the largest angle that the distortion allows.
+        size: (2,) width and height.
+    """
+
+    centre_m: FloatArray
+    matrix: FloatArray
+    axis_cosine: float
+    intrinsics: FloatArray
+    widest: float
+    size: FloatArray
+
+    @classmethod
+    def of(cls, frames: Frames, origin_m: tuple[float, float, float]) -> View:
+        """The view of frames."""
+        from furrowmap.core.images.projection import unproject
+
+        camera, poses = frames.camera, frames.poses
+        width, height = camera.width, camera.height
+        edge_x, edge_y = np.linspace(0.0, width - 1.0, 9), np.linspace(0.0, height - 1.0, 9)
+        edge = np.concatenate([np.column_stack([edge_x, np.full(9, y)]) for y in (0.0, height - 1.0)])
+        edge = np.concatenate([edge, *(np.column_stack([np.full(9, x), edge_y]) for x in (0.0, width - 1.0))])
+        along = unproject(camera, edge)
+        tangent = np.hypot(along[:, 0], along[:, 1])
+        largest = float(np.where(np.isfinite(tangent), tangent, camera.widest).max())
+        return cls(
+            np.ascontiguousarray(poses.xyz_m - np.asarray(origin_m)),
+            np.ascontiguousarray(poses.rotation.transpose(0, 2, 1) / [poses.scale, poses.scale, 1.0]),
+            float(1.0 / np.hypot(1.0, largest)),
+            camera.intrinsics,
+            camera.widest,
+            np.array([width, height], np.float64),
+        )
+
+
+@dataclass(frozen=True)
+class PlaceIndex:
+    """Frames by place: which frames have points of a cell of the map in view.
+
+    Attributes:
+        corner_m: (2,) lower left corner of the cells, against the local origin.
+        cell_m: length of a cell's sides.
+        columns: of cells; cell (row, column) has the number row · columns + column.
+        start: (cells + 1,) int64 where the frames of each cell begin.
+        frames: int32 their indices.
+    """
+
+    corner_m: FloatArray
+    cell_m: float
+    columns: int
+    start: NDArray[np.int64]
+    frames: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """What the frames see.
+
+    Attributes:
+        view: the frames.
+        depth_m: (n, rows, columns) float32 depth in front of which a point in the cell is seen, before any tolerance.
+        slack: (n,) share of the depth that is tolerated for the width of a frame's cells.
+        cell_px: pixels across a cell of `depth_m`.
+        index: frames by place.
+    """
+
+    view: View
+    depth_m: NDArray[np.float32]
+    slack: FloatArray
+    cell_px: int
+    index: PlaceIndex
+
+
+class VisibilityMaker:
+    """Takes the points of a cloud, in any order and in pieces, and gives the visibility of all.
+
+    Memory, or a scratch file, of 4 bytes a cell of the depth maps, at most 260 kB a frame.
+
+    Args:
+        frames: at least one.
+        origin_m: local origin of the points' coordinates.
+    """
+
+    def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        camera, self.view = frames.camera, View.of(frames, origin_m)
+        self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MOST_CELLS))
+        rows, columns = -(-camera.height // self._cell_px), -(-camera.width // self._cell_px)
+        self._depth: NDArray[np.float32] = scratch.full((len(frames), rows, columns), np.inf, np.float32)
+        self._points = np.zeros(len(frames), np.int64)
+        low = self.view.centre_m[:, :2].min(axis=0) - REACH_M
+        extent = self.view.centre_m[:, :2].max(axis=0) + REACH_M - low
+        words = -(-len(frames) // 8)
+        self._cell_m = max(INDEX_CELL_M, float(np.sqrt(np.prod(extent) * words / INDEX_BYTES)))
+        self._shape = tuple(int(length) for length in np.ceil(extent[::-1] / self._cell_m))
+        self._corner_m = low
+        self._seen: NDArray[np.uint8] = scratch.zeros((self._shape[0] * self._shape[1], words), np.uint8)
+
+    def add(self, xyz_m: FloatArray) -> None:
+        """Points (n, 3) of surfaces, which hide what is behind them."""
+        splat(
+            np.ascontiguousarray(xyz_m, np.float64),
+            self.view.centre_m,
+            self.view.matrix,
+            self.view.axis_cosine,
+            self.view.intrinsics,
+            self.view.widest,
+            self.view.size,
+            self._cell_px,
+            self._depth,
+            self._points,
+            self._corner_m,
+            self._cell_m,
+            np.array(self._shape),
+            self._seen,
+        )
+
+    def finish(self) -> Visibility:
+        """The visibility of all points; the maker cannot be used any more."""
+        slack = np.empty(len(self._points))
+        for k, points in enumerate(self._points.tolist()):
+            pooled = _pooling(self._depth[k], points)
+            self._depth[k] = closed(self._depth[k], pooled)
+            slack[k] = SLACK_CELLS * pooled * self._cell_px / self.view.intrinsics[0]
+        return Visibility(self.view, self._depth, slack, self._cell_px, self._index())
+
+    def _index(self) -> PlaceIndex:
+        cells, count = len(self._seen), len(self._points)
+        start = np.zeros(cells + 1, np.int64)
+        parts = []
+        for begin in range(0, cells, 1 << 12):
+            bits = np.unpackbits(self._seen[begin : begin + (1 << 12)], axis=1, count=count, bitorder="little")
+            cell, frame = np.nonzero(bits)
+            start[begin + 1 : begin + 1 + len(bits)] = np.bincount(cell, minlength=len(bits))
+            parts.append(frame.astype(np.int32))
+        frames = np.concatenate([np.zeros(0, np.int32), *parts])
+        return PlaceIndex(self._corner_m, self._cell_m, self._shape[1], np.cumsum(start), frames)
+
+
+def _pooling(depth: NDArray[np.float32], points: int) -> int:
+    """Cells to be taken together, so that those with any points have enough."""
+    pooled = 1
+    while pooled < MOST_POOLED and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
+        pooled *= 2
+    return pooled
+
+
+def _least(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
+    """The least depth of `pooled` × `pooled` cells."""
+    if pooled == 1:
+        return depth
+    rows, columns = (-(-length // pooled) * pooled for length in depth.shape)
+    padded = np.full((rows, columns), np.inf, np.float32)
+    padded[: depth.shape[0], : depth.shape[1]] = depth
+    out: NDArray[np.float32] = padded.reshape(rows // pooled, pooled, columns // pooled, pooled).min(axis=(1, 3))
+    return out
+
+
+def closed(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
+    """A depth map of the same size: in each cell the least depth of its pooled cell and of the eight around that."""
+    least = minimum_filter(_least(depth, pooled), size=3, mode="nearest")
+    wide = np.repeat(np.repeat(least, pooled, axis=0), pooled, axis=1)
+    out: NDArray[np.float32] = wide[: depth.shape[0], : depth.shape[1]]
+    return out
+
+
+@numba.njit(
+    "void(float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64, float64[::1], float64, float64[::1], int64,"
+    " float32[:, :, ::1], int64[::1], float64[::1], float64, int64[::1], uint8[:, ::1])",
+    cache=True,
+    nogil=True,
+)
+def splat(  # type: ignore[no-untyped-def]
+    xyz, centre, matrix, axis_cosine, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
+):
+    """Kernel of :meth:`VisibilityMaker.add`."""
+    axis_sine = np.sqrt(1.0 - axis_cosine * axis_cosine)
+    for begin in range(0, len(xyz), PIECE):
+        end = min(begin + PIECE, len(xyz))
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for i in range(begin, end):
+            for j in range(3):
+                low[j] = min(low[j], xyz[i, j])
+                high[j] = max(high[j], xyz[i, j])
+        middle = 0.5 * (low + high)
+        radius = 0.5 * np.sqrt(((high - low) ** 2).sum())
+        for k in range(len(centre)):
+            dx, dy, dz = middle[0] - centre[k, 0], middle[1] - centre[k, 1], middle[2] - centre[k, 2]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+            if distance > REACH_M + radius:
+                continue
+            if distance > radius:
+                # The sphere around the points against the cone around the image.
+                forward = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
+                aside = np.sqrt(max(distance * distance - forward * forward, 0.0))
+                if aside * axis_cosine - forward * axis_sine > radius:
+                    continue
+            for i in range(begin, end):
+                dx, dy, dz = xyz[i, 0] - centre[k, 0], xyz[i, 1] - centre[k, 1], xyz[i, 2] - centre[k, 2]
+                z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
+                if not z > NEAREST_M:
+                    continue
+                x = (matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz) / z
+                y = (matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz) / z
+                if x * x + y * y > widest * widest:
+                    continue
+                u, v = pixel_of(intrinsics, x, y)
+                if not (-0.5 <= u < size[0] - 0.5 and -0.5 <= v < size[1] - 0.5):
+                    continue
+                row, column = int((v + 0.5) / cell_px), int((u + 0.5) / cell_px)
+                if z < depth[k, row, column]:
+                    depth[k, row, column] = z
+                points[k] += 1
+                at_row = min(max(int((xyz[i, 1] - corner[1]) / cell_m), 0), shape[0] - 1)
+                at_column = min(max(int((xyz[i, 0] - corner[0]) / cell_m), 0), shape[1] - 1)
+                seen[at_row * shape[1] + at_column, k >> 3] |= np.uint8(1 << (k & 7))

@@ -1,0 +1,142 @@
+"""True orthophotos as cloud-optimised GeoTIFF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import rasterio
+from rasterio.enums import ColorInterp
+from rasterio.shutil import copy
+from rasterio.windows import Window
+
+from furrowmap.core.images.colouring import Colours
+from furrowmap.core.images.orthophoto import Picture, finer_grid, orthophoto, pixels_a_cell
+from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.threads import threads
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import BLOCK, tags_of
+
+PART: Final = 200
+"""Cells of the surface across a part that is coloured at once."""
+OPAQUE: Final = 255
+TITLE: Final = "Orthophoto: the surface in the colours of the images"
+_SCRATCH: Final = {
+    "driver": "GTiff", "dtype": "uint8", "count": 4, "tiled": True, "blockxsize": 256, "blockysize": 256,
+    "interleave": "pixel", "photometric": "RGB", "alpha": "YES", "SPARSE_OK": "TRUE", "BIGTIFF": "IF_SAFER",
+}  # fmt: skip
+_OPTIONS: Final = {
+    "driver": "COG",
+    "BLOCKSIZE": str(BLOCK),
+    "COMPRESS": "JPEG",
+    "QUALITY": "90",
+    "OVERVIEW_RESAMPLING": "AVERAGE",
+    "BIGTIFF": "IF_SAFER",
+}
+_CACHE_BYTES: Final = 64 << 20
+
+
+def write_orthophoto(
+    path: Path,
+    surface: Path,
+    colours: Colours,
+    origin_m: tuple[float, float, float],
+    origin: Origin,
+    progress: Progress = silent,
+) -> float:
+    """Write the orthophoto of a surface: red, green, blue, and a mask of where there is a picture.
+
+    Memory is some hundred megabytes, regardless of the size.
+
+    Args:
+        path: of the file; an older one is replaced.
+        surface: GeoTIFF with heights in its first band, of this program.
+        colours: of the frames.
+        origin_m: local origin of the colours' coordinates.
+        origin: provenance.
+        progress: receives the stage "making orthophoto".
+
+    Returns:
+        Area of the ground that has a picture, in square metres of the map.
+
+    Raises:
+        InputError: if the surface cannot be read.
+        OSError: if the file cannot be written.
+    """
+    covered = 0
+    with (
+        open_geotiff(surface, _unusable, with_heights=False) as heights,
+        atomic_output(path) as unfinished,
+        rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES),
+    ):
+        cell_m, west, north = heights.transform.a, heights.transform.c, heights.transform.f
+        grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), (heights.height, heights.width))
+        factor = pixels_a_cell(colours, cell_m)
+        whole = finer_grid(grid, factor)
+        scratch = unfinished.with_name(f"{unfinished.name}.bands")
+        profile = _SCRATCH | {
+            "height": whole.rows,
+            "width": whole.columns,
+            "crs": heights.crs,
+            "transform": rasterio.Affine(*whole.transform),
+        }
+        with rasterio.open(scratch, "w", **profile) as raster:
+            raster.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
+            raster.update_tags(**tags_of(replace(origin, title=TITLE)))
+            done = 0
+            for picture in _pictures(heights, grid, colours, factor, origin_m):
+                place = Window.from_slices(*picture.grid.window_in(whole))
+                alpha = np.where(picture.seen, OPAQUE, 0).astype(np.uint8)
+                raster.write(np.concatenate([picture.rgb, alpha[None]]), window=place)
+                covered += int(np.count_nonzero(picture.seen))
+                done += picture.grid.rows * picture.grid.columns
+                progress("making orthophoto", done / (whole.rows * whole.columns))
+        copy(scratch, unfinished, NUM_THREADS=str(threads()), **_OPTIONS)
+    return covered * whole.cell_area_m2
+
+
+def _pictures(
+    heights: Any, grid: Grid, colours: Colours, factor: int, origin_m: tuple[float, float, float]
+) -> Iterator[Picture]:
+    """The parts of the orthophoto, several of them made at once."""
+    with ThreadPoolExecutor(threads()) as pool:
+        waiting = []
+        for part, wide in _parts(grid):
+            row, column = wide.window_in(grid)
+            height_m = heights.read(1, window=Window.from_slices(row, column), masked=False).astype(np.float32)
+            if not np.isfinite(height_m).any():
+                continue
+            waiting.append(pool.submit(orthophoto, colours, wide, height_m, part, factor, origin_m))
+            if len(waiting) > threads():
+                yield waiting.pop(0).result()
+        for one in waiting:
+            yield one.result()
+
+
+def _parts(grid: Grid) -> Iterator[tuple[Grid, Grid]]:
+    """Parts of a grid, each without and with a margin of a cell."""
+    for top in range(0, grid.rows, PART):
+        for left in range(0, grid.columns, PART):
+            bottom, right = min(top + PART, grid.rows), min(left + PART, grid.columns)
+            first_row, first_column = max(top - 1, 0), max(left - 1, 0)
+            last_row, last_column = min(bottom + 1, grid.rows), min(right + 1, grid.columns)
+            part = Grid(grid.cell_m, grid.west + left, grid.north - top, (bottom - top, right - left))
+            shape = (last_row - first_row, last_column - first_column)
+            yield part, Grid(grid.cell_m, grid.west + first_column, grid.north - first_row, shape)
+
+
+def _unusable(path: Path, fault: str) -> InputError:
+    return InputError(
+        f"{path}: {fault}.",
+        "An orthophoto cannot be made without the surface.",
+        "Make the surface again.",
+        code="not-a-surface",
+    )
