@@ -63,7 +63,7 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     return Images.sorted([path for path, _, _ in taken], times, places)
 
 
-def read_pixels(path: Path, reduction: int = 1) -> NDArray[np.uint8]:
+def read_pixels(path: Path, reduction: int) -> NDArray[np.uint8]:
     """The pixels (height, width, 3) of an image as they are stored, red, green, blue; not turned as EXIF may say.
 
     Args:

@@ -24,6 +24,7 @@ from furrowmap.exporters.files.result_folder import (
     CLOUD,
     FIELD,
     LEARNED,
+    ORTHOPHOTO,
     PAGE,
     REPORT,
     SESSION,
@@ -102,7 +103,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
             count=figures["points"],
             type=PhenomenologyType.LIDAR,
             encoding="COPC",
-            schemas=_schemas(),
+            schemas=_schemas(coloured=bool(report.get("colours"))),
             density=round(figures["points"] / area_m2, 3),
         )
     item.properties["furrowmap:height_m"] = [low, high]
@@ -198,17 +199,19 @@ def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list
 
 
 def _kind(name: str) -> tuple[str, str, list[str]] | None:
+    if name == ORTHOPHOTO:
+        return _COG, "Orthophoto", ["visual"]
     if name.endswith(".tif"):
         return _COG, Path(name).stem.replace("_", " ").upper(), ["data"]
     return _KINDS.get(name)
 
 
-def _schemas() -> list[Any]:
+def _schemas(*, coloured: bool) -> list[Any]:
     """The dimensions of the cloud's points."""
     import laspy
     from pystac.extensions.pointcloud import Schema, SchemaType
 
     words = {"i": SchemaType.SIGNED, "u": SchemaType.UNSIGNED, "f": SchemaType.FLOATING}
-    dimensions = [(name, np.dtype(str(kind))) for name, kind in laspy.PointFormat(6).dtype().descr]
+    dimensions = [(name, np.dtype(str(kind))) for name, kind in laspy.PointFormat(7 if coloured else 6).dtype().descr]
     dimensions.append(("scan", np.dtype(np.uint32)))
     return [Schema.create(name, dtype.itemsize, words[dtype.kind]) for name, dtype in dimensions]
