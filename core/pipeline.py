@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from time import perf_counter
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeAlias
 
 import msgspec
 import numpy as np
@@ -39,7 +39,6 @@ from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.images import Images
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
@@ -49,6 +48,8 @@ from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
+
+_Origin: TypeAlias = tuple[float, float, float]
 
 TURNED_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
@@ -133,7 +134,7 @@ def run(
     session, frame, watch = opened.session, opened.frame, _StopWatch()
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
-    images, image_notices = _images(opened) if eyes is not None else (None, [])
+    show = _shown(opened, eyes)
     positions = opened.positions()
     guess, survey = _first_guess(opened, positions, progress)
     boundary = field_boundary(opened.inputs.boundary, frame)
@@ -149,8 +150,7 @@ def run(
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = _ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
-    if images is not None and eyes is not None:
-        _show(eyes, opened, images, located.trajectory, placer.origin_m, image_notices)
+    image_notices = show(located.trajectory, placer.origin_m)
     sink.begin(frame, placer.origin_m)
     scans = watched(
         ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
@@ -172,32 +172,25 @@ def run(
     return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), **vars(flown))
 
 
-def _images(opened: OpenSession) -> tuple[Images | None, list[Notice]]:
-    """The images of the session's camera; None where it has none, or they cannot be read here."""
+def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory, _Origin], list[Notice]]:
+    """Read which images there are; what is given shows those with a pose to `eyes`, and returns notices about them."""
     notices: list[Notice] = []
-    if opened.session.camera is None:
-        return None, notices
-    if find_spec("PIL") is None:
+    camera, images = opened.session.camera, None
+    if camera is not None and eyes is not None and find_spec("PIL") is None:
         text = "The images are not used: Pillow is not installed. Install the extra: pip install furrowmap[photo]"
-        return None, [Notice("images-unused", text)]
-    images = opened.images(notices)
-    return (images if len(images) else None), notices
+        notices.append(Notice("images-unused", text))
+    elif camera is not None and eyes is not None:
+        images = opened.images(notices)
 
+    def show(trajectory: Trajectory, origin_m: _Origin) -> list[Notice]:
+        if camera is not None and eyes is not None and images:
+            scale = _ground_scale(opened.frame, trajectory)
+            frames = frames_along(images, camera_of(camera), trajectory, scale, notices)
+            if frames is not None:
+                eyes.see(frames, origin_m)
+        return notices
 
-def _show(
-    eyes: FrameSink,
-    opened: OpenSession,
-    images: Images,
-    trajectory: Trajectory,
-    origin_m: tuple[float, float, float],
-    notices: list[Notice],
-) -> None:
-    """Hand on the images that have a pose; how many have none is added to the notices."""
-    assert opened.session.camera is not None
-    scale = _ground_scale(opened.frame, trajectory)
-    frames = frames_along(images, camera_of(opened.session.camera), trajectory, scale, notices)
-    if frames is not None:
-        eyes.see(frames, origin_m)
+    return show
 
 
 def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:

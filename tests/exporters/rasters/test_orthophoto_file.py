@@ -46,7 +46,7 @@ def test_orthophoto__is_a_cog_in_true_colours_with_a_mask(tmp_path: Path) -> Non
     assert not seen[:, :200].any()
     xy = grid.positions_m().reshape(*grid.shape, 2) - CORNER_M[:2]
     beside = seen & (np.abs(xy[..., 0]) > 1.5)
-    assert beside.sum() > 10_000
+    assert beside.sum() > 6_000
     assert np.sqrt(((rgb[:, beside].T - texture(xy[beside])) ** 2).mean()) < 4.0  # noise, blur of pixels, JPEG
     assert shares[-1] == 1.0
 
