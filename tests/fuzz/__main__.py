@@ -32,6 +32,9 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, help="go on for so long, in rounds over all readers")
     parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--count", type=int, help="inputs for each reader and round [default: as in `make test`]")
+    parser.add_argument(
+        "--share-s", type=float, help="from the second round on, as many as each reader takes in so long"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON line for each reader and round")
     given = parser.parse_args()
     words = given.only.split(",") if given.only else [""]
@@ -42,21 +45,26 @@ def main() -> None:
     total: Counter[str] = Counter()
     with tempfile.TemporaryDirectory(prefix="furrowmap-fuzz-") as folder:
         seeds = {}
-        first = given.first
+        first = dict.fromkeys((entry.name for entry in entries), given.first)
+        count = {entry.name: given.count or entry.trials for entry in entries}
         while True:
             for entry in entries:
                 place = Path(folder, entry.name)
                 if entry.name not in seeds:
                     place.mkdir()
                     seeds[entry.name] = seeds_of(entry, place)
-                result = run(entry, seeds[entry.name], first, given.count or entry.trials, place)
+                begun_s = time.monotonic()
+                result = run(entry, seeds[entry.name], first[entry.name], count[entry.name], place)
+                first[entry.name] += count[entry.name]
+                if given.share_s:
+                    per_s = count[entry.name] / (time.monotonic() - begun_s)
+                    count[entry.name] = max(1, round(given.share_s * per_s))
                 total.update(trials=result.trials, refused=result.refused, findings=len(result.findings))
                 put(entry, result, as_json=given.json)
                 for finding in result.findings:
                     keep(entry, finding.number, files_of(entry, seeds[entry.name], finding.number))
                 if given.minutes and time.monotonic() > end_s:
                     break
-            first += max(given.count or entry.trials for entry in entries)
             if time.monotonic() > end_s:
                 break
     if not given.json:
