@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.clean import clean as clean
     from furrowmap.workflows.evaluate_gnss import EvaluationSettings as EvaluationSettings
     from furrowmap.workflows.evaluate_gnss import evaluate_gnss as evaluate_gnss
-    from furrowmap.workflows.evaluate_gnss import evaluate_log as evaluate_log
+    from furrowmap.workflows.evaluate_gnss import evaluation_table as evaluation_table
     from furrowmap.workflows.export import Exported as Exported
     from furrowmap.workflows.export import export as export
     from furrowmap.workflows.farm import FarmMapChange as FarmMapChange
@@ -137,8 +137,8 @@ _HOMES = {
     "check_pairs": "workflows.check",
     "clean": "workflows.clean",
     "evaluate_gnss": "workflows.evaluate_gnss",
-    "evaluate_log": "workflows.evaluate_gnss",
     "evaluation_figures": "exporters.reports.evaluation_figures",
+    "evaluation_table": "workflows.evaluate_gnss",
     "export": "workflows.export",
     "farm_map_sessions": "workflows.farm",
     "fields": "workflows.fields",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,33 +25,46 @@ if TYPE_CHECKING:
     short_help="Evaluate GNSS logs, or solve positions.",
     subcommand_metavar="COMMAND ...",
     no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx -o accuracy",
+    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf --reference rtk.ubx -o accuracy",
 )
 def gnss() -> None:
     """Evaluate GNSS positions, or compute them from raw observations."""
 
 
 @gnss.command(
-    short_help="Compare a GNSS log with a reference.",
-    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf rtk.ubx --antenna-offset 0.30,0,0 -o accuracy\n"
-    "  furrowmap gnss evaluate static.pos 35.339325776,139.522173128,65.712",
+    short_help="Compare GNSS logs with a reference.",
+    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf madoca.ubx --reference rtk.ubx -o accuracy\n"
+    "  furrowmap gnss evaluate clas.sbf --reference rtk.ubx --antenna-offset 0.30,0,0\n"
+    "  furrowmap gnss evaluate static.pos --reference 35.339325776,139.522173128,65.712",
 )
-@click.argument("test", type=FILE)
-@click.argument("reference")
+@click.argument("test", type=FILE, nargs=-1, required=True)
+@click.option(
+    "--reference",
+    required=True,
+    metavar="FILE|LAT,LON,HEIGHT",
+    help="Another log of the same drive, a trajectory, or the place of a static antenna.",
+)
 @click.option(
     "-o",
     "--output",
     type=FILE,
     metavar="DIR",
-    help="Folder for evaluation.json, evaluation.html and epochs.csv.",
+    help="Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.",
+)
+@click.option(
+    "--name",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Name of a TEST in the tables; once for each, in their order [default: its correction service or file].",
 )
 @click.option(
     "--antenna-offset",
-    "offset",
+    "offsets",
+    multiple=True,
     metavar="FORWARD,LEFT,UP",
-    default="0,0,0",
-    show_default=True,
-    help="Offset in metres from the reference antenna to the TEST antenna on the same vehicle.",
+    help="Offset in metres from the reference antenna to the TEST antenna on the same vehicle; once, or once for each "
+    "TEST [default: 0,0,0].",
 )
 @click.option(
     "--reference-fix",
@@ -71,28 +84,35 @@ def gnss() -> None:
 @common_options
 def evaluate(
     console: Console,
-    test: Path,
+    test: tuple[Path, ...],
     reference: str,
     *,
     output: Path | None,
-    offset: str,
+    names: tuple[str, ...],
+    offsets: tuple[str, ...],
     reference_fix: str,
     max_gap: float | None,
     date: str | None,
     overwrite: bool,
 ) -> None:
-    """Compare the positions in TEST with those in REFERENCE at the same epochs.
+    """Compare the positions in each TEST with those in the reference at the same epochs.
 
-    REFERENCE is another log of the same drive, a trajectory, or LAT,LON,HEIGHT of a static antenna. The statistics are
-    those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, over all epochs and by fix
-    type.
+    The statistics are those of Nakagawa et al.: average, standard deviation and RMSE in 3D, 2D, X, Y and Z, over all
+    epochs and by fix type; several services are compared in one table.
     """
-    settings = furrowmap.EvaluationSettings(_offset(offset), reference_fix == "fixed", max_gap, date)
+    labels = _labels(test, names)
+    settings = {
+        label: furrowmap.EvaluationSettings(offset, reference_fix == "fixed", max_gap, date)
+        for label, offset in zip(labels, _offsets(offsets, len(test)), strict=True)
+    }
+    logs = dict(zip(labels, test, strict=True))
     with console.work(passing=True) as progress:
-        found = furrowmap.evaluate_log(test, reference, output, settings, overwrite=overwrite, progress=progress)
-    for notice in found.notices:
+        found = furrowmap.evaluate_gnss(logs, reference, output, settings, overwrite=overwrite, progress=progress)
+    for notice in dict.fromkeys(notice for each in found.values() for notice in each.notices):
         console.warn(notice)
-    console.answer(furrowmap.evaluation_figures(found) | {"output": output}, _words(found))
+    words = [_services(found)] if len(found) > 1 else []
+    words += [_words(name if len(found) > 1 else "", each) for name, each in found.items()]
+    console.answer(furrowmap.evaluation_figures(found) | {"output": output}, "\n\n".join([*words, _DEFINITIONS]))
 
 
 @gnss.command(
@@ -169,6 +189,34 @@ def _place(text: str) -> tuple[float, float, float]:
     return lat, lon, height
 
 
+def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
+    """A name for each log, no two alike."""
+    if names and (len(names) != len(test) or len(set(names)) != len(names) or not all(map(str.strip, names))):
+        raise UsageError(
+            f"{len(test)} logs, and {len(set(names))} different names.",
+            "Nothing was done.",
+            "Give --name once for each TEST, in their order, or not at all.",
+            code="usage",
+        )
+    labels: list[str] = []
+    for label in names or [path.name for path in test]:
+        same = sum(other == label or other.startswith(f"{label} (") for other in labels)
+        labels.append(f"{label} ({same + 1})" if same else label)
+    return labels
+
+
+def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float]]:
+    if len(texts) not in (0, 1, tests):
+        raise UsageError(
+            f"{tests} logs, and {len(texts)} antenna offsets.",
+            "Nothing was done.",
+            "Give --antenna-offset once for all, or once for each TEST, in their order.",
+            code="usage",
+        )
+    offsets = [_offset(text) for text in texts or ("0,0,0",)]
+    return offsets if len(offsets) == tests else offsets * tests
+
+
 def _offset(text: str) -> tuple[float, float, float]:
     try:
         forward, left, up = (float(part) for part in text.split(","))
@@ -185,7 +233,27 @@ def _offset(text: str) -> tuple[float, float, float]:
     )
 
 
-def _words(found: Evaluation) -> str:
+_DEFINITIONS = (
+    "Test minus reference in metres: X east, Y north, Z up; signed averages of X, Y and Z; population standard\n"
+    "deviation, so that RMSE² = average² + standard deviation²; along and across (left of) the direction of travel."
+)
+_STATISTICS = (("average", "average_m"), ("standard deviation", "standard_deviation_m"), ("RMSE", "rmse_m"))
+
+
+def _services(evaluations: Mapping[str, Evaluation]) -> str:
+    """All services in one table, as tables 1 to 3 of Nakagawa et al."""
+    axes = ("3D", "2D", "X", "Y", "Z")
+    width = max(len(printable(name)) for name in evaluations)
+    lines = [f"{'':<{width}}  {'':<20}" + "".join(f"{axis + ' [m]':>10}" for axis in axes)]
+    for name, found in evaluations.items():
+        rows = found.tables["all"]
+        for number, (title, figure) in enumerate(_STATISTICS):
+            values = "".join(f"{getattr(rows[axis], figure):>10.4f}" for axis in axes)
+            lines.append(f"{printable(name) if not number else '':<{width}}  {title:<20}{values}")
+    return "\n".join(lines).replace("nan", "  –")
+
+
+def _words(name: str, found: Evaluation) -> str:
     log, matched = found.continuity, found.matched
     rows = [
         ("test", printable(found.test) + (f" ({found.service})" if found.service else "")),
@@ -206,12 +274,8 @@ def _words(found: Evaluation) -> str:
         rows.append(("within 1, 2, 3 reported sigmas", shares))
     if found.time_ahead_s is not None:
         rows.append(("test ahead in time", f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}"))
-    parts = [table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())]
-    parts.append(
-        "Test minus reference in metres: X east, Y north, Z up; signed averages of X, Y and Z; population standard\n"
-        "deviation, so that RMSE² = average² + standard deviation²; along and across (left of) the direction of travel."
-    )
-    return "\n\n".join(parts)
+    head = [f"{printable(name)}:"] if name else []
+    return "\n\n".join([*head, table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())])
 
 
 def _table(kind: str, rows: Mapping[str, Any]) -> str:

@@ -31,6 +31,7 @@ class Evaluation:
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
         matched: the compared epochs, n of them.
         fix: (n,) int8 of the test.
+        lon_deg, lat_deg: (n,) of the test.
         tables: figures of all epochs ("all") and of each fix type of the test, by its label.
         outlier: (n,) whether the epoch is an outlier.
         sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
@@ -50,6 +51,8 @@ class Evaluation:
     antenna_offset_m: tuple[float, float, float]
     matched: Matched
     fix: NDArray[np.int8]
+    lon_deg: NDArray[np.float64]
+    lat_deg: NDArray[np.float64]
     tables: dict[str, Table]
     outlier: NDArray[np.bool_]
     sigma_m: NDArray[np.float64]
@@ -110,6 +113,8 @@ def evaluate(
         antenna_offset_m=antenna_offset_m,
         matched=found,
         fix=fix,
+        lon_deg=test.lon_deg[found.epoch],
+        lat_deg=test.lat_deg[found.epoch],
         tables=tables,
         outlier=outlier,
         sigma_m=sigma,

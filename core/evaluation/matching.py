@@ -72,6 +72,13 @@ class Matched:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    @property
+    def unbroken(self) -> list[int]:
+        """Indices at which runs of epochs without a gap begin, and the number of epochs."""
+        step = np.diff(self.t_s)
+        wide = np.flatnonzero(step > max(1.0, 3.0 * float(np.median(step)))) + 1 if len(step) else np.empty(0, np.intp)
+        return [0, *wide.tolist(), len(self)]
+
 
 def at_rest(lon_deg: float, lat_deg: float, height_m: float, like: GnssTrack, name: str) -> GnssTrack:
     """A reference at a known fixed position, with the epochs of a test."""

@@ -31,10 +31,13 @@ def mean_width_m(polygon: shapely.Polygon) -> float:
 
 
 def parts(shape: BaseGeometry) -> list[shapely.Polygon]:
-    """The polygons of a geometry, from the largest to the smallest, without slivers and without holes that are."""
+    """The polygons of a geometry, from the largest to the smallest, without slivers and without holes that are.
+
+    GEOS' overlays may leave a ring that crosses itself by less than a nanometre; such polygons are made valid.
+    """
     found = [
         _without_sliver_holes(part)
-        for part in shapely.get_parts(shape)
+        for part in shapely.get_parts(shapely.get_parts(shapely.make_valid(shapely.get_parts(shape))))
         if isinstance(part, shapely.Polygon) and mean_width_m(part) > SLIVER_M
     ]
     return sorted(found, key=lambda part: -part.area)

@@ -1,9 +1,10 @@
-"""The result of a GNSS evaluation as figures and as a table of epochs."""
+"""The results of GNSS evaluations as figures and as tables."""
 
 from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -14,25 +15,72 @@ from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Row
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
+from furrowmap.exporters.files.csv_cells import cell
 
 HEADER: Final = (
-    "time", "t_s", "x_m", "y_m", "z_m", "error_2d_m", "error_3d_m", "along_m", "across_m", "speed_mps", "fix",
-    "reference_fix", "interpolated", "sigma_e_m", "sigma_n_m", "sigma_h_m", "age_s", "outlier",
+    "service", "time", "t_s", "x_m", "y_m", "z_m", "error_2d_m", "error_3d_m", "along_m", "across_m", "speed_mps",
+    "fix", "reference_fix", "interpolated", "sigma_e_m", "sigma_n_m", "sigma_h_m", "age_s", "outlier",
 )  # fmt: skip
 
 
-def evaluation_figures(found: Evaluation) -> dict[str, Any]:
-    """All figures but those of the epochs; metres with four decimals."""
-    matched, log = found.matched, found.continuity
+def evaluation_figures(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
+    """All figures but those of the epochs; metres with four decimals.
+
+    Args:
+        evaluations: by the name of the service or receiver, all against the same reference.
+    """
     return {
         "furrowmap": version("furrowmap"),
+        "definitions": DEFINITIONS,
+        "services": [{"name": name, **_figures(found)} for name, found in evaluations.items()],
+    }
+
+
+def table_rows(evaluations: Mapping[str, Evaluation]) -> Iterator[dict[str, Any]]:
+    """A row for each service, fix type ("all" for all epochs) and quantity.
+
+    Args:
+        evaluations: by the name of the service or receiver.
+    """
+    for service, found in evaluations.items():
+        for fix, table in found.tables.items():
+            for quantity, row in table.items():
+                yield {
+                    "service": service,
+                    "fix": fix,
+                    "quantity": quantity,
+                    "epochs": row.n,
+                    "average_m": row.average_m,
+                    "standard_deviation_m": row.standard_deviation_m,
+                    "rmse_m": row.rmse_m,
+                    "p95_m": row.percentiles_m[QUANTILES.index(0.95)],
+                    "greatest_m": row.greatest_m,
+                }
+
+
+def write_table(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
+    """Write the rows of :func:`table_rows` as CSV; unknown values are empty.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        for number, row in enumerate(table_rows(evaluations)):
+            if not number:
+                table.writerow(row)
+            table.writerow([_cell(value) if isinstance(value, float) else cell(value) for value in row.values()])
+
+
+def _figures(found: Evaluation) -> dict[str, Any]:
+    matched, log = found.matched, found.continuity
+    return {
         "test": {"file": found.test, "service": found.service or None},
         "reference": {
             "file": found.reference,
             "service": found.reference_service or None,
             "share_by_fix": _rounded(found.reference_share_by_fix),
         },
-        "definitions": DEFINITIONS,
         "antenna_offset_m": found.antenna_offset_m,
         "epochs": {
             "in_test": log.epochs,
@@ -74,12 +122,20 @@ def evaluation_figures(found: Evaluation) -> dict[str, Any]:
     }
 
 
-def write_epochs(path: Path, found: Evaluation) -> None:
-    """Write a row for each compared epoch; unknown values are empty.
+def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
+    """Write a row for each compared epoch of each service; unknown values are empty.
 
     Raises:
         OSError: if the file cannot be written.
     """
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(HEADER)
+        for service, found in evaluations.items():
+            table.writerows([cell(service), *row] for row in _epochs(found))
+
+
+def _epochs(found: Evaluation) -> Iterator[list[Any]]:
     matched = found.matched
     error = matched.error_m
     columns = [
@@ -89,13 +145,10 @@ def write_epochs(path: Path, found: Evaluation) -> None:
     numbers = [[_cell(value) for value in column.tolist()] for column in columns]
     sigmas = [[_cell(value) for value in found.sigma_m[:, axis].tolist()] for axis in range(3)]
     labels = {int(fix): fix.label for fix in Fix}
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(HEADER)
-        for k, t_s in enumerate(matched.t_s.tolist()):
-            fixes = labels[int(found.fix[k])], labels[int(matched.reference_fix[k])], int(matched.interpolated[k])
-            last = *(column[k] for column in sigmas), _cell(float(found.age_s[k])), int(found.outlier[k])
-            table.writerow([iso_utc(t_s), repr(t_s), *(column[k] for column in numbers), *fixes, *last])
+    for k, t_s in enumerate(matched.t_s.tolist()):
+        fixes = labels[int(found.fix[k])], labels[int(matched.reference_fix[k])], int(matched.interpolated[k])
+        last = *(column[k] for column in sigmas), _cell(float(found.age_s[k])), int(found.outlier[k])
+        yield [iso_utc(t_s), repr(t_s), *(column[k] for column in numbers), *fixes, *last]
 
 
 def _cell(value: float) -> str:

@@ -1,9 +1,10 @@
-"""A GNSS evaluation as a folder: `evaluation.json`, `epochs.csv` and an HTML page."""
+"""GNSS evaluations as a folder: figures, tables, layers and an HTML page."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -18,23 +19,25 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
-from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs
+from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
 from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, remark, section
+from furrowmap.exporters.reports.services_section import PAPER, service_sections
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
+from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.gnss_layers import gnss_layers
 
 FloatArray = NDArray[np.float64]
 
-PRODUCTS: Final = ("evaluation.json", "evaluation.html", "epochs.csv")
-_PAPER: Final = ("3D", "2D", "X", "Y", "Z")
+PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
 _MARGIN: Final = 0.05
 
 
-def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> None:
+def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, overwrite: bool) -> None:
     """Write :data:`PRODUCTS`, all of them or none.
 
     Args:
         folder: to write to; created where missing.
-        found: the evaluation.
+        evaluations: by the name of the service or receiver, all against the same reference.
         overwrite: replace those of another evaluation.
 
     Raises:
@@ -43,38 +46,69 @@ def write_evaluation(folder: Path, found: Evaluation, *, overwrite: bool) -> Non
     """
     refuse_products(folder, PRODUCTS, overwrite=overwrite)
     with staged_folder(folder) as staging:
-        (staging / "evaluation.json").write_text(json_text(evaluation_figures(found)), encoding="utf-8")
-        write_epochs(staging / "epochs.csv", found)
-        (staging / "evaluation.html").write_text(page(found), encoding="utf-8", errors="xmlcharrefreplace")
+        (staging / "evaluation.json").write_text(json_text(evaluation_figures(evaluations)), encoding="utf-8")
+        write_table(staging / "services.csv", evaluations)
+        write_epochs(staging / "epochs.csv", evaluations)
+        layers = gnss_layers(evaluations)
+        for layer in layers:
+            write_layer(staging / "evaluation.gpkg", layer, "EPSG:4326", indexed=True)
+        write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers])
+        (staging / "evaluation.html").write_text(page(evaluations), encoding="utf-8", errors="xmlcharrefreplace")
 
 
-def page(found: Evaluation) -> str:
+def page(evaluations: Mapping[str, Evaluation]) -> str:
     """The page, as HTML."""
-    matched = found.matched
+    found = list(evaluations.values())
+    one = len(found) == 1
+    notices = list(dict.fromkeys(notice.text for each in found for notice in each.notices))
+    references = list(dict.fromkeys(each.reference for each in found))
     sections = [
-        *(
-            section(f"{_kind(kind)}: {next(iter(rows.values())).n:,} epochs", _table(rows))
-            for kind, rows in found.tables.items()
-        ),
-        section("Errors over time", _graphs(found)),
-        section("Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
-        section("Continuity", _continuity(found)),
+        *(service_sections(evaluations) if not one else []),
+        *(part for name, each in evaluations.items() for part in _sections(each, "" if one else f"{name}: ")),
         section("Definitions", _list([f"{name}: {text}" for name, text in DEFINITIONS.items()])),
-        *([section("Warnings", _list([notice.text for notice in found.notices]))] if found.notices else []),
+        *([section("Warnings", _list(notices))] if notices else []),
     ]
+    figures = (
+        _figures(found[0]) if one else [figure for name, each in evaluations.items() for figure in _short(name, each)]
+    )
+    begin_s, end_s = min(each.matched.t_s[0] for each in found), max(each.matched.t_s[-1] for each in found)
     return filled(
-        title="Accuracy of a GNSS log",
-        when=f"{iso_utc(float(matched.t_s[0]))} to {iso_utc(float(matched.t_s[-1]))}",
-        summary=escape(
-            f"{_name(found.test, found.service)} against {_name(found.reference, found.reference_service)}: "
-            f"{len(matched):,} of {found.continuity.epochs:,} positions compared."
-        ),
-        figures=_figures(found),
+        title="Accuracy of a GNSS log" if one else "Accuracy of GNSS services",
+        when=f"{iso_utc(float(begin_s))} to {iso_utc(float(end_s))}",
+        summary=escape(" ".join(_summary(each) for each in found)),
+        figures=figures,
         sections=sections,
         provenance=escape(
-            f"furrowmap {evaluation_figures(found)['furrowmap']}. Test: {found.test}. Reference: {found.reference}."
+            f"furrowmap {version('furrowmap')}. Test: {', '.join(each.test for each in found)}. "
+            f"Reference: {', '.join(references)}."
         ),
     )
+
+
+def _summary(found: Evaluation) -> str:
+    return (
+        f"{_name(found.test, found.service)} against {_name(found.reference, found.reference_service)}: "
+        f"{len(found.matched):,} of {found.continuity.epochs:,} positions compared."
+    )
+
+
+def _sections(found: Evaluation, before: str) -> list[str]:
+    """The sections of one service; `before` begins their titles."""
+    return [
+        *(
+            section(f"{before}{_kind(kind)}: {next(iter(rows.values())).n:,} epochs", _table(rows))
+            for kind, rows in found.tables.items()
+        ),
+        section(f"{before}Errors over time", _graphs(found)),
+        section(f"{before}Trajectories", f'<div class="maps">{_map(found)}</div>{_key(found)}'),
+        section(f"{before}Continuity", _continuity(found)),
+    ]
+
+
+def _short(name: str, found: Evaluation) -> list[str]:
+    """The figures of one of several services."""
+    rows = found.tables["all"]
+    return [key_figure(_metres(rows[axis].rmse_m), f"RMSE {axis}, {name}") for axis in ("2D", "Z")]
 
 
 def _name(file: str, service: str) -> str:
@@ -103,7 +137,7 @@ def _figures(found: Evaluation) -> list[str]:
 
 def _table(rows: Table) -> str:
     """The table of the paper, with percentiles and the components along and across the track."""
-    names = [name for name, row in rows.items() if name in _PAPER or row.n]
+    names = [name for name, row in rows.items() if name in PAPER or row.n]
     head = "".join(f"<th>{name} [m]</th>" for name in names)
     lines = [
         ("Average", [rows[name].average_m for name in names]),
@@ -147,7 +181,7 @@ def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str)
         for a, b in pairwise(edges)
     ]
     parts += axis.grid(time.left, lambda v: f"{v:.3g} m")
-    for a, b in _unbroken(found):
+    for a, b in pairwise(found.matched.unbroken):
         parts += curve(time.at(t_s[a:b]), np.clip(axis.at(values[a:b]), 20.0, 150.0))
     parts += time.labels(150.0)
     return drawing(WIDTH, 172.0, parts, f"{title} over time")
@@ -156,14 +190,7 @@ def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str)
 def _edges(found: Evaluation) -> list[int]:
     """Indices at which the kind of fix changes or a gap begins, with both ends."""
     cuts = np.flatnonzero(np.diff(found.fix) != 0) + 1
-    return sorted({0, *cuts.tolist(), *(a for a, _ in _unbroken(found)), len(found.fix)})
-
-
-def _unbroken(found: Evaluation) -> list[tuple[int, int]]:
-    """Index ranges of epochs without a gap."""
-    step = np.diff(found.matched.t_s)
-    wide = np.flatnonzero(step > max(1.0, 3.0 * float(np.median(step)))) + 1 if len(step) else np.empty(0, np.intp)
-    return list(pairwise([0, *wide.tolist(), len(found.matched)]))
+    return sorted({0, *cuts.tolist(), *found.matched.unbroken})
 
 
 def _map(found: Evaluation) -> str:
@@ -173,7 +200,7 @@ def _map(found: Evaluation) -> str:
     east, north = np.quantile(whole, 0.999, axis=0)
     margin = max(_MARGIN * max(east - west, north - south), 0.05)
     sheet = Sheet.of((west - margin, south - margin, east + margin, north + margin))
-    parts = [sheet.line(reference[a:b], "way") for a, b in _unbroken(found) if b - a > 1]
+    parts = [sheet.line(reference[a:b], "way") for a, b in pairwise(found.matched.unbroken) if b - a > 1]
     for a, b in pairwise(_edges(found)):
         part = np.clip(test[a : b + 1 if b in _within(found) else b], sheet.box_m[:2], sheet.box_m[2:])
         if len(part) > 1:
@@ -183,7 +210,7 @@ def _map(found: Evaluation) -> str:
 
 def _within(found: Evaluation) -> set[int]:
     """Indices at which the kind of fix changes without a gap: a line continues to the next part."""
-    return set(_edges(found)[1:-1]) - {a for a, _ in _unbroken(found)}
+    return set(_edges(found)[1:-1]) - set(found.matched.unbroken)
 
 
 def _key(found: Evaluation) -> str:

@@ -59,7 +59,7 @@
   <message><source>Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.</source><translation>農場マップに含まれるセッションのサーフェスを一つのラスタに結合します。重なる部分では最新のセッションを使います。.vrt は元のサーフェスを参照する小さなファイル、.tif は全バンドを含むクラウド最適化 GeoTIFF です。</translation></message>
   <message><source>Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.</source><translation>点を名前で対応させ、軸ごとに比較します。CLOUD_OR_DSM には計測した点の CSV も指定できます。</translation></message>
   <message><source>Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy Standards, Edition 2 (2023), and includes the accuracy of the points.</source><translation>点群またはサーフェスを測量点と比較します。RMSE は ASPRS Positional Accuracy Standards 第 2 版（2023）に従い、測量点の精度を含みます。</translation></message>
-  <message><source>Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。</translation></message>
+  <message><source>Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their tracks and errors become layers.</source><translation>GNSS ログの位置を同じエポックの基準と比較し、3D、2D、X、Y、Z の平均、標準偏差、RMSE を全エポックと測位解の種類ごとに求めます。複数のサービスは一つの表で比較され、軌跡と誤差はレイヤになります。</translation></message>
   <message><source>Compute the published method beside the default one.</source><translation>公表された方法も既定の方法とあわせて計算します。</translation></message>
   <message><source>Compute the published method, too</source><translation>公表された方法も計算</translation></message>
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
@@ -91,7 +91,7 @@
   <message><source>Ephemerides (RINEX)</source><translation>航法暦（RINEX）</translation></message>
   <message><source>Epochs of the reference</source><translation>基準のエポック</translation></message>
   <message><source>Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: on average the ground is level, and ground scanned twice coincides.</source><translation>スキャナの取り付けと、GNSS 受信機との時計のオフセットを記録から推定します。地面は平均して水平であること、二度計測した地面は一致することを使います。</translation></message>
-  <message><source>Evaluate a GNSS log</source><translation>GNSS ログの評価</translation></message>
+  <message><source>Evaluate GNSS logs</source><translation>GNSS ログの評価</translation></message>
   <message><source>Evaluation (HTML)</source><translation>評価（HTML）</translation></message>
   <message><source>Every n-th point</source><translation>n 点ごとに 1 点</translation></message>
   <message><source>Exit status 4 if the results contradict each other; they are written all the same.</source><translation>結果が互いに矛盾する場合は終了ステータス 4 とします。結果はその場合も書き出されます。</translation></message>
@@ -110,9 +110,9 @@
   <message><source>First number</source><translation>最初の番号</translation></message>
   <message><source>First number.</source><translation>最初の番号。</translation></message>
   <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth where there are tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
-  <message><source>Folder for evaluation.json, evaluation.html and epochs.csv.</source><translation>evaluation.json、evaluation.html、epochs.csv のフォルダ。</translation></message>
+  <message><source>Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.</source><translation>evaluation.json、evaluation.html、evaluation.gpkg、services.csv、epochs.csv のフォルダ。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
-  <message><source>Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.</source><translation>前、左、上の順。同じ車両上で、基準のアンテナからログのアンテナまで。</translation></message>
+  <message><source>Forward,left,up: from the antenna of the reference to that of the log, on the same vehicle. One line for all logs, or one for each.</source><translation>前,左,上の順。同じ車両上で、基準のアンテナからログのアンテナまで。全ログに共通なら 1 行、ログごとなら 1 行ずつ。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
   <message><source>Frames of a session</source><translation>セッションの座標系</translation></message>
   <message><source>GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.</source><translation>GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、または頂点の CSV。座標系は問いません。</translation></message>
@@ -144,7 +144,7 @@
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
-  <message><source>Log to evaluate</source><translation>評価するログ</translation></message>
+  <message><source>Logs to evaluate</source><translation>評価するログ</translation></message>
   <message><source>Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the first plot, and the other end of the first row.</source><translation>試験区を、番号とブロックを持つ長方形の格子として作成します。最初の試験区の外側の角と、最初の行のもう一方の端を地図上でクリックしてください。</translation></message>
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
@@ -156,7 +156,8 @@
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
-  <message><source>NMEA, or another log that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>NMEA, or other logs that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
+  <message><source>Names</source><translation>名前</translation></message>
   <message><source>Navigation files of the same day.</source><translation>同じ日の航法ファイル。</translation></message>
   <message><source>Net parcels from a file</source><translation>調査区画のファイル</translation></message>
   <message><source>Net parcels with the same identifiers, instead of an inset.</source><translation>同じ識別子をもつ調査区画。内側への幅の代わりに指定します。</translation></message>
@@ -176,6 +177,7 @@
   <message><source>Observations of the rover.</source><translation>移動局の観測データ。</translation></message>
   <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
+  <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>

@@ -554,13 +554,14 @@ ALGORITHMS = (
     ),
     Algorithm(
         "gnss evaluate",
-        "Evaluate a GNSS log",
+        "Evaluate GNSS logs",
         "accuracy",
-        "Compares the positions of a GNSS log with a reference at the same epochs: mean, standard deviation and RMSE "
-        "in 3D, 2D, X, Y and Z, for all epochs and by fix type.",
+        "Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE "
+        "in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their "
+        "tracks and errors become layers.",
         basic={
-            "test": parameter("TEST", "Log to evaluate", "NMEA, or another log that 'Inspect recordings' reads."),
-            "reference": parameter(
+            "test": parameter("TEST", "Logs to evaluate", "NMEA, or other logs that 'Inspect recordings' reads."),
+            "--reference": parameter(
                 "REFERENCE",
                 "Reference log",
                 "Another log of the same drive, or a trajectory.",
@@ -575,13 +576,17 @@ ALGORITHMS = (
                 count=3,
                 required=False,
             ),
+            "--name": parameter(
+                "NAMES", "Names", "Of the services in the tables: one per line, in the order of the logs."
+            ),
             "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
             "--antenna-offset": parameter(
                 "OFFSET",
                 "Antenna offset (m)",
-                "Forward, left, up: from the antenna of the reference to that of the log, on the same vehicle.",
+                "Forward,left,up: from the antenna of the reference to that of the log, on the same vehicle. One line "
+                "for all logs, or one for each.",
             ),
             "--reference-fix": parameter("REFERENCE_FIX", "Epochs of the reference"),
             "--max-gap": parameter("MAX_GAP", "Maximum interpolation gap"),
@@ -597,6 +602,8 @@ ALGORITHMS = (
                 lambda answer: str(Path(answer["output"]) / "evaluation.html") if answer["output"] else None,
             ),
         ),
+        opens=True,
+        layers=lambda answer: [str(Path(answer["output"]) / "evaluation.gpkg")] if answer["output"] else [],
     ),
     Algorithm(
         "check",

@@ -116,10 +116,11 @@ def test_range_image__of_a_plane_is_its_closed_form() -> None:
 def test_evaluate_gnss__has_the_tables_of_each_log(simulated: furrowmap.Simulated) -> None:
     logs = {"CLAS": simulated.folder / "gnss.nmea", "RTK": str(simulated.folder / "reference.nmea")}
     reference = simulated.folder / "reference.nmea"
-    table = furrowmap.evaluate_gnss(logs, str(reference))
+    found = furrowmap.evaluate_gnss(logs, str(reference))
+    table = furrowmap.evaluation_table(found)
     assert list(table["service"].unique()) == ["CLAS", "RTK"]
     for service, log in logs.items():
-        tables = furrowmap.evaluate_log(log, reference).tables
+        tables = furrowmap.evaluate_gnss({"one": log}, reference)["one"].tables
         rows = table[table["service"] == service].set_index(["fix", "quantity"])
         assert set(rows.index) == {(fix, quantity) for fix, found in tables.items() for quantity in found}
         for fix, found in tables.items():
@@ -133,6 +134,6 @@ def test_evaluate_gnss__has_the_tables_of_each_log(simulated: furrowmap.Simulate
 def test_evaluate_gnss__settings_hold_for_all_logs(simulated: furrowmap.Simulated) -> None:
     reference = simulated.folder / "reference.nmea"
     settings = furrowmap.EvaluationSettings(antenna_offset_m=(0.0, 0.0, 0.5))
-    table = furrowmap.evaluate_gnss({"RTK": reference}, reference, settings)
+    table = furrowmap.evaluation_table(furrowmap.evaluate_gnss({"RTK": reference}, reference, settings=settings))
     heights = table[(table["fix"] == "all") & (table["quantity"] == "Z")]
     assert heights["average_m"].item() == pytest.approx(-0.5, abs=1e-6)

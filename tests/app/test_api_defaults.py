@@ -16,7 +16,7 @@ FLAGS = {
     "solve_gnss": {"overwrite"},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
-    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_log", "export", "fields", "mosaic")},
+    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_gnss", "export", "fields", "mosaic")},
     **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""
@@ -25,7 +25,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "check": {"targets": "none", "diameter_m": 0.3},
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,
                            "ground": "none", "voxel_m": None}},
-    "evaluate_log": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
+    "evaluate_gnss": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
     "solve_gnss": {"static": False, "mask_deg": 15.0},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
@@ -52,4 +52,4 @@ def test_defaults__change_nothing_that_was_not_asked_for(name: str) -> None:
     assert {key: value for key, value in found.items() if isinstance(value, str | tuple)}.items() <= TEXTS.items()
     settings = [value for value in found.values() if is_dataclass(value) and not isinstance(value, type)]
     stated = {key: value for one in settings for key, value in asdict(one).items() if value is not None}
-    assert stated == SETTINGS.get({"evaluate_gnss": "evaluate_log", "check_pairs": "check"}.get(name, name), {})
+    assert stated == SETTINGS.get({"check_pairs": "check"}.get(name, name), {})

@@ -28,7 +28,7 @@ from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.workflows.calibrate import write_calibration
-from furrowmap.workflows.evaluate_gnss import evaluate_log
+from furrowmap.workflows.evaluate_gnss import evaluate_gnss
 from furrowmap.workflows.export import export
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.texts import worked
@@ -240,7 +240,7 @@ WRITERS: Mapping[str, Writer] = {
     ),
     "mosaic": Writer(_surface, lambda surface, out: write_mosaic([surface], out), "mosaic.tif"),
     "virtual": Writer(_surface, lambda surface, out: write_mosaic([surface], out), "mosaic.vrt"),
-    "gnss": Writer(_log, lambda log, out: evaluate_log(log, log, out, overwrite=True), "evaluation"),
+    "gnss": Writer(_log, lambda log, out: evaluate_gnss({"log": log}, log, out, overwrite=True), "evaluation"),
     "preview": Writer(
         _session,
         lambda session, out: furrowmap.preview(session, out),

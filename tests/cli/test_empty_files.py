@@ -25,8 +25,8 @@ COMMANDS = (
     "farm mosaic {it} -o {out}.tif",
     "calibrate {it}",
     "crs {it}",
-    "gnss evaluate {it} 35,139,10 -o {out}",
-    "gnss evaluate {it} {it} -o {out}",
+    "gnss evaluate {it} --reference 35,139,10 -o {out}",
+    "gnss evaluate {it} --reference {it} -o {out}",
     "check {it} {survey}",
     "simulate {it} -o {out}",
 )

@@ -204,8 +204,9 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         ),
         "gnss_evaluate": run(
             "gnss_evaluate",
-            TEST=folder / "gnss.nmea",
+            TEST=[str(folder / "gnss.nmea"), str(folder / "reference.nmea")],
             REFERENCE=folder / "reference.nmea",
+            NAMES="CLAS\nRTK",
             OUTPUT=folder / "evaluation",
         ),
         "check": run(
@@ -431,7 +432,9 @@ def test_gnss_evaluate__gives_what_the_command_line_gives(
     answers: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert answers["gnss_evaluate"]["error"] is None
-    by_hand = answer_of(capsys, "gnss", "evaluate", folder / "gnss.nmea", folder / "reference.nmea")
+    logs = (folder / "gnss.nmea", folder / "reference.nmea")
+    names = ("--name", "CLAS", "--name", "RTK")
+    by_hand = answer_of(capsys, "gnss", "evaluate", *logs, "--reference", logs[1], *names)
     findings = json.loads(answers["gnss_evaluate"]["outputs"]["FINDINGS"])
     assert {key: findings[key] for key in by_hand if key not in ("output", "products")} == {
         key: value for key, value in by_hand.items() if key not in ("output", "products")

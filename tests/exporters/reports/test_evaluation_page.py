@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pytest
+import shapely
 
 from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
 from furrowmap.core.values.errors import RefusedError
@@ -36,15 +39,22 @@ def driven(n: int = 300, *, source: str = "test.pos", still: bool = False) -> tu
     return test, truth
 
 
-def judged(**options: object) -> Evaluation:
-    return evaluate(*driven(**options))  # type: ignore[arg-type]
+def judged(**options: object) -> dict[str, Evaluation]:
+    return {"MADOCA": evaluate(*driven(**options))}  # type: ignore[arg-type]
+
+
+def services() -> dict[str, Evaluation]:
+    """Two services against the same reference, one of them worse."""
+    test, truth = driven()
+    worse = replace(test, lon_deg=truth.lon_deg + 5e-6, source="slas.pos", service="slas")
+    return {"MADOCA": evaluate(test, truth), "SLAS": evaluate(worse, truth)}
 
 
 def test_figures__are_the_same_in_table_and_json(tmp_path: Path) -> None:
     found = judged()
     write_evaluation(tmp_path / "out", found, overwrite=False)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(PRODUCTS)
-    told = json.loads((tmp_path / "out/evaluation.json").read_text())
+    (told,) = json.loads((tmp_path / "out/evaluation.json").read_text())["services"]
     with (tmp_path / "out/epochs.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == HEADER
@@ -59,7 +69,49 @@ def test_figures__are_the_same_in_table_and_json(tmp_path: Path) -> None:
             assert table["rmse_m"] == pytest.approx(np.sqrt(np.mean(values**2)), abs=2e-4)
     assert told["test"]["service"] == "madoca"
     assert told["continuity"]["gaps"] == 1
-    assert "RMSE" in told["definitions"]
+
+
+def test_services__are_in_one_table_as_one_by_one(tmp_path: Path) -> None:
+    found = services()
+    write_evaluation(tmp_path / "both", found, overwrite=False)
+    with (tmp_path / "both/services.csv").open(encoding="utf-8", newline="") as file:
+        both = list(csv.DictReader(file))
+    alone = []
+    for name, one in found.items():
+        write_evaluation(tmp_path / name, {name: one}, overwrite=False)
+        with (tmp_path / name / "services.csv").open(encoding="utf-8", newline="") as file:
+            alone += list(csv.DictReader(file))
+    assert both == alone
+    (row,) = [row for row in both if (row["service"], row["fix"], row["quantity"]) == ("SLAS", "all", "X")]
+    east_m = np.radians(5e-6) * 6_378_137.0 / np.sqrt(1 - 0.00669438 * np.sin(np.radians(36.0)) ** 2)
+    assert float(row["average_m"]) == pytest.approx(east_m * np.cos(np.radians(36.0015)), abs=2e-4)
+
+
+def test_layers__of_services_lie_where_the_logs_do(tmp_path: Path) -> None:
+    found = services()
+    write_evaluation(tmp_path, found, overwrite=False)
+    errors = geopandas.read_file(tmp_path / "evaluation.gpkg", layer="gnss_errors")
+    tracks = geopandas.read_file(tmp_path / "evaluation.gpkg", layer="gnss_tracks").set_index("service")
+    assert errors.crs.to_epsg() == tracks.crs.to_epsg() == 4326
+    assert errors.groupby("service").size().to_dict() == {"MADOCA": 300, "SLAS": 300}
+    slas = errors[errors["service"] == "SLAS"]
+    np.testing.assert_allclose(slas.geometry.x, 140.0 + 5e-6, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(slas["error_2d_m"], np.hypot(slas["x_m"], slas["y_m"]), atol=1e-12)
+    assert list(tracks.index) == ["MADOCA", "SLAS", "reference"]
+    assert list(tracks["is_reference"]) == [False, False, True]
+    true = shapely.get_coordinates(tracks.geometry["reference"])
+    np.testing.assert_allclose(true[:, 0], 140.0, rtol=0, atol=1e-10)  # 0.01 mm
+    assert len(shapely.get_parts(tracks.geometry["SLAS"])) == 2, "no line across the gap"
+
+
+def test_page__of_several_services_has_them_side_by_side() -> None:
+    text = page(services())
+    table = text.partition("Services side by side")[2].partition("</section>")[0]
+    assert re.findall(r"<th class=.text.[^>]*>(\w+):", table) == ["MADOCA", "SLAS"]
+    assert table.count("<td>RMSE</td>") == 2
+    assert text.count('class="service"') == 4
+    assert "SLAS: Trajectories" in text
+    assert "nan" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL).lower()
 
 
 def test_page__needs_nothing_but_itself_and_is_whole() -> None:
@@ -82,6 +134,7 @@ def test_page__needs_nothing_but_itself_and_is_whole() -> None:
     tags.feed(text)
     assert tags.open == []
     assert re.findall(r"(?:src|href)=\"(?!data:)[^\"]*\"|https?://|<script", text) == []
+    assert "Services side by side" not in text
     for words in ("Standard deviation", "95 % below", "Trajectories", "Errors over time", "population", "MADOCA"):
         assert words in text
 
