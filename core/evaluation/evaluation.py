@@ -97,10 +97,6 @@ def evaluate(
         raise _nothing(f"{test.source}: {why}.")
     found = _part(found, kept)
     fix, error = test.fix[found.epoch], found.error_m
-    tables = {"all": table(error, found.along_m, found.across_m)}
-    for kind in np.unique(fix).tolist():
-        mine = fix == kind
-        tables[Fix(kind).label] = table(error[mine], found.along_m[mine], found.across_m[mine])
     outlier = outliers(error, fix)
     # Errors of poor fixes drift and would be taken for a clock offset.
     steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
@@ -115,7 +111,7 @@ def evaluate(
         fix=fix,
         lon_deg=test.lon_deg[found.epoch],
         lat_deg=test.lat_deg[found.epoch],
-        tables=tables,
+        tables=_tables(found, fix),
         outlier=outlier,
         sigma_m=sigma,
         age_s=test.age_s[found.epoch],
@@ -126,6 +122,14 @@ def evaluate(
         left_out_by_reference_fix=left_out,
         notices=tuple(_notices(test, reference, found, certain[kept])),
     )
+
+
+def _tables(found: Matched, fix: NDArray[np.int8]) -> dict[str, Table]:
+    tables = {"all": table(found.error_m, found.along_m, found.across_m)}
+    for kind in np.unique(fix).tolist():
+        mine = fix == kind
+        tables[Fix(kind).label] = table(found.error_m[mine], found.along_m[mine], found.across_m[mine])
+    return tables
 
 
 def _share_by_fix(fix: NDArray[np.int8]) -> dict[str, float]:
