@@ -71,6 +71,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.fields import Fields as Fields
     from furrowmap.workflows.fields import fields as fields
     from furrowmap.workflows.frames import frames as frames
+    from furrowmap.workflows.growth import GrowthSettings as GrowthSettings
+    from furrowmap.workflows.growth import growth as growth
     from furrowmap.workflows.inspect import inspect as inspect
     from furrowmap.workflows.mosaic import mosaic as mosaic
     from furrowmap.workflows.parcels import ParcelSettings as ParcelSettings
@@ -105,6 +107,7 @@ _HOMES = {
     "FarmMapChange": "workflows.farm",
     "Fields": "workflows.fields",
     "FurrowmapError": "core.values.errors",
+    "GrowthSettings": "workflows.growth",
     "InputError": "core.values.errors",
     "Inspection": "core.readers.reader",
     "KnownSession": "exporters.farm.edit",
@@ -143,6 +146,7 @@ _HOMES = {
     "farm_map_sessions": "workflows.farm",
     "fields": "workflows.fields",
     "frames": "workflows.frames",
+    "growth": "workflows.growth",
     "inspect": "workflows.inspect",
     "mosaic": "workflows.mosaic",
     "open_points": "points",

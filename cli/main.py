@@ -26,6 +26,7 @@ COMMANDS: Final = (
     "surface",
     "cloud",
     "parcels",
+    "growth",
     "fields",
     "plots",
     "response",

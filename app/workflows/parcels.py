@@ -147,7 +147,7 @@ def parcels(
         staged_folder(folder) as staging,
         ParcelPoints(areas, staging.parent, settings.around_m) as points,
     ):
-        notices, span_s = _collect(opened, file, points, settings, progress)
+        notices, span_s = collect(opened, file, points, settings.classes, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
@@ -202,8 +202,8 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
         yield points
 
 
-def _collect(
-    clouds: Clouds, parcels: Path, points: ParcelPoints, settings: ParcelSettings, progress: Progress
+def collect(
+    clouds: Clouds, parcels: Path, points: ParcelPoints, classes: frozenset[int] | None, progress: Progress
 ) -> tuple[list[Notice], tuple[float, float] | None]:
     """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
 
@@ -218,7 +218,7 @@ def _collect(
         notices.extend(survey.notices())
 
     for batch in clouds.batches(
-        points.box_m, settings.classes, seen, lambda done: progress("reading clouds", min(done / total, 1.0))
+        points.box_m, classes, seen, lambda done: progress("reading clouds", min(done / total, 1.0))
     ):
         points.add(batch.xyz_m)
         if batch.t_s is not None and len(batch.t_s):

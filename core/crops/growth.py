@@ -18,12 +18,14 @@ class Growth:
         days: number of days with a value.
         rate_m_day: slope of its height over time by least squares.
         sigma_m_day: standard deviation of the rate from those of the heights; nan where these are unknown.
+        span_days: from the first of its days to the last.
     """
 
     id: str
     days: int
     rate_m_day: float
     sigma_m_day: float
+    span_days: int
 
 
 def growth_of(
@@ -52,5 +54,5 @@ def growth_of(
         weights = (t - t.mean()) / ((t - t.mean()) ** 2).sum()
         rate = float(weights @ [heights_m[k][name] for k in own])
         sigma = [sigmas_m[k].get(name, np.nan) if sigmas_m is not None else np.nan for k in own]
-        found.append(Growth(name, len(own), rate, float(np.sqrt(weights**2 @ np.square(sigma)))))
+        found.append(Growth(name, len(own), rate, float(np.sqrt(weights**2 @ np.square(sigma))), int(np.ptp(t))))
     return tuple(found)

@@ -20,7 +20,12 @@ from furrowmap.core.values.parcel import Parcel
 FloatArray = NDArray[np.float64]
 
 MEASURE: Final = "mean_height_m"
-_SIGMAS: Final = {MEASURE: "height_sigma_m", "volume_m3": "volume_sigma_m3"}
+_SIGMAS: Final = {
+    MEASURE: "height_sigma_m",
+    "volume_m3": "volume_sigma_m3",
+    "rate_m_day": "rate_sigma_m_day",
+    "growth_m": "growth_sigma_m",
+}
 """Column with the standard deviation of a quantity."""
 _NOWHERE: Final = shapely.Polygon()
 

@@ -206,13 +206,13 @@ class SoilAround:
 
 def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface") -> SoilAround:
     """The soil from the cells around each parcel."""
-    clean = {name: _fewer(without_crop(cells), MOST_CELLS) for name, cells in near.items()}
+    clean = {name: fewer(without_crop(cells), MOST_CELLS) for name, cells in near.items()}
     full = [cells for cells in clean.values() if len(cells) > FEWEST_CELLS]
     step = max(1, len(full) // TRIED)
-    return SoilAround(clean, relief_of([_fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]]), method)
+    return SoilAround(clean, relief_of([fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]]), method)
 
 
-def _fewer(cells: SoilCells, most: int) -> SoilCells:
+def fewer(cells: SoilCells, most: int) -> SoilCells:
     """At most so many of the cells, evenly chosen."""
     if len(cells) <= most:
         return cells

@@ -56,6 +56,11 @@ PARCEL_TABLE: Final = "parcels.csv"
 PARCELS: Final = "parcels.gpkg"
 PARCELS_REPORT: Final = "parcels.json"
 
+GROWTH: Final = "growth.gpkg"
+GROWTH_TABLE: Final = "growth.csv"
+GROWTH_WORKBOOK: Final = "growth.xlsx"
+GROWTH_REPORT: Final = "growth.json"
+
 TRAJECTORY: Final = "trajectory"
 """The layer of `field.gpkg` that every result has."""
 
@@ -112,6 +117,8 @@ SURFACE_PRODUCTS: Final = (
 """All files that `furrowmap surface` may write."""
 PARCEL_PRODUCTS: Final = (PARCELS, PARCEL_TABLE, CROP_HEIGHT, style_of(CROP_HEIGHT), PARCELS_REPORT)
 """All files that `furrowmap parcels` may write."""
+GROWTH_PRODUCTS: Final = (GROWTH, GROWTH_TABLE, GROWTH_WORKBOOK, GROWTH_REPORT)
+"""All files that `furrowmap growth` may write."""
 
 
 class _Input(msgspec.Struct):

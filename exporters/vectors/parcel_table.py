@@ -12,30 +12,40 @@ import numpy as np
 
 from furrowmap.core.crops.figures import ParcelFigures
 from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 
 LAYER: Final = "parcels"
-_DIGITS: Final = {"m": 4, "m2": 2, "m3": 4, "cv": 4}
+_DIGITS: Final = {"m": 4, "m2": 2, "m3": 4, "cv": 4, "day": 6}
 """Decimals in the table by the unit at the end of a name."""
 
 
 def parcel_layer(found: Sequence[MeasuredParcel]) -> Layer:
     """A feature per parcel: its net polygon, its figures, and what else is known of it."""
-    columns: Columns = {"id": _texts([row.parcel.id for row in found])}
+    columns: Columns = {"id": text_column([row.parcel.id for row in found])}
     if any(row.parcel.block is not None for row in found):
-        columns["block"] = _texts([row.parcel.block for row in found])
+        columns["block"] = text_column([row.parcel.block for row in found])
     for field in fields(ParcelFigures)[1:]:
         columns[field.name] = np.array([getattr(row.figures, field.name) for row in found])
     if any(np.isfinite(row.published_height_m) for row in found):
         columns["published_height_m"] = np.array([row.published_height_m for row in found])
         columns["published_volume_m3"] = np.array([row.published_volume_m3 for row in found])
-    for name in dict.fromkeys(name for row in found for name in row.parcel.attributes):
-        if name.casefold() not in {known.casefold() for known in (*columns, "fid", "geom")}:
-            columns[name] = _values([row.parcel.attributes.get(name) for row in found])
+    columns |= attribute_columns([row.parcel for row in found], columns)
     shapes = geometry_array([row.parcel.net for row in found])
     return Layer(LAYER, "Polygon", "Net parcels: height and volume of the crop", shapes, columns)
+
+
+def attribute_columns(parcels: Sequence[Parcel], columns: Columns) -> Columns:
+    """What else is known of parcels; not what has the name of one of the columns."""
+    taken = {known.casefold() for known in (*columns, "fid", "geom")}
+    names = dict.fromkeys(name for parcel in parcels for name in parcel.attributes)
+    return {
+        name: _values([parcel.attributes.get(name) for parcel in parcels])
+        for name in names
+        if name.casefold() not in taken
+    }
 
 
 def write_parcel_table(path: Path, layer: Layer) -> None:
@@ -62,7 +72,8 @@ def _written(name: str, value: Any) -> object:
     return cell(value.item() if isinstance(value, np.generic) else value)
 
 
-def _texts(values: Sequence[str | None]) -> Any:
+def text_column(values: Sequence[str | None]) -> Any:
+    """Texts (n,) as a column; None where there is none."""
     return np.array(values, dtype=object)
 
 
@@ -70,4 +81,4 @@ def _values(values: Sequence[str | float | None]) -> Any:
     """Numbers where all are, with nan where there is none; else texts."""
     if all(value is None or isinstance(value, int | float) for value in values):
         return np.array([np.nan if value is None else float(value) for value in values])
-    return _texts([None if value is None else str(value) for value in values])
+    return text_column([None if value is None else str(value) for value in values])

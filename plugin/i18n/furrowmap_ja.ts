@@ -121,6 +121,8 @@
   <message><source>Ground classification</source><translation>地面の分類</translation></message>
   <message><source>Ground classification method: ground becomes class 2, the rest class 1, except noise and the machine in furrowmap's own clouds. none keeps the classes.</source><translation>地面の分類方法。地面はクラス 2、その他はクラス 1 になります（ノイズと、furrowmap の点群の車両・作業機を除く）。none はクラスを変更しません。</translation></message>
   <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation>地面の分類方法。auto は入力に地面のクラスがあればそれを、なければ smrf を使います。</translation></message>
+  <message><source>Growth</source><translation>生育量</translation></message>
+  <message><source>Growth of crops by parcel</source><translation>区画ごとの作物の生育</translation></message>
   <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
   <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
@@ -129,6 +131,7 @@
   <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
   <message><source>Known point</source><translation>既知点</translation></message>
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
+  <message><source>LAS, LAZ or COPC files of two days or more.</source><translation>2 日以上の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
   <message><source>LAS, LAZ or COPC files; they are used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
@@ -151,6 +154,7 @@
   <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
   <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
   <message><source>Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with standard deviations: a layer of the parcels, a table, and a raster of crop heights.</source><translation>任意の LAS、LAZ、COPC 点群から、区画ごとに作物の高さと体積を標準偏差とともに求めます。区画のレイヤ、表、作物の高さのラスタを出力します。</translation></message>
+  <message><source>Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare soil that they have in common, with standard deviations: a layer coloured by growth, and a table.</source><translation>日を変えて飛行した点群から、区画ごとの作物の生育量（高さの増加）を標準偏差とともに求めます。飛行間の高さは共通する裸地で揃えます。生育量で色分けしたレイヤと表を出力します。</translation></message>
   <message><source>Method for heights and volumes</source><translation>高さと体積の方法</translation></message>
   <message><source>Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.</source><translation>高さと体積の方法。点密度で偏らない群落上端、または 2017 年に公表された方法。</translation></message>
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
@@ -179,6 +183,7 @@
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
+  <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
@@ -256,6 +261,7 @@
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Table of the growth</source><translation>生育量の表</translation></message>
   <message><source>Table of the parcels</source><translation>区画の表</translation></message>
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>

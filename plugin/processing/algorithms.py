@@ -274,6 +274,42 @@ ALGORITHMS = (
         layers=parcels_written,
     ),
     Algorithm(
+        "growth",
+        "Growth of crops by parcel",
+        "crops",
+        "Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare "
+        "soil that they have in common, with standard deviations: a layer coloured by growth, and a table.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files of two days or more."),
+            "parcels_file": parameter(
+                "PARCELS",
+                "Parcels",
+                "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
+            ),
+            "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the clouds: 2017-05-23."),
+            "--net-inset": parameter(
+                "NET_INSET", "Net parcels: metres off each end, off each side", kind="numbers", count=2
+            ),
+            "--output": parameter("OUTPUT", "Output folder"),
+        },
+        advanced={
+            "--net": parameter("NET", "Net parcels from a file"),
+            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
+            "--crs": CLOUDS["--crs"],
+            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("GROWTH", "file", "Growth", product("growth.gpkg")),
+            Output("TABLE", "file", "Table of the growth", product("growth.csv")),
+            Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
+        ),
+        opens=True,
+        layers=lambda answer: [path for path in [product("growth.gpkg")(answer)] if path],
+        layer_group="Growth",
+    ),
+    Algorithm(
         "cloud",
         "Clean point clouds",
         "surfaces",

@@ -16,7 +16,7 @@ FLAGS = {
     "solve_gnss": {"overwrite"},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
-    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_gnss", "export", "fields", "mosaic")},
+    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_gnss", "export", "fields", "growth", "mosaic")},
     **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""
@@ -27,6 +27,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
                            "ground": "none", "voxel_m": None}},
     "evaluate_gnss": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
     "solve_gnss": {"static": False, "mask_deg": 15.0},
+    "growth": {"net_inset_m": (0.0, 0.0)},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},

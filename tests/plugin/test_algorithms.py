@@ -186,6 +186,14 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             NET_INSET="0.3,0.1",
             OUTPUT=folder / "crops",
         ),
+        "growth": run(
+            "growth",
+            CLOUDS=[str(cloud), str(folder / "by_hand" / "cloud.copc.laz")],
+            PARCELS=folder / "parcels.gpkg",
+            DAYS="2016-01-21\n2016-01-31",
+            NET_INSET="0.3,0.1",
+            OUTPUT=folder / "growth",
+        ),
         "response": run(
             "response",
             TABLES=[str(folder / "parcels_truth.csv")],
@@ -394,6 +402,8 @@ def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], 
     assert answers["parcels"]["error"] is None
     assert answers["parcels"]["outputs"]["PARCELS_MEASURED"] == 2
     assert (folder / "crops" / "parcels.csv").exists()
+    assert answers["growth"]["error"] is None
+    assert answers["growth"]["outputs"]["GROWTH"] == str(folder / "growth" / "growth.gpkg")
     assert answers["response"]["error"] is None
     assert answers["response"]["outputs"]["CHART"] == str(folder / "trial" / "response.svg")
 

@@ -1,0 +1,106 @@
+"""`furrowmap growth`: growth of crops by parcel between flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.point_options import classes_of, widths_of
+from furrowmap.cli.tables import file_size, table
+from furrowmap.core.values.errors import printable
+
+SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
+MOST_ROWS = 60
+
+
+@click.command(
+    short_help="Measure growth of crops by parcel between flights.",
+    epilog="\b\nExample:\n  furrowmap growth may13.laz may23.laz parcels.geojson -o growth --net-inset 1.0,0.11",
+)
+@click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
+@click.argument("parcels_file", metavar="PARCELS", type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
+@click.option(
+    "--day",
+    "days",
+    multiple=True,
+    metavar="DATE",
+    help="Day of the flight, once for each CLOUD [default: that of its points].",
+)
+@click.option(
+    "--net-inset",
+    metavar="ENDS,SIDES",
+    help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
+)
+@click.option("--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset.")
+@click.option(
+    "--class",
+    "classes",
+    metavar="N,N",
+    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
+)
+@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
+@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
+@common_options
+def growth(
+    console: Console,
+    clouds: tuple[Path, ...],
+    parcels_file: Path,
+    output: Path,
+    days: tuple[str, ...],
+    net_inset: str | None,
+    net: Path | None,
+    classes: str | None,
+    crs: str | None,
+    dst_crs: str | None,
+    *,
+    overwrite: bool,
+) -> None:
+    """Measure what the crop on each parcel of PARCELS grew between CLOUDs (LAS, LAZ or COPC) of several days.
+
+    Bare soil that the flights have in common aligns them in height. Writes growth.gpkg (a layer coloured by growth),
+    growth.csv, growth.xlsx and growth.json.
+    """
+    settings = furrowmap.GrowthSettings(
+        days=days or None,
+        net_inset_m=widths_of(net_inset, "--net-inset"),
+        net=net,
+        classes=classes_of(classes, "--class"),
+        crs=crs,
+        dst_crs=dst_crs,
+    )
+    with console.work() as progress:
+        account = furrowmap.growth(
+            clouds, parcels_file, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
+        )
+    console.answer({"folder": output, **account}, _words(account, output))
+
+
+def _words(account: dict[str, Any], folder: Path) -> str:
+    rows = [[printable(str(row["id"])), *(_number(row[name]) for name in SHOWN)] for row in account["parcels"]]
+    lines = [["id", *SHOWN], *rows[:MOST_ROWS]]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    shown = "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in lines)
+    more = f"\n… {len(rows) - MOST_ROWS} more in growth.csv" if len(rows) > MOST_ROWS else ""
+    days = [(each["day"], _alignment(each)) for each in account["flights"]]
+    files = [(printable(name), file_size(folder / name)) for name in account["products"]]
+    return f"{table(days)}\n{shown}{more}\n{printable(str(folder))}:\n{table(files)}"
+
+
+def _alignment(flight: dict[str, Any]) -> str:
+    """How a flight was aligned."""
+    found = flight["alignment"]
+    if found is None:
+        return "reference"
+    tilt = f", tilt {found['tilt_east']:+.1e} east, {found['tilt_north']:+.1e} north" if found["tilted"] else ""
+    return f"soil {1000 * found['offset_m']:+.1f} ± {1000 * found['offset_sigma_m']:.1f} mm{tilt}"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
