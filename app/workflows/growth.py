@@ -27,7 +27,7 @@ from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     GROWTH,
@@ -101,30 +101,22 @@ def growth(
         OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
-    if folder.is_dir():
-        recover(folder)
-        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
+    _refuse_occupied(folder, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
-    by_day = _by_day(opened, areas, settings.days)
-    notices = list(opened.notices)
+    by_day, notices = _by_day(opened, areas, settings.days), list(opened.notices)
     with staged_folder(folder) as staging, ExitStack() as stack:
         flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]
         for points, part in zip(flights, by_day.values(), strict=True):
             notices += collect(part, file, points, settings.classes, progress)[0]
-        cells, found = soil_changes(flights)
-        changes = list(_aligned(list(by_day), found))
-        grown = measured_growth(list(by_day), flights, cells, changes, progress)
+        changes, grown = _measured(list(by_day), flights, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
-        origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
-        layer = _write(staging, grown, list(by_day), opened.crs, origin)
-        unknown = [row.parcel.id for row in grown.parcels if row.growth is None]
-        notices += [_unmeasured(unknown, len(areas))] if unknown else []
-        for notice in notices:
+        layer = _write(staging, grown, list(by_day), opened.crs, records)
+        for notice in (notices := [*notices, *_unmeasured(grown)]):
             warn(notice)
         account = {
             "furrowmap": version("furrowmap"),
-            "inputs": input_rows(opened, records[: len(opened.files)]),
+            "inputs": input_rows(opened, records[:-1]),
             "parcels_file": records[-1],
             "crs": name_of(opened.crs),
             "parameters": {"net_inset_m": list(settings.net_inset_m)},
@@ -137,8 +129,26 @@ def growth(
     return dict(plain(account))
 
 
-def _write(folder: Path, grown: MeasuredGrowth, days: Sequence[dt.date], crs: CRS, origin: Origin) -> Layer:
+def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
+
+
+def _measured(
+    days: Sequence[dt.date], flights: Sequence[ParcelPoints], progress: Progress
+) -> tuple[list[SoilChange], MeasuredGrowth]:
+    """The change of the soil from the first flight to each other, and the growth."""
+    cells, found = soil_changes(flights)
+    changes = list(_aligned(days, found))
+    return changes, measured_growth(days, flights, cells, changes, progress)
+
+
+def _write(
+    folder: Path, grown: MeasuredGrowth, days: Sequence[dt.date], crs: CRS, records: Sequence[FileRecord]
+) -> Layer:
     """Write layer, table and spreadsheet; the layer."""
+    origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
     layer = growth_layer(grown.parcels, days)
     write_layer(folder / GROWTH, layer, crs, indexed=False, origin=origin)
     write_styles(folder / GROWTH, [LAYER])
@@ -239,10 +249,14 @@ def _rows(layer: Layer) -> list[dict[str, Any]]:
     ]
 
 
-def _unmeasured(names: Sequence[str], total: int) -> Notice:
+def _unmeasured(grown: MeasuredGrowth) -> list[Notice]:
+    """A warning about parcels without growth."""
+    names = [row.parcel.id for row in grown.parcels if row.growth is None]
+    if not names:
+        return []
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
     text = (
-        f"{len(names)} of {total} parcels have no growth ({shown}): fewer than two days have points in them and bare "
-        "soil near them."
+        f"{len(names)} of {len(grown.parcels)} parcels have no growth ({shown}): fewer than two days have points in "
+        "them and bare soil near them."
     )
-    return Notice("growth-unmeasured", text)
+    return [Notice("growth-unmeasured", text)]
