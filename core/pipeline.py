@@ -43,6 +43,7 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
@@ -242,7 +243,7 @@ def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
     """Read a flight's scans before its trajectory is known; the positions themselves say when it was."""
     positions = opened.positions()
     assert isinstance(positions, GivesTrack)
-    track = positions.track()
+    track = track_within(positions.track(), opened.session.recording.span_s)
     lidar, implement = opened.lidar(middle_s(track)), ImplementTracker(opened.session, flying=True)
     scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
     span_s = (float(track.t_s[0]), float(track.t_s[-1])) if len(track) else (0.0, 0.0)

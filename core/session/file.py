@@ -44,6 +44,8 @@ _KINDS: Final = {
     "array": "a list in square brackets",
     "object": "a table",
     "null": "nothing",
+    "date": "a date alone",
+    "datetime": "a date and time with its offset from UTC",
 }
 """Type names of msgspec and of this module's messages."""
 
@@ -176,11 +178,13 @@ def _type_fault(message: str, choices: list[str]) -> str:
     if counts is not None:
         return f"must be a list of {counts[1]} numbers, but has {counts[2]}"
     limit = re.fullmatch(r"Expected `\w+` (.+)", message)
-    if limit is not None:
+    if limit is not None and "timezone" not in limit[1]:
         return f"must be {limit[1]}"
     choice = re.fullmatch(r"Invalid enum value (.+)", message)
     if choice is not None:
         return f"must be {' or '.join(map(repr, choices))}, not {choice[1]}"
+    if "datetime" in message:
+        return f"must be {_KINDS['datetime']}"
     return f"is invalid ({message})"
 
 
@@ -216,6 +220,8 @@ def _faults(session: Session) -> Iterator[str]:
     yield from camera_faults(session.camera)
     if session.recording.date is not None and not _is_date(session.recording.date):
         yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
+    if session.recording.span_s[0] >= session.recording.span_s[1]:
+        yield "recording.to must be later than recording.from"
     yield from _far_places(session)
     if session.imu is not None:
         yield from _imu_faults(session.imu)

@@ -30,6 +30,7 @@ from furrowmap.core.values.images import Images
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.time_span import ALL, Span, scans_within
 
 _GIVES: Final = {
     GivesScans: "laser scans",
@@ -136,21 +137,22 @@ class LidarRecording:
     Args:
         reader: of the files.
         minus_gnss_s: scanner clock minus GNSS clock.
+        span_s: first and last time to use, by the clock of the positions.
     """
 
-    def __init__(self, reader: LidarReader, minus_gnss_s: float) -> None:
-        self._reader, self._minus_gnss_s = reader, minus_gnss_s
+    def __init__(self, reader: LidarReader, minus_gnss_s: float, span_s: Span = ALL) -> None:
+        self._reader, self._minus_gnss_s, self._span_s = reader, minus_gnss_s, span_s
 
     def scans(self) -> Iterator[Scan]:
         """All scans in time order; `notices` and `clocks` are complete when they have ended."""
         scans = self._reader.scans()
-        if not self._minus_gnss_s:
-            return scans
-        return (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
+        if self._minus_gnss_s:
+            scans = (replace(scan, t_s=scan.t_s - self._minus_gnss_s) for scan in scans)
+        return scans_within(scans, self._span_s)
 
     def ahead_by(self, offset_s: float) -> LidarRecording:
         """The recording of a clock that is ahead by so much more."""
-        return LidarRecording(self._reader, self._minus_gnss_s + offset_s) if offset_s else self
+        return LidarRecording(self._reader, self._minus_gnss_s + offset_s, self._span_s) if offset_s else self
 
     @property
     def notices(self) -> list[Notice]:
@@ -265,7 +267,7 @@ class OpenSession:
         options = ReadOptions(model=self.session.lidar.model, near_s=near_s + minus_gnss_s, glance_s=glance_s)
         reader = open_recording(self.inputs.lidar, options)
         _expect(reader, GivesScans, self.inputs.lidar[0], "recording.lidar")
-        return LidarRecording(cast("LidarReader", reader), minus_gnss_s)
+        return LidarRecording(cast("LidarReader", reader), minus_gnss_s, self.session.recording.span_s)
 
 
 def open_session(session_file: Path) -> OpenSession:

@@ -35,6 +35,7 @@ from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.time_span import inertial_within, poses_within, track_within
 from furrowmap.core.values.trajectory import Trajectory
 
 SLOWEST_DIRECTIONS_S: Final = 0.3
@@ -111,12 +112,12 @@ def locate(
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
-        poses, transformed = transform_poses(positions.poses(), frame)
+        poses, transformed = transform_poses(poses_within(positions.poses(), session.recording.span_s), frame)
         notices = (*transformed.notices, *_unused_attitude(session, "[trajectory]"))
         return Located(trajectory_from_poses(poses, frame), "file", {}, notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
-    track, transformed = transform_track(positions.track(), frame)
+    track, transformed = transform_track(track_within(positions.track(), session.recording.span_s), frame)
     if beside.inertial is not None and session.imu is not None:
         near_s, told = middle_s(track), _unused_attitude(session, "[imu]")
         hints = Hints(session.imu.on_wheels)
@@ -194,7 +195,8 @@ def _with_imu(
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
     measured, lever_m = inertial.inertial(), lever_arm_m(session)
-    imu = Imu(replace(measured, t_s=measured.t_s - table.minus_gnss_s), mounting, noise)
+    clocked = replace(measured, t_s=measured.t_s - table.minus_gnss_s)
+    imu = Imu(inertial_within(clocked, session.recording.span_s), mounting, noise)
     told = (*inertial.notices, *imu_notices(measured))
     # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
@@ -279,7 +281,7 @@ def located_without_lidar(
     """
     if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):
         return locate(positions, session, frame, beside)
-    track = positions.track()
+    track = track_within(positions.track(), session.recording.span_s)
     if not _seldom(track):
         return locate(positions, session, frame)
     track, transformed = transform_track(track, frame)

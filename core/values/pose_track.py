@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,3 +47,8 @@ class PoseTrack:
 
     def __len__(self) -> int:
         return len(self.t_s)
+
+    def __getitem__(self, index: slice | NDArray[np.bool_]) -> PoseTrack:
+        """The track of some of its poses."""
+        arrays = ("t_s", "position", "roll_deg", "pitch_deg", "heading_deg", "sigma")
+        return replace(self, **{name: getattr(self, name)[index] for name in arrays})

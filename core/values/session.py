@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import math
 from typing import Annotated, Final, Literal
 
 import msgspec
@@ -38,6 +40,8 @@ class Recording(_Part, frozen=True):
         lidar_minus_gnss_s: LiDAR clock minus GNSS clock, if they differ by a constant.
         date: UTC date (YYYY-MM-DD) of the first position, for logs without a date.
         task: identifier or name of a task, if task data hold several.
+        begin: first time to use, with its offset from UTC; `from` in the file.
+        end: last time to use; `to` in the file.
     """
 
     lidar: tuple[str, ...] = ()
@@ -45,6 +49,16 @@ class Recording(_Part, frozen=True):
     lidar_minus_gnss_s: float = 0.0
     date: str | None = None
     task: str | None = None
+    begin: Annotated[dt.datetime, Meta(tz=True)] | None = msgspec.field(default=None, name="from")
+    end: Annotated[dt.datetime, Meta(tz=True)] | None = msgspec.field(default=None, name="to")
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last UTC to use; infinite where not stated."""
+        return (
+            self.begin.timestamp() if self.begin is not None else -math.inf,
+            self.end.timestamp() if self.end is not None else math.inf,
+        )
 
 
 class Crs(_Part, frozen=True):
@@ -357,6 +371,8 @@ EXAMPLES: Final = {
     "recording.lidar_minus_gnss_s": "0.0",
     "recording.date": '"2026-06-11"',
     "recording.task": '"TSK1"',
+    "recording.from": '"2026-06-11T14:00:00+09:00"',
+    "recording.to": '"2026-06-11T14:35:00+09:00"',
     "crs.map": '"EPSG:6677"',
     "crs.heights": '"EGM2008"',
     "crs.coordinates": '"current-epoch"',

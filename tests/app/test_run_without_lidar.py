@@ -13,6 +13,7 @@ import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.work.run_result import RunResult
@@ -65,7 +66,7 @@ def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
     assert list(report) == [
         "furrowmap", "schema", "session_file", "verdict", "session", "inputs", "figures", "coordinates", "accuracy",
         "observability", "inertial", "calibration", "strips", "strip_differences", "strip_adjustment", "clocks",
-        "warnings", "timings", "products",
+        "warnings", "timings", "products", "colours",
     ]  # fmt: skip
     layers = dict(pyogrio.list_layers(folder / "result" / "field.gpkg"))
     assert {"trajectory", "passes", "coverage", "overlaps", "misses", "tool_path", "events"} <= layers.keys()
@@ -111,3 +112,20 @@ def test_tasks_of_two_machines__are_not_read_as_one(shared_data: Path, tmp_path:
         run_alone(tmp_path / "session.toml")
     assert error.value.code == "tasks-overlap"
     assert "[recording] task" in error.value.remedy
+
+
+def test_part_of_a_recording__is_as_in_the_whole_of_it(folder: Path) -> None:
+    whole = furrowmap.open_result(folder / "result").trajectory
+    first, last = whole["time"].iloc[[len(whole) // 3, 2 * len(whole) // 3]]
+    text = SESSION.format(states="TASKDATA").replace(
+        "[crs]", f'from = "{first.isoformat()}"\nto = {last.isoformat()}\n[crs]'
+    )
+    (folder / "part.toml").write_text(text)
+    found = furrowmap.run(folder / "part.toml", folder / "part")
+    part = found.trajectory
+    assert first <= part["time"].iloc[0] <= part["time"].iloc[-1] <= last
+    assert len(part) == pytest.approx(len(whole) / 3, rel=0.02)
+    inside = whole[(whole["time"] >= part["time"].iloc[0]) & (whole["time"] <= part["time"].iloc[-1])]
+    assert part.geometry.distance(inside.geometry.reset_index(drop=True)).median() < 0.01
+    again = parse_session((folder / "part/session.toml").read_text()).recording
+    assert again.span_s == (first.timestamp(), last.timestamp())

@@ -1,0 +1,88 @@
+"""The part of a recording between two times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import PoseTrack
+from furrowmap.core.values.scan import Scan
+
+FloatArray = NDArray[np.float64]
+Span = tuple[float, float]
+"""First and last UTC (POSIX seconds), both included; infinite where open."""
+ALL: Final[Span] = (-math.inf, math.inf)
+
+
+def scans_within(scans: Iterator[Scan], span_s: Span) -> Iterator[Scan]:
+    """The returns of scans in a span; what follows its end is not read.
+
+    Args:
+        scans: in the order of time.
+        span_s: first and last time.
+    """
+    if span_s == ALL:
+        yield from scans
+        return
+    for scan in scans:
+        if not len(scan) or scan.t_s[-1] < span_s[0]:
+            continue
+        if scan.t_s[0] > span_s[1]:
+            return
+        inside = (scan.t_s >= span_s[0]) & (scan.t_s <= span_s[1])
+        yield scan if inside.all() else replace(scan[inside], whole=False)
+
+
+def track_within(track: GnssTrack, span_s: Span) -> GnssTrack:
+    """The positions in a span.
+
+    Raises:
+        InputError: if there is none.
+    """
+    if span_s == ALL:
+        return track
+    inside = (track.t_s >= span_s[0]) & (track.t_s <= span_s[1])
+    if not inside.any():
+        raise _nothing(track.source, track.t_s, span_s)
+    return track[inside]
+
+
+def poses_within(poses: PoseTrack, span_s: Span) -> PoseTrack:
+    """The poses in a span.
+
+    Raises:
+        InputError: if there is none.
+    """
+    if span_s == ALL:
+        return poses
+    inside = (poses.t_s >= span_s[0]) & (poses.t_s <= span_s[1])
+    if not inside.any():
+        raise _nothing(poses.source, poses.t_s, span_s)
+    return poses[inside]
+
+
+def inertial_within(measured: InertialTrack, span_s: Span) -> InertialTrack:
+    """The measurements of an IMU in a span."""
+    first, end = np.searchsorted(measured.t_s, span_s[0]), np.searchsorted(measured.t_s, span_s[1], side="right")
+    return measured.part(slice(int(first), int(end)))
+
+
+def _nothing(source: str, t_s: FloatArray, span_s: Span) -> InputError:
+    there = f"they are from {iso_utc(float(t_s[0]))} to {iso_utc(float(t_s[-1]))}" if len(t_s) else "there are none"
+    ends = ["the start" if t == -math.inf else "the end" if t == math.inf else iso_utc(t) for t in span_s]
+    wanted = " to ".join(ends)
+    return InputError(
+        f"{source}: no position lies in the part of the recording that is asked for ({wanted}); {there}.",
+        "There is nothing to process.",
+        "Correct `[recording] from` and `to`; they are UTC with a Z, or local time with its offset, such as +09:00.",
+        code="no-such-time",
+    )
