@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
     from furrowmap.core.crops.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.evaluation.evaluation import Evaluation as Evaluation
+    from furrowmap.core.images.board import Board as Board
     from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
     from furrowmap.core.readers.reader import Inspection as Inspection
@@ -54,6 +55,8 @@ if TYPE_CHECKING:
     from furrowmap.results import open_result as open_result
     from furrowmap.workflows.calibrate import Calibration as Calibration
     from furrowmap.workflows.calibrate import calibrate as calibrate
+    from furrowmap.workflows.calibrate_mount import MountCalibration as MountCalibration
+    from furrowmap.workflows.calibrate_mount import calibrate_mount as calibrate_mount
     from furrowmap.workflows.check import CheckSettings as CheckSettings
     from furrowmap.workflows.check import check as check
     from furrowmap.workflows.check import check_pairs as check_pairs
@@ -95,6 +98,7 @@ if TYPE_CHECKING:
     __version__ = version("furrowmap")
 
 _HOMES = {
+    "Board": "core.images.board",
     "Calibration": "workflows.calibrate",
     "Check": "core.checking.check",
     "CheckSettings": "workflows.check",
@@ -111,6 +115,7 @@ _HOMES = {
     "InputError": "core.values.errors",
     "Inspection": "core.readers.reader",
     "KnownSession": "exporters.farm.edit",
+    "MountCalibration": "workflows.calibrate_mount",
     "Mosaic": "exporters.farm.mosaic",
     "MosaicSettings": "exporters.farm.mosaic",
     "Notice": "core.values.errors",
@@ -136,6 +141,7 @@ _HOMES = {
     "add_to_farm_map": "workflows.farm",
     "allowing": "core.values.allowances",
     "calibrate": "workflows.calibrate",
+    "calibrate_mount": "workflows.calibrate_mount",
     "check": "workflows.check",
     "check_pairs": "workflows.check",
     "clean": "workflows.clean",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +14,109 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
+from furrowmap.core.values.errors import UsageError, printable
 
 if TYPE_CHECKING:
-    from furrowmap import Calibration
+    from furrowmap import Board, Calibration
 
+FEWEST_CORNERS = 3
 _ASSUMED = "not determined: too little relief, and nothing upright stands out"
 
 
+class WithMount(click.Command):
+    """A command whose first word may be that of another one: no session file is called so."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """The context of this command, or of `calibrate mount`."""
+        if args[:1] == [mount.name]:
+            return mount.make_context(f"{info_name} {mount.name}", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+
 @click.command(
+    short_help="Attitude of a moving mount, from images of a board.",
+    epilog="\b\nExample:\n  furrowmap calibrate mount frames --board 9x6 --square-m 0.03 -o mount.csv",
+)
+@click.argument("frames", type=FILE)
+@click.option("--board", required=True, metavar="COLUMNSxROWS", help="Inner corners of the chessboard, such as 9x6.")
+@click.option(
+    "--square-m", type=click.FloatRange(0.0, min_open=True), required=True, help="Length of a square's sides."
+)
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="The CSV [default: mount.csv beside FRAMES].")
+@click.option("--camera", type=FILE, metavar="SESSION", help="Take the intrinsics from [camera] of a session file.")
+@click.option(
+    "--board-rpy",
+    type=(float, float, float),
+    default=(0.0, 0.0, 0.0),
+    metavar="R P Y",
+    help="Roll, pitch, yaw of the board's axes in the vehicle frame, in degrees, in the first frame.",
+)
+@click.option(
+    "--board-on",
+    type=click.Choice(["body", "mount"]),
+    default="body",
+    help="Where the board is; the camera is on the other [default: body].",
+)
+@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
+@common_options
+def mount(
+    console: Console,
+    frames: Path,
+    board: str,
+    square_m: float,
+    output: Path | None,
+    camera: Path | None,
+    **options: Any,
+) -> None:
+    """Write the attitude of a mount over time from FRAMES, images of a chessboard, for `[mount] attitude` of a session.
+
+    FRAMES is a folder of images, with a table of their files and times (CSV) or EXIF times, or such a table. The
+    attitude is zero in the first frame that shows the board.
+    """
+    with console.work() as progress:
+        found = furrowmap.calibrate_mount(
+            frames,
+            _board(board, square_m),
+            output,
+            camera=camera,
+            board_rpy_deg=options["board_rpy"],
+            board_on=options["board_on"],
+            overwrite=options["overwrite"],
+            progress=progress,
+        )
+    for notice in found.notices:
+        console.warn(notice)
+    figures = found.plain()
+    words = (
+        f"{figures['frames_with_board']} of {found.frames} frames show the board; corners within "
+        f"{figures['rms_px']:.3f} pixels, attitudes ± {figures['sigma_deg']:.3f}°.\n"
+        f"Roll, pitch and yaw range over {_angles(figures['range_deg'])}°.\n"
+        f"{printable(str(found.path))} is written: name it under [mount] attitude."
+    )
+    console.answer({"attitude": found.path, **figures}, words)
+
+
+def _board(text: str, square_m: float) -> Board:
+    """The board of a text such as `9x6`.
+
+    Raises:
+        UsageError: if it is none.
+    """
+    numbers = re.fullmatch(r"(\d{1,3})[xX×](\d{1,3})", text.strip())
+    if numbers is None or min(int(numbers[1]), int(numbers[2])) < FEWEST_CORNERS:
+        raise UsageError(
+            f"--board {text!r} is no number of corners in a row and of rows.",
+            "The board is not known.",
+            "Count the inner corners, where four squares meet: --board 9x6.",
+            code="bad-board",
+        )
+    return furrowmap.Board(int(numbers[1]), int(numbers[2]), square_m)
+
+
+@click.command(
+    cls=WithMount,
     short_help="Estimate the sensor mounting from the recording itself.",
     epilog="\b\nExample:\n  furrowmap calibrate session.toml --write",
 )
@@ -31,6 +128,8 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
 
     Assumes that the ground under the vehicle is level on average over the session and that the vehicle drives straight
     ahead; ground scanned on passes in opposite directions must coincide.
+
+    `furrowmap calibrate mount` is another command: the attitude of a moving mount from images of a board.
     """
     with console.work() as progress:
         found = furrowmap.calibrate(session, write=write, progress=progress)
@@ -75,7 +174,7 @@ def _words(found: Calibration, *, written: bool) -> str:
     return f"{table(rows)}\n{end}"
 
 
-def _angles(angles_deg: tuple[float, float, float]) -> str:
+def _angles(angles_deg: Sequence[float]) -> str:
     return ", ".join(f"{angle:.2f}" for angle in angles_deg)
 
 

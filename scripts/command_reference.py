@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from furrowmap.cli.calibrate import mount
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "commands.md"
@@ -36,6 +37,8 @@ def page() -> str:
         command = furrowmap.get_command(click.Context(furrowmap), name)
         assert command is not None
         sections.append(section(f"furrowmap {name}", command))
+        if name == "calibrate":
+            sections.append(section(f"furrowmap {name} {mount.name}", mount))
         if isinstance(command, click.Group):
             sections += [
                 section(f"furrowmap {name} {below_name}", below) for below_name, below in command.commands.items()

@@ -128,3 +128,10 @@ def _finite(text: str) -> float:
     if not np.isfinite(number):
         raise ValueError(text)
     return number
+
+
+def is_image_table(path: Path) -> bool:
+    """Whether the first line of a CSV has the columns of a table of images."""
+    with Source(path) as source:
+        names, _ = columns_of(source.read(4096).decode("utf-8-sig", "replace").split("\n", 1)[0])
+    return not set(FILES).isdisjoint(names) and not TIMES.keys().isdisjoint(names)

@@ -13,14 +13,14 @@ import furrowmap
 FLAGS = {
     "calibrate": {"write"},
     "add_to_farm_map": {"same_crs"},
-    "solve_gnss": {"overwrite"},
+    **{name: {"overwrite"} for name in ("calibrate_mount", "solve_gnss")},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{name: {"overwrite"} for name in ("check", "clean", "evaluate_gnss", "export", "fields", "growth", "mosaic")},
     **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""
-TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": ()}
+TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": (), "board_on": "body", "board_rpy_deg": (0.0, 0.0, 0.0)}
 SETTINGS: dict[str, dict[str, Any]] = {
     "check": {"targets": "none", "diameter_m": 0.3},
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,

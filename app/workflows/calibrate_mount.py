@@ -1,0 +1,200 @@
+"""The attitude of a mount that moves, from frames of a board."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.images.board import (
+    ON_BODY,
+    Board,
+    board_notices,
+    board_poses,
+    expect_opencv,
+    found_corners,
+    mount_attitude,
+)
+from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.session.camera import camera_of
+from furrowmap.core.session.file import load_session
+from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.images import Images
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.threads import threads
+from furrowmap.exporters.files.atomic import atomic_output
+
+FloatArray = NDArray[np.float64]
+
+SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
+HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"
+
+
+@dataclass(frozen=True)
+class MountCalibration:
+    """The attitude of a mount over time.
+
+    Attributes:
+        path: CSV for `[mount] attitude`.
+        t_s: (n,) UTC of the frames that show the board.
+        roll_deg, pitch_deg, yaw_deg: (n,) of the mount in the vehicle frame; zero in the first frame.
+        sigma_deg: (n,) standard deviation of an attitude by the scatter of the corners.
+        rms_px: (n,) root mean square of the corners' distances.
+        frames: number of frames looked at.
+        camera: whose intrinsics were used.
+        notices: what to know.
+    """
+
+    path: Path
+    t_s: FloatArray
+    roll_deg: FloatArray
+    pitch_deg: FloatArray
+    yaw_deg: FloatArray
+    sigma_deg: FloatArray
+    rms_px: FloatArray
+    frames: int
+    camera: Camera
+    notices: tuple[Notice, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """Its figures, for JSON."""
+        angles = (self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return {
+            "frames": self.frames,
+            "frames_with_board": len(self.t_s),
+            "sigma_deg": round(float(np.median(self.sigma_deg)), 5),
+            "rms_px": round(float(np.median(self.rms_px)), 4),
+            "range_deg": [round(float(np.ptp(angle)), 4) for angle in angles],
+        }
+
+
+def calibrate_mount(
+    frames: str | Path,
+    board: Board,
+    out: str | Path | None = None,
+    *,
+    camera: str | Path | None = None,
+    board_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    board_on: str = ON_BODY,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> MountCalibration:
+    """The attitude of a mount as a time series, from frames of a chessboard, written for `[mount] attitude`.
+
+    The board is on the vehicle and the camera on the mount, or the other way round. The mount's attitude in the first
+    frame with the board is zero: `[lidar]` states the scanner in the vehicle frame as it is then.
+
+    Args:
+        frames: folder of images, or a table of their files and times. In a folder, such a table gives the times, else
+            the EXIF data.
+        board: its inner corners and squares.
+        out: the CSV; by default mount.csv beside the folder or in that of the table.
+        camera: session file whose `[camera]` has the intrinsics; without it they are estimated from the frames.
+        board_rpy_deg: roll, pitch, yaw of the board's axes in the vehicle frame, in the first frame.
+        board_on: "body" or "mount".
+        overwrite: replace an existing file.
+        progress: receives the stage "looking for the board".
+
+    Raises:
+        InputError: if frames, table or camera cannot be read.
+        RefusedError: if the frames show the board too seldom, or the file exists.
+    """
+    expect_opencv()
+    expect_pillow()
+    source, notices = Path(frames), list[Notice]()
+    target = Path(out) if out is not None else source.resolve().with_name("mount.csv")
+    if target.exists() and not overwrite:
+        raise RefusedError(
+            f"{target} exists.", "It was not replaced.", "Choose another file, or --overwrite.", code="output-exists"
+        )
+    stated = _camera(Path(camera)) if camera is not None else None
+    images = _images(source, notices)
+    corners, size = _corners(images, board, progress)
+    found = board_poses(corners, board, size, stated)
+    turned = mount_attitude(found.rotation, Mounting(rpy_deg=board_rpy_deg).rotation, board_on)
+    t_s = images.t_s[found.frame] + found.camera.shutter_delay_s
+    with atomic_output(target) as unfinished:
+        rows = np.column_stack([t_s, *turned, found.sigma_deg, found.rms_px])
+        np.savetxt(unfinished, rows, ["%.6f", *["%.5f"] * 4, "%.4f"], ",", header=HEADER, comments="")
+    notices += board_notices(found, len(images))
+    return MountCalibration(
+        target, t_s, *turned, found.sigma_deg, found.rms_px, len(images), found.camera, tuple(notices)
+    )
+
+
+def _camera(session_file: Path) -> Camera:
+    """The camera that a session states.
+
+    Raises:
+        InputError: if it states none.
+    """
+    table = load_session(session_file).camera
+    if table is None:
+        raise InputError(
+            f"{session_file} has no table [camera].",
+            "So the intrinsics of the camera are not known.",
+            "State width, height, fx, fy, cx, cy and the distortion there, or leave --camera out.",
+            code="no-camera",
+        )
+    return camera_of(table)
+
+
+def _images(source: Path, notices: list[Notice]) -> Images:
+    """The frames of a folder or a table.
+
+    Raises:
+        InputError: if there is none with a time.
+    """
+    if source.is_dir():
+        tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
+        files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in SUFFIXES]
+        images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
+    else:
+        images = read_image_table(source, source.resolve().parent, notices)
+    if not len(images):
+        raise InputError(
+            f"{source}: no images with a time.",
+            "A series of attitudes needs the time of each frame.",
+            "Put a table with the columns file and time_unix_s into the folder, or use images with EXIF times.",
+            code="no-images",
+        )
+    return images
+
+
+def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[FloatArray | None], tuple[int, int]]:
+    """The corners in each frame, and the size of the frames.
+
+    Raises:
+        InputError: if no frame can be read.
+    """
+    sizes: list[tuple[int, int] | None] = [None] * len(images)
+
+    def look(k: int) -> FloatArray | None:
+        try:
+            pixels = read_pixels(images.paths[k], 1)
+        except ValueError:
+            return None
+        sizes[k] = (pixels.shape[1], pixels.shape[0])
+        return found_corners(pixels, board)
+
+    found = []
+    with ThreadPoolExecutor(threads()) as pool:
+        for k, corners in enumerate(pool.map(look, range(len(images)))):
+            found.append(corners)
+            progress("looking for the board", (k + 1) / len(images))
+    size = next((size for size in sizes if size is not None), None)
+    if size is None:
+        raise InputError(
+            f"{images.paths[0]} and {len(images) - 1} other images cannot be read.",
+            "So no board can be found in them.",
+            "Name JPEG, PNG or TIFF files.",
+            code="no-images",
+        )
+    return [corners if at == size else None for corners, at in zip(found, sizes, strict=True)], size

@@ -1,0 +1,247 @@
+"""Poses of a chessboard in images, and the attitude of a mount that turns against a board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.images.board_pivot import FEWEST as FEWEST_FOR_PIVOT
+from furrowmap.core.images.board_pivot import WORSE, about_pivot
+from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+
+FloatArray = NDArray[np.float64]
+
+ON_BODY, ON_MOUNT = "body", "mount"
+"""Where the board is; the camera is on the other."""
+FEWEST: Final = 3
+"""Frames with the board, from which a camera can be estimated."""
+MOST_FOR_CAMERA: Final = 40
+UNSURE: Final = 2.0
+"""Of the two poses that a plane may have, the better one is taken where the other fits so many times worse."""
+WINDOW: Final = 0.4
+LARGEST_WINDOW_PX: Final = 20
+"""Half the side of the window in which a corner is refined: a share of the distance to the next, at most so much."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A chessboard.
+
+    Its axes: x along the rows of corners, y along the columns, z = x × y, so that x right and y down make z point away
+    from a viewer. The first corner is the one whose square on the inner side is black; boards with both numbers odd or
+    both even look the same turned by half, and are taken as in the first frame.
+
+    Attributes:
+        columns: inner corners in a row.
+        rows: of inner corners.
+        square_m: length of the sides of a square.
+    """
+
+    columns: int
+    rows: int
+    square_m: float
+
+    @property
+    def corners_m(self) -> FloatArray:
+        """(n, 3) inner corners, row by row."""
+        row, column = np.mgrid[0 : self.rows, 0 : self.columns]
+        return np.column_stack([column.ravel(), row.ravel(), np.zeros(row.size)]) * self.square_m
+
+
+@dataclass(frozen=True)
+class BoardPoses:
+    """Rotations of the board in the frames that show it.
+
+    Attributes:
+        frame: (n,) index of the frame.
+        rotation: (n, 3, 3) board to optical frame.
+        rms_px: (n,) root mean square of the distances of corners, in pixels.
+        sigma_deg: (n,) standard deviation of the attitude, the largest of the three axes.
+        camera: whose intrinsics were used.
+        estimated: whether they were estimated from the frames.
+        has_pivot: whether all frames fit a mount that turns about a point, and were adjusted together.
+    """
+
+    frame: NDArray[np.intp]
+    rotation: FloatArray
+    rms_px: FloatArray
+    sigma_deg: FloatArray
+    camera: Camera
+    estimated: bool
+    has_pivot: bool
+
+
+def expect_opencv() -> None:
+    """Refuse to look for boards where OpenCV is not installed.
+
+    Raises:
+        InputError: if it is not.
+    """
+    if find_spec("cv2") is None:
+        raise InputError(
+            "OpenCV is not installed.",
+            "Boards cannot be found in images without it.",
+            'Install the extra: pip install "furrowmap[photo]"',
+            code="extra-missing",
+        )
+
+
+def found_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
+    """Inner corners (n, 2) of the board in an image (height, width, 3), row by row; None if they are not all found."""
+    import cv2
+
+    grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE
+    found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=flags)
+    if not found:
+        return None
+    grid = np.asarray(corners, np.float32).reshape(board.rows, board.columns, 2)
+    apart = min(float(np.linalg.norm(np.diff(grid, axis=k), axis=2).min()) for k in (0, 1))
+    half = max(2, min(LARGEST_WINDOW_PX, int(WINDOW * apart)))
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+    refined = cv2.cornerSubPix(grey, grid.reshape(-1, 1, 2), (half, half), (-1, -1), criteria)
+    out: FloatArray = np.asarray(refined, np.float64).reshape(-1, 2)
+    if (board.columns + board.rows) % 2 and _first_is_white(grey, out, board):
+        out = out[::-1].copy()
+    return out
+
+
+def _first_is_white(grey: NDArray[np.uint8], corners: FloatArray, board: Board) -> bool:
+    """Whether the square inside the first corner is brighter than its neighbour in the row."""
+    grid = corners.reshape(board.rows, board.columns, 2)
+    first, second = (grid[:2, k : k + 2].reshape(4, 2).mean(axis=0) for k in (0, 1))
+    levels = [float(grey[round(at[1]), round(at[0])]) for at in (first, second)]
+    return levels[0] > levels[1]
+
+
+def board_poses(
+    corners: Sequence[FloatArray | None], board: Board, size: tuple[int, int], camera: Camera | None
+) -> BoardPoses:
+    """The rotations of the board, from its corners in frames.
+
+    The two poses that a plane may have (IPPE, Collins and Bartoli 2014) are both refined; the better one is taken, and
+    where they hardly differ the one nearer to the frame before. Then all frames are adjusted with a common pivot, if
+    they fit one.
+
+    Args:
+        corners: of each frame, (n, 2); None where the board was not found.
+        board: that is shown.
+        size: width and height of the images.
+        camera: intrinsics; None to estimate them from the frames (Zhang 2000).
+
+    Raises:
+        RefusedError: if the frames show the board too seldom.
+    """
+    frame = np.array([k for k, found in enumerate(corners) if found is not None], np.intp)
+    shown = [found for found in corners if found is not None]
+    if len(shown) < (1 if camera is not None else FEWEST):
+        raise RefusedError(
+            f"The board of {board.columns} x {board.rows} inner corners is in {len(shown)} of {len(corners)} frames.",
+            "So there is no attitude to be written.",
+            "Check --board, which counts inner corners, not squares; the whole board must be in view and sharp.",
+            code="board-not-found",
+        )
+    used = camera if camera is not None else _estimated(shown, board, size)
+    poses: list[_Pose] = []
+    for found in shown:
+        poses.append(_pose(found, board, used, poses[-1].rotation if poses else None))
+    rotation, rms = np.array([pose.rotation for pose in poses]), np.array([pose.rms_px for pose in poses])
+    if len(poses) >= FEWEST_FOR_PIVOT:
+        place, ordered = np.array([pose.place_m for pose in poses]), np.array([pose.corners for pose in poses])
+        turned = about_pivot(rotation, place, ordered, board.corners_m, used)
+        if np.sqrt((turned.rms_px**2).mean()) < WORSE * np.sqrt((rms**2).mean()):
+            rotation, rms, sigma = turned.rotation, turned.rms_px, turned.sigma_deg
+            return BoardPoses(frame, rotation, rms, sigma, used, camera is None, has_pivot=True)
+    sigma = np.array([pose.sigma_deg for pose in poses])
+    return BoardPoses(frame, rotation, rms, sigma, used, camera is None, has_pivot=False)
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """The board in a frame: rotation (3, 3) and place (3,) of its origin, its corners in its order, and errors."""
+
+    rotation: FloatArray
+    place_m: FloatArray
+    corners: FloatArray
+    rms_px: float
+    sigma_deg: float
+
+
+def _estimated(shown: Sequence[FloatArray], board: Board, size: tuple[int, int]) -> Camera:
+    """The camera by Zhang's method."""
+    import cv2
+
+    some = [shown[k] for k in np.unique(np.linspace(0, len(shown) - 1, MOST_FOR_CAMERA).astype(int))]
+    points = [board.corners_m.astype(np.float32)] * len(some)
+    flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    _, matrix, bent, _, _ = cv2.calibrateCamera(
+        points, [corners.astype(np.float32) for corners in some], size, None, None, flags=flags
+    )
+    k1, k2, p1, p2 = np.asarray(bent, np.float64).ravel()[:4].tolist()
+    return Camera(*size, matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], k1=k1, k2=k2, p1=p1, p2=p2)
+
+
+def _pose(corners: FloatArray, board: Board, camera: Camera, before: FloatArray | None) -> _Pose:
+    """The board in a frame."""
+    import cv2
+
+    points, matrix, bent = board.corners_m, camera.matrix, camera.distortion
+    turned = [corners] if before is None or (board.columns + board.rows) % 2 else [corners, corners[::-1].copy()]
+    tried: list[tuple[float, _Pose]] = []
+    for each in turned:
+        _, ways, shifts, _ = cv2.solvePnPGeneric(points, each, matrix, bent, flags=cv2.SOLVEPNP_IPPE)
+        for way, shift in zip(ways, shifts, strict=True):
+            refined, at = cv2.solvePnPRefineLM(points, each, matrix, bent, way, shift)
+            seen, slopes = cv2.projectPoints(points, refined, at, matrix, bent)
+            error = float(np.sqrt(((seen.reshape(-1, 2) - each) ** 2).sum(axis=1).mean()))
+            rotation = Rotation.from_rotvec(np.asarray(refined).ravel()).as_matrix()
+            apart = 0.0 if before is None else float(Rotation.from_matrix(rotation @ before.T).magnitude())
+            covariance = 0.5 * error**2 * np.linalg.pinv(slopes[:, :6].T @ slopes[:, :6])
+            sigma_deg = float(np.degrees(np.sqrt(np.diag(covariance)[:3].max())))
+            tried.append((apart, _Pose(rotation, np.asarray(at, np.float64).ravel(), each, error, sigma_deg)))
+    least = min(pose.rms_px for _, pose in tried)
+    likely = [one for one in tried if one[1].rms_px <= UNSURE * least]
+    return min(likely, key=lambda one: (one[0], one[1].rms_px))[1]
+
+
+def mount_attitude(
+    rotation: FloatArray, board_rotation: FloatArray, where: str
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Roll, pitch and yaw (n,) of a mount in the vehicle frame, in degrees; zero in the first frame.
+
+    Args:
+        rotation: (n, 3, 3) board to optical frame.
+        board_rotation: (3, 3) the board's axes to the vehicle's, in the first frame.
+        where: "body" for a board on the vehicle and a camera on the mount, "mount" for the reverse.
+    """
+    since = rotation[0].T @ rotation  # of a board on the mount, in the board's own axes of the first frame
+    if where == ON_BODY:
+        since = since.transpose(0, 2, 1)
+    turned = board_rotation @ since @ board_rotation.T
+    yaw, pitch, roll = Rotation.from_matrix(turned).as_euler("ZYX", degrees=True).T
+    return roll, pitch, yaw
+
+
+def board_notices(found: BoardPoses, count: int) -> list[Notice]:
+    """What to know of the result: frames without the board, and a camera that was estimated."""
+    notices = []
+    if len(found.frame) < count:
+        missing = count - len(found.frame)
+        text = f"The board is not in {missing} of {count} frames; the mount has no attitude at their times."
+        notices.append(Notice("board-not-in-frames", text))
+    if found.estimated:
+        camera = found.camera
+        text = (
+            f"The camera was estimated from the same frames: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
+            f"cx {camera.cx:.1f}, cy {camera.cy:.1f}, k1 {camera.k1:.4f}, k2 {camera.k2:.4f}. Its errors are not in "
+            "the standard deviations: a calibrated camera (--camera) is better."
+        )
+        notices.append(Notice("camera-estimated", text))
+    return notices
