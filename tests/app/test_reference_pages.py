@@ -226,7 +226,7 @@ def test_worker_page__patience_is_that_of_the_plugin() -> None:
 
 
 def test_products_page__cloud(result: furrowmap.Result) -> None:
-    stated("products", "points: LAS 1.4, point format 6, cloud optimised", "stored as whole millimetres")
+    stated("products", "points: LAS 1.4, point format 6, or 7 with", "stored as whole millimetres")
     stated("products", "extra dimension, uint32: number of the scan", "own firing, adjusted standard GPS time")
     las = laspy.read(result.path / "cloud.copc.laz")
     assert (str(las.header.version), las.header.point_format.id) == ("1.4", 6)
