@@ -41,10 +41,11 @@ PARCEL_TABLE = "parcels.csv"
 )
 @click.option(
     "--soil",
-    type=click.Choice(["surface", "plane"]),
+    metavar="surface|plane|FILE",
     default="surface",
     show_default=True,
-    help="Soil below the crop: a surface through the bare soil around the parcels, or a plane around each.",
+    help="Soil below the crop: a surface through the bare soil around the parcels, a plane around each, or another "
+    "survey: a surface or terrain model (GeoTIFF), a cloud of bare soil, or the folder of a result.",
 )
 @click.option("--treatments", metavar="FILE", help="CSV or spreadsheet with what each parcel or treatment was given.")
 @click.option("--day", metavar="DATE", help="Day up to which doses are summed [default: that of the points].")
@@ -67,7 +68,7 @@ def parcels(
     net_inset: str | None,
     net: Path | None,
     method: Any,
-    soil: Any,
+    soil: str,
     classes: str | None,
     crs: str | None,
     dst_crs: str | None,

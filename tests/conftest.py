@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import settings
 
-from furrowmap.process import keep_kernels
+from furrowmap.process import keep_blas_single, keep_kernels
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 settings.register_profile("furrowmap", deadline=None, derandomize=os.environ.get("CI") == "true")
 settings.load_profile("furrowmap")
 keep_kernels()  # where the command keeps them: compiled once for both
+keep_blas_single()  # as the command does: threads of BLAS take fifteen times the processor for small matrices
 pytest_plugins = ["tests.codes_met"]
 CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"

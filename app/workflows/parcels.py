@@ -16,8 +16,7 @@ from pyproj import CRS
 from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
 from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
-from furrowmap.core.crops.site_soil import SOILS, site_soil
-from furrowmap.core.crops.soil import SoilMethod
+from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
@@ -26,7 +25,7 @@ from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import Notice, UsageError
 from furrowmap.core.values.json_text import json_text, plain
-from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.parcel import SOIL_METHODS, Parcel
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
@@ -44,6 +43,7 @@ from furrowmap.exporters.rasters.crop_height import CropHeights
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_table
 from furrowmap.workflows.cloud_inputs import input_records, input_rows
+from furrowmap.workflows.soil_source import expect_soil, soil_file, soil_source
 from furrowmap.workflows.surface import no_warning
 
 
@@ -55,7 +55,8 @@ class ParcelSettings:
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
         net: file with the net parcels, instead of an inset.
         method: "canopy-top", or "christiansen2017", the published one.
-        soil: "surface" through the bare soil around the parcels, or "plane" through that around each.
+        soil: "surface" through the bare soil around the parcels, "plane" through that around each, or the survey of
+            another date: a surface or terrain model (GeoTIFF), a cloud of bare soil, or the folder of a result.
         compare: whether the published method is computed beside the default one.
         classes: of the points to use; None for all but noise and the machine.
         crs: of clouds without one.
@@ -65,12 +66,13 @@ class ParcelSettings:
 
     Raises:
         UsageError: if there is no such method, or the day is no date.
+        InputError: if there is no such survey of the soil.
     """
 
     net_inset_m: tuple[float, float] = (0.0, 0.0)
     net: str | Path | None = None
     method: Method = "canopy-top"
-    soil: SoilMethod = "surface"
+    soil: str | Path = "surface"
     compare: bool = False
     classes: frozenset[int] | None = None
     crs: str | None = None
@@ -86,14 +88,7 @@ class ParcelSettings:
                 f"Methods: {', '.join(METHODS)}.",
                 code="usage",
             )
-        if self.soil not in SOILS:
-            raise UsageError(
-                f"{self.soil!r} is no way to find the soil below crops.",
-                "Nothing was done.",
-                f"Choices: {', '.join(SOILS)}.",
-                code="usage",
-            )
-
+        soil_file(self.soil)
         day_of(self.day)
 
     @property
@@ -147,8 +142,11 @@ def parcels(
         staged_folder(folder) as staging,
         ParcelPoints(areas, staging.parent, settings.around_m) as points,
     ):
+        soil = soil_file(settings.soil)
+        expect_soil(soil, opened.crs, points.box_m)
         notices, span_s = collect(opened, file, points, settings.classes, progress)
-        records = [*input_records(opened, progress), *file_records([file], file.parent)]
+        others = [path for path in (soil, file) if path is not None]
+        records = [*input_records(opened, progress), *(file_records([path], path.parent)[0] for path in others)]
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
@@ -173,13 +171,13 @@ def parcel_settings(opened: OpenSession) -> ParcelSettings:
     """The settings in `[parcels]` of a session.
 
     Raises:
-        UsageError: if it names no method, or no way to find the soil.
+        UsageError: if it names no method.
     """
     stated = opened.session.parcels
     if stated is None:
         return ParcelSettings()
     method: Any = stated.method or "canopy-top"
-    soil: Any = stated.soil or "surface"
+    soil = opened.inputs.soil or stated.soil or "surface"
     treatments = opened.inputs.treatments
     return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil, treatments=treatments)
 
@@ -189,7 +187,7 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
     """What collects the points of a session's parcels; None where it has none, or no scanner.
 
     Raises:
-        InputError: if the parcels or their treatments cannot be read, or do not fit each other.
+        InputError: if the parcels, their treatments or their soil cannot be read, or do not fit each other.
         UsageError: as :func:`parcel_settings`.
     """
     path, settings = opened.inputs.parcels, parcel_settings(opened)
@@ -199,6 +197,7 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
     areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
     _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
     with ParcelPoints(areas, folder, settings.around_m) as points:
+        expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
         yield points
 
 
@@ -258,8 +257,9 @@ def write_parcels(
         origin: provenance.
         progress: receives the stage "measuring parcels".
     """
-    soil = site_soil(points, settings.soil)
     found: list[MeasuredParcel] = []
+    with soil_source(settings.soil, crs, points.box_m, folder.parent, progress) as source:
+        soil = site_soil(points, source)
     with CropHeights(folder.parent) as heights:
         rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published)
         for row, canopy in rows:
@@ -274,11 +274,11 @@ def write_parcels(
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
-    notices += [_unmeasured(unknown, len(found))] if unknown else []
+    notices += [*soil.notices, *([_unmeasured(unknown, len(found))] if unknown else [])]
     account = {
         "parameters": {
             "method": settings.method,
-            "soil": str(settings.soil),
+            "soil": settings.soil if settings.soil in SOIL_METHODS else Path(settings.soil).name,
             "net_inset_m": list(settings.net_inset_m),
         },
         "soil": soil.plain(),
@@ -300,6 +300,6 @@ def _unmeasured(names: Sequence[str], total: int) -> Notice:
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
     text = (
         f"{len(names)} of {total} parcels have no height ({shown}): no points lie in them, or no bare soil is near. "
-        "Bare soil is looked for up to 3 m around the gross parcels."
+        "Bare soil is looked for up to 3 m around the gross parcels; a given one has to cover them."
     )
     return Notice("parcels-unmeasured", text)

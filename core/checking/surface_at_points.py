@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import pyproj
 
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.surveyed_points import SurveyOptions, survey_of
-from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
 from furrowmap.core.values.errors import InputError
-
-HEIGHT: Final = "height"
-"""Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
 
 def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = SurveyOptions()) -> ProductAtPoints:
@@ -32,11 +28,7 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
     from rasterio.windows import Window
 
     with open_geotiff(path, _no_surface) as raster:
-        if raster.crs is None:
-            raise _no_surface(path, "has no CRS")
-        band = raster.descriptions[0]
-        if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT:
-            raise _no_surface(path, f"holds {band!r} and no heights above a datum")
+        expect_heights(raster, path, _no_surface)
         box = tuple(raster.bounds)
         crs = pyproj.CRS.from_wkt(raster.crs.to_wkt())
         survey = survey_of(points_file, crs, options)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from furrowmap.core.crops.canopy import PIXEL_M
+from furrowmap.core.crops.given_soil import GivenSoil, given_soil
 from furrowmap.core.crops.parcel_points import ParcelPoints, soil_near
-from furrowmap.core.crops.soil import Soil, SoilAround, SoilMethod, soil_around
-
-SOILS: Final[tuple[SoilMethod, ...]] = ("surface", "plane")
+from furrowmap.core.crops.soil import Soil, SoilAround, soil_around
+from furrowmap.core.crops.soil_raster import SoilRaster
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.parcel import SoilMethod
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,19 @@ class SiteSoil:
     noise_m: float
     cells: int
 
+    @property
+    def notices(self) -> list[Notice]:
+        """Warnings."""
+        return self.soil.notices() if isinstance(self.soil, GivenSoil) else []
+
     def plain(self) -> dict[str, Any]:
         """As reports have it."""
         out: dict[str, Any] = {"cells": self.cells, "noise_m": round(self.noise_m, 5)}
-        if isinstance(self.soil, SoilAround):
-            relief = self.soil.relief
+        around = self.soil.around if isinstance(self.soil, GivenSoil) else self.soil
+        if isinstance(self.soil, GivenSoil):
+            out |= self.soil.plain()
+        if isinstance(around, SoilAround):
+            relief = around.relief
             out |= {
                 "relief_m": round(relief.relief_m, 4),
                 "range_m": round(relief.range_m, 2),
@@ -39,12 +49,14 @@ class SiteSoil:
         return out
 
 
-def site_soil(points: ParcelPoints, source: SoilMethod = "surface") -> SiteSoil:
+def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface") -> SiteSoil:
     """The soil of a site.
 
     Args:
         points: of its parcels, all collected.
-        source: how the soil under the parcels follows from that around them.
+        source: how the soil under the parcels follows from that around them, or the heights of another survey.
     """
     cells = points.soil()
-    return SiteSoil(soil_around(soil_near(points.parcels, cells), source), points.noise_m(PIXEL_M), len(cells))
+    near = soil_near(points.parcels, cells)
+    soil = given_soil(source, points.parcels, near) if isinstance(source, SoilRaster) else soil_around(near, source)
+    return SiteSoil(soil, points.noise_m(PIXEL_M), len(cells))

@@ -13,10 +13,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from furrowmap.core.crops.soil_cells import SoilCells, without_crop
-from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.parcel import Parcel, SoilMethod
 
 FloatArray = NDArray[np.float64]
-SoilMethod = Literal["surface", "plane"]
+Trend = Literal["plane", "constant"]
 
 NODE_M: Final = 0.5
 """Distance of the nodes of a patch."""
@@ -91,23 +91,23 @@ class Relief:
         return out
 
 
-def relief_of(surroundings: list[SoilCells]) -> Relief:
-    """The relief of the soil by restricted maximum likelihood, from the cells around some parcels."""
+def relief_of(surroundings: list[SoilCells], trend: Trend = "plane") -> Relief:
+    """The relief of the soil about a trend by restricted maximum likelihood, from the cells around some parcels."""
     groups = [cells for cells in surroundings if len(cells) > FEWEST_CELLS]
     best, found = -math.inf, Relief(0.0, RANGES_M[0], 0.01)
     for range_m in RANGES_M:
         for ratio in RATIOS:
-            likelihood, cell = _likelihood(groups, Relief(ratio, range_m, 1.0))
+            likelihood, cell = _likelihood(groups, Relief(ratio, range_m, 1.0), trend)
             if likelihood > best:
                 best, found = likelihood, Relief(ratio * cell, range_m, cell)
     return found
 
 
-def _likelihood(groups: list[SoilCells], relief: Relief) -> tuple[float, float]:
+def _likelihood(groups: list[SoilCells], relief: Relief, trend: Trend) -> tuple[float, float]:
     """Restricted log-likelihood of a relief but for its scale, and the scale."""
     logs, squares, freedom = 0.0, 0.0, 0
     for cells in groups:
-        design = _design(cells.xy_m, cells.xy_m.mean(axis=0))
+        design = _design(cells.xy_m, cells.xy_m.mean(axis=0), trend)
         matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.eye(len(cells))
         factor = cho_factor(matrix, lower=True)
         weighted = cho_solve(factor, design)
@@ -124,8 +124,9 @@ def _likelihood(groups: list[SoilCells], relief: Relief) -> tuple[float, float]:
     return -0.5 * (logs + freedom * math.log(scale)), math.sqrt(scale)
 
 
-def _design(xy_m: FloatArray, middle_m: FloatArray) -> FloatArray:
-    return np.column_stack([np.ones(len(xy_m)), xy_m - middle_m])
+def _design(xy_m: FloatArray, middle_m: FloatArray, trend: Trend) -> FloatArray:
+    level = np.ones((len(xy_m), 1))
+    return level if trend == "constant" else np.column_stack([level, xy_m - middle_m])
 
 
 def nodes_of(parcel: Parcel) -> tuple[float, float, FloatArray, tuple[int, int]]:
@@ -137,8 +138,8 @@ def nodes_of(parcel: Parcel) -> tuple[float, float, FloatArray, tuple[int, int]]
     return west, south, np.column_stack([x.ravel(), y.ravel()]), (rows, columns)
 
 
-def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief) -> SoilPatch | None:
-    """The soil under a parcel by universal kriging of the cells around it, with a plane as the trend.
+def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend = "plane") -> SoilPatch | None:
+    """The soil under a parcel by universal kriging of the cells around it.
 
     See N. Cressie (1993), Statistics for Spatial Data, section 3.4; the standard deviation is that of the mean over the
     net parcel (block kriging).
@@ -146,14 +147,15 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief) -> SoilPatch 
     Args:
         parcel: the parcel.
         cells: around it, without crop.
-        relief: of the soil; one of 0 m makes the plane by least squares.
+        relief: of the soil; one of 0 m makes the trend by least squares.
+        trend: that the relief departs from.
     """
     if len(cells) < FEWEST_CELLS:
         return None
     west, south, nodes, shape = nodes_of(parcel)
     middle = cells.xy_m.mean(axis=0)
     inside = shapely.contains_xy(parcel.net.buffer(0.5 * NODE_M), nodes[:, 0], nodes[:, 1])
-    design, at_nodes = _design(cells.xy_m, middle), _design(nodes, middle)
+    design, at_nodes = _design(cells.xy_m, middle, trend), _design(nodes, middle, trend)
     matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
     factor = cho_factor(matrix, lower=True)
     weighted = cho_solve(factor, design)
@@ -180,18 +182,20 @@ class SoilAround:
         cells: around each parcel by its id, without crop.
         relief: of the site.
         method: "surface" interpolates with the relief; "plane" fits a plane by least squares.
+        trend: that the relief departs from.
     """
 
     cells: dict[str, SoilCells]
     relief: Relief
     method: SoilMethod
+    trend: Trend = "plane"
 
     def under(self, parcel: Parcel) -> SoilPatch | None:
         """See :class:`Soil`."""
         cells = self.cells.get(parcel.id)
         if cells is None:
             return None
-        patch = interpolated(parcel, cells, self.relief)
+        patch = interpolated(parcel, cells, self.relief, self.trend)
         if patch is None or self.method == "surface":
             return patch
         flat = Relief(0.0, self.relief.range_m, math.hypot(self.relief.cell_m, self.relief.relief_m))
@@ -204,12 +208,13 @@ class SoilAround:
         )
 
 
-def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface") -> SoilAround:
-    """The soil from the cells around each parcel."""
+def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface", trend: Trend = "plane") -> SoilAround:
+    """The soil from the cells around each parcel, whose relief departs from a trend."""
     clean = {name: fewer(without_crop(cells), MOST_CELLS) for name, cells in near.items()}
     full = [cells for cells in clean.values() if len(cells) > FEWEST_CELLS]
     step = max(1, len(full) // TRIED)
-    return SoilAround(clean, relief_of([fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]]), method)
+    relief = relief_of([fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]], trend)
+    return SoilAround(clean, relief, method, trend)
 
 
 def fewer(cells: SoilCells, most: int) -> SoilCells:

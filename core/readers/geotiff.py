@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.values.allowances import expect_memory
 from furrowmap.core.values.errors import InputError
+
+HEIGHT: Final = "height"
+"""Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
 
 @contextmanager
@@ -44,3 +47,12 @@ def open_geotiff(
             yield raster
     except (RasterioError, CRSError, ProjError, ValueError) as error:
         raise unusable(path, f"cannot be read as a GeoTIFF ({' '.join(str(error).split())[:200]})") from None
+
+
+def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, str], InputError]) -> None:
+    """Raises InputError where a raster has no CRS, or is one of furrowmap's that holds no heights above a datum."""
+    if raster.crs is None:
+        raise unusable(path, "has no CRS")
+    band = raster.descriptions[0]
+    if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT:
+        raise unusable(path, f"holds {band!r} and no heights above a datum")

@@ -27,6 +27,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
 from furrowmap.core.values.images import Images
+from furrowmap.core.values.parcel import SOIL_METHODS
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
@@ -59,6 +60,7 @@ class Inputs:
         images: table of the camera's images.
         parcels: parcels of a trial.
         treatments: what each parcel was given.
+        soil: the soil below the parcels by another survey.
         states: tool states.
         learned: implement learned in an earlier session.
         parameters: parameter file of the map frame.
@@ -74,6 +76,7 @@ class Inputs:
     images: Path | None = None
     parcels: Path | None = None
     treatments: Path | None = None
+    soil: Path | None = None
     states: tuple[Path, ...] = ()
     learned: Path | None = None
     parameters: Path | None = None
@@ -105,6 +108,7 @@ class Inputs:
             images=camera_table(session_file, session.camera),
             parcels=one(parcels.file if parcels is not None else None),
             treatments=one(parcels.treatments if parcels is not None else None),
+            soil=one(parcels.soil if parcels is not None and parcels.soil not in SOIL_METHODS else None),
             states=several(implement.states if implement is not None else ()),
             learned=one(implement.learned if implement is not None else None),
             parameters=one(session.crs.parameters),
@@ -114,7 +118,7 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, *self.states)
+        single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil, *self.states)
         single += (self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final, Literal
 
 import shapely
 
 Attribute = str | float
+SoilMethod = Literal["surface", "plane"]
+
+SOIL_METHODS: Final[tuple[SoilMethod, ...]] = ("surface", "plane")
+"""How the soil under a crop follows from that around it."""
 
 
 @dataclass(frozen=True)

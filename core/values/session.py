@@ -312,7 +312,7 @@ class Parcels(_Part, frozen=True):
         net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
         treatments: CSV or Excel table with what each parcel was given.
         method: by which heights and volumes are computed; None for the default.
-        soil: where the height of the soil below the crop is from; None for the default.
+        soil: "surface", "plane", or a file with the soil by another survey; None for the default.
     """
 
     file: str

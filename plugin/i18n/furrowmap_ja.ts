@@ -4,6 +4,8 @@
 <context>
   <name>Algorithms</name>
   <message><source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source><translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation></message>
+  <message><source>A surface or terrain model (GeoTIFF), or a cloud of bare soil.</source><translation>地表モデルまたは地形モデル（GeoTIFF）、または裸地の点群。</translation></message>
+  <message><source>A surface through the bare soil around the parcels (default), or a plane around each.</source><translation>区画の周囲の裸地を通る曲面（既定）、または区画ごとの平面。</translation></message>
   <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
   <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
@@ -251,7 +253,7 @@
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Soil below the crop</source><translation>作物の下の土壌面</translation></message>
-  <message><source>Soil below the crop: a surface through the bare soil around the parcels, or a plane around each.</source><translation>作物の下の土壌面。区画の周りの裸地を通る曲面、または区画ごとの平面。</translation></message>
+  <message><source>Soil of another date</source><translation>別の日の地表面</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
   <message><source>Strict</source><translation>厳密</translation></message>

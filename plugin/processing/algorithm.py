@@ -24,6 +24,7 @@ from ..results import open_results
 from ..stages import stage_name
 from ..worker import WorkerCancelled, WorkerError, run_command
 from .algorithms import GROUPS
+from .description import COMMANDS
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
 
@@ -137,8 +138,10 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                     parameter=label, text=values[0], help=translated(parameter.help)
                 )
             ways.setdefault(parameter.option, []).append((label, bool(values)))
-        for either in ways.values():
-            if len(either) > 1 and sum(given for _, given in either) != 1:
+        for option, either in ways.items():
+            count = sum(given for _, given in either)
+            least = 0 if COMMANDS[self.description.command][option].get("default") is not None else 1
+            if len(either) > 1 and not least <= count <= 1:
                 return tr("Give either '{one}' or '{other}'.").format(one=either[0][0], other=either[1][0])
         return ""
 

@@ -257,7 +257,21 @@ ALGORITHMS = (
             ),
             "--day": parameter("DAY", "Day of the flight"),
             "--method": parameter("METHOD", "Method for heights and volumes"),
-            "--soil": parameter("SOIL", "Soil below the crop"),
+            "--soil": parameter(
+                "SOIL",
+                "Soil below the crop",
+                "A surface through the bare soil around the parcels (default), or a plane around each.",
+                kind="choice",
+                choices=("surface", "plane"),
+                default=None,
+            )
+            + parameter(
+                "SOIL_SURVEY",
+                "Soil of another date",
+                "A surface or terrain model (GeoTIFF), or a cloud of bare soil.",
+                kind="file",
+                filter="Soil (*.tif *.tiff *.las *.laz)",
+            ),
             "--compare": parameter("COMPARE", "Compute the published method, too"),
             "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
             "--crs": CLOUDS["--crs"],

@@ -16,7 +16,9 @@ import shapely
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import FurrowmapError, UsageError
+from furrowmap.workflows.parcels import parcel_settings
 
 CRS = "EPSG:25832"
 EAST, NORTH = 651_500.0, 6_133_880.0
@@ -128,10 +130,40 @@ def test_parcels__of_another_place_leave_nothing(trial: Path, tmp_path: Path) ->
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("wrong", [{"method": "tallest"}, {"soil": "guessed"}])
-def test_parcel_settings__refuse_what_is_not_known(wrong: dict[str, str]) -> None:
+def test_parcel_settings__refuse_what_is_not_known(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
-        furrowmap.ParcelSettings(**wrong)  # type: ignore[arg-type]
+        furrowmap.ParcelSettings(method="tallest")  # type: ignore[arg-type]
+    for soil, words in (("guessed", "is not there"), (tmp_path, "has none of dtm.tif, dsm.tif, cloud.copc.laz")):
+        with pytest.raises(FurrowmapError, match=words) as refused:
+            furrowmap.ParcelSettings(soil=soil)
+        assert refused.value.code == "soil-missing"
+
+
+@pytest.mark.parametrize("kind", ["cloud", "folder"])
+def test_parcels__soil_of_another_date_is_brought_to_the_height_of_the_points(
+    trial: Path, tmp_path: Path, kind: str
+) -> None:
+    """Bare soil of another flight, 0.4 m higher; its surface in another CRS."""
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = np.full(3, 0.001), np.array([EAST, NORTH, 0.0])
+    header.add_crs(pyproj.CRS(CRS))
+    soil = laspy.LasData(header)
+    x, y = np.random.default_rng(3).uniform((-1.5, -1.5), (5.5, 5.5), (20_000, 2)).T
+    soil.x, soil.y, soil.z = x + EAST, y + NORTH, 70.4 + 0.01 * x
+    soil.return_number[:] = soil.number_of_returns[:] = 1
+    soil.write(tmp_path / "bare.laz")
+    if kind == "folder":
+        there = furrowmap.SurfaceSettings(cell_m=0.1, ground="none", dst_crs="EPSG:25833")
+        furrowmap.surface([tmp_path / "bare.laz"], tmp_path / "bare", there)
+    source = tmp_path / ("bare" if kind == "folder" else "bare.laz")
+    settings = furrowmap.ParcelSettings(net_inset_m=(0.5, 0.1), soil=source)
+    account = furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", tmp_path / "crops", settings)
+    assert account["soil"]["from"] == ("dsm.tif" if kind == "folder" else "bare.laz")
+    assert account["parameters"]["soil"] == source.name
+    assert account["soil"]["offset_m"] == pytest.approx(-0.4, abs=2e-3)
+    for row in account["parcels"][:2]:
+        assert row["mean_height_m"] == pytest.approx(HEIGHTS[row["id"]], abs=0.006)
+        assert 0.0 < row["soil_sigma_m"] < 0.003
 
 
 def test_treatments__are_in_the_table_with_doses_up_to_the_day(trial: Path, tmp_path: Path) -> None:
@@ -148,3 +180,16 @@ def test_treatments__are_in_the_table_with_doses_up_to_the_day(trial: Path, tmp_
     assert refused.value.code == "treatments-unknown"
     with pytest.raises(UsageError, match="is no date"):
         furrowmap.ParcelSettings(day="1 April")
+
+
+def test_session__names_the_soil_as_a_method_or_a_file(tmp_path: Path) -> None:
+    for name in ("gnss.nmea", "parcels.geojson", "bare.tif"):
+        (tmp_path / name).touch()
+    for soil, wanted in (("plane", "plane"), ("bare.tif", tmp_path.resolve() / "bare.tif")):
+        (tmp_path / "session.toml").write_text(
+            'furrowmap = 1\n[recording]\ngnss = ["gnss.nmea"]\n[crs]\nmap = "EPSG:25832"\n'
+            f'[parcels]\nfile = "parcels.geojson"\nsoil = "{soil}"\n'
+        )
+        opened = open_session(tmp_path / "session.toml")
+        assert parcel_settings(opened).soil == wanted
+        assert (tmp_path.resolve() / "bare.tif" in opened.inputs.all) == (soil == "bare.tif")
