@@ -81,7 +81,7 @@ def parcels(
     """Measure height and volume of the crop on each parcel of PARCELS from CLOUDs (LAS, LAZ or COPC).
 
     PARCELS is a GeoPackage, Shapefile (also zipped), GeoJSON, FlatGeobuf, KML, or a CSV of corners, with the gross
-    parcels. Writes parcels.gpkg, parcels.csv, crop_height.tif and parcels.json.
+    parcels. Writes parcels.gpkg, parcels.csv, parcels.xlsx (with the extra `trials`), crop_height.tif and parcels.json.
     """
     settings = furrowmap.ParcelSettings(
         net_inset_m=widths_of(net_inset, "--net-inset"),

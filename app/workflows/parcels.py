@@ -32,6 +32,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CROP_HEIGHT,
     PARCEL_PRODUCTS,
+    PARCEL_SHEET,
     PARCEL_TABLE,
     PARCELS,
     PARCELS_REPORT,
@@ -41,7 +42,7 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.crop_height import CropHeights
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
-from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_table
+from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
 from furrowmap.workflows.cloud_inputs import input_records, input_rows
 from furrowmap.workflows.soil_source import expect_soil, soil_file, soil_source
 from furrowmap.workflows.surface import no_warning
@@ -273,6 +274,7 @@ def write_parcels(
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
+    write_parcel_sheet(folder / PARCEL_SHEET, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
     notices += [*soil.notices, *([_unmeasured(unknown, len(found))] if unknown else [])]
     account = {

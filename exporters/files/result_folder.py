@@ -53,6 +53,7 @@ SURFACES_REPORT: Final = "surfaces.json"
 
 CROP_HEIGHT: Final = "crop_height.tif"
 PARCEL_TABLE: Final = "parcels.csv"
+PARCEL_SHEET: Final = "parcels.xlsx"
 PARCELS: Final = "parcels.gpkg"
 PARCELS_REPORT: Final = "parcels.json"
 
@@ -97,6 +98,7 @@ RUN_PRODUCTS: Final = {
     ORTHOPHOTO: "true orthophoto: `dsm.tif` in the colours of the images, of a session with `[camera]`",
     CROP_HEIGHT: "height of the crop above the soil in pixels of 4 cm, of a session with `[parcels]`",
     PARCEL_TABLE: "the figures of the layer `parcels` as a table",
+    PARCEL_SHEET: "the same as a spreadsheet, with the extra `trials`",
     **{style_of(name): f"style of `{name}`, which QGIS loads with it" for name in RUN_RASTERS},
     FIELD: "the layers below, each with its style stored inside",
     LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",
@@ -115,7 +117,7 @@ SURFACE_PRODUCTS: Final = (
     DSM, DTM, HEIGHT_ABOVE_GROUND, HILLSHADE, SLOPE, ROUGHNESS, LOW_SPOTS, LOW_SPOT_OUTLINES, SURFACES_REPORT,
 )  # fmt: skip
 """All files that `furrowmap surface` may write."""
-PARCEL_PRODUCTS: Final = (PARCELS, PARCEL_TABLE, CROP_HEIGHT, style_of(CROP_HEIGHT), PARCELS_REPORT)
+PARCEL_PRODUCTS: Final = (PARCELS, PARCEL_TABLE, PARCEL_SHEET, CROP_HEIGHT, style_of(CROP_HEIGHT), PARCELS_REPORT)
 """All files that `furrowmap parcels` may write."""
 GROWTH_PRODUCTS: Final = (GROWTH, GROWTH_TABLE, GROWTH_WORKBOOK, GROWTH_REPORT)
 """All files that `furrowmap growth` may write."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 
 LAYER: Final = "parcels"
@@ -59,6 +61,21 @@ def write_parcel_table(path: Path, layer: Layer) -> None:
         table.writerow([cell(name) for name in layer.columns])
         for row in range(len(layer.shapes)):
             table.writerow([_written(name, values[row]) for name, values in layer.columns.items()])
+
+
+def write_parcel_sheet(path: Path, layer: Layer) -> None:
+    """Write the columns of a layer of parcels as a spreadsheet (xlsx), numbers as numbers, if openpyxl is installed.
+
+    Raises:
+        OSError: if the file cannot be written.
+    """
+    if find_spec("openpyxl") is None:
+        return
+    rows = [
+        {name: _written(name, values[row]) for name, values in layer.columns.items()}
+        for row in range(len(layer.shapes))
+    ]
+    write_workbook(path, {LAYER: [{name: None if v == "" else v for name, v in row.items()} for row in rows]})
 
 
 def _written(name: str, value: Any) -> object:

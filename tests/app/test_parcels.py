@@ -9,6 +9,7 @@ from pathlib import Path
 import geopandas as gpd
 import laspy
 import numpy as np
+import openpyxl
 import pyproj
 import pytest
 import rasterio
@@ -79,6 +80,19 @@ def test_parcels__layer_and_table_hold_the_same_heights(crops: tuple[Path, dict[
     assert rows["far"]["variety"] == "'=Sheriff"
     assert json.loads((folder / "parcels.json").read_text(encoding="utf-8")) == account
     assert [warning["code"] for warning in account["warnings"]] == ["parcels-unmeasured"]  # type: ignore[attr-defined]
+
+
+def test_parcels__spreadsheet_holds_the_numbers_of_the_table(crops: tuple[Path, dict[str, object]]) -> None:
+    folder, account = crops
+    head, *rows = openpyxl.load_workbook(folder / "parcels.xlsx")["parcels"].iter_rows(values_only=True)
+    with (folder / "parcels.csv").open(encoding="utf-8", newline="") as file:
+        table = list(csv.reader(file))
+    assert list(head) == table[0]
+    for found, wanted in zip(rows, table[1:], strict=True):
+        for name, value, text in zip(head, found, wanted, strict=True):
+            number = name not in ("id", "block", "variety", "lodging") and text
+            assert value == (float(text) if number else text or None), name
+    assert "parcels.xlsx" in account["products"]  # type: ignore[operator]
 
 
 def test_parcels__raster_has_the_mean_of_the_table(crops: tuple[Path, dict[str, object]]) -> None:
@@ -183,12 +197,12 @@ def test_treatments__are_in_the_table_with_doses_up_to_the_day(trial: Path, tmp_
 
 
 def test_session__names_the_soil_as_a_method_or_a_file(tmp_path: Path) -> None:
-    for name in ("gnss.nmea", "parcels.geojson", "bare.tif"):
+    for name in ("gnss.nmea", "imu.csv", "parcels.geojson", "bare.tif"):
         (tmp_path / name).touch()
     for soil, wanted in (("plane", "plane"), ("bare.tif", tmp_path.resolve() / "bare.tif")):
         (tmp_path / "session.toml").write_text(
             'furrowmap = 1\n[recording]\ngnss = ["gnss.nmea"]\n[crs]\nmap = "EPSG:25832"\n'
-            f'[parcels]\nfile = "parcels.geojson"\nsoil = "{soil}"\n'
+            f'[imu]\nfiles = ["imu.csv"]\n[parcels]\nfile = "parcels.geojson"\nsoil = "{soil}"\n'
         )
         opened = open_session(tmp_path / "session.toml")
         assert parcel_settings(opened).soil == wanted
