@@ -27,7 +27,7 @@ from furrowmap.core.values.errors import Notice, UsageError
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CROP_HEIGHT,
@@ -139,15 +139,10 @@ def parcels(
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
-    with (
-        staged_folder(folder) as staging,
-        ParcelPoints(areas, staging.parent, settings.around_m) as points,
-    ):
-        soil = soil_file(settings.soil)
-        expect_soil(soil, opened.crs, points.box_m)
+    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, settings.around_m) as points:
+        expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
         notices, span_s = collect(opened, file, points, settings.classes, progress)
-        others = [path for path in (soil, file) if path is not None]
-        records = [*input_records(opened, progress), *(file_records([path], path.parent)[0] for path in others)]
+        records = _records(opened, (soil_file(settings.soil), file), progress)
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
@@ -166,6 +161,12 @@ def parcels(
         }
         (staging / PARCELS_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
     return dict(plain(account))
+
+
+def _records(clouds: Clouds, others: Sequence[Path | None], progress: Progress) -> list[FileRecord]:
+    """The files of clouds, then others."""
+    named = [path for path in others if path is not None]
+    return [*input_records(clouds, progress), *(file_records([path], path.parent)[0] for path in named)]
 
 
 def parcel_settings(opened: OpenSession) -> ParcelSettings:
