@@ -8,11 +8,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from furrowmap.core.pipeline import MatchedSession
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.packed import pack, unpack
+from furrowmap.core.values.packed import packed, unpacked
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord
 
@@ -28,11 +29,11 @@ class KeptMatching:
         """What an earlier run kept; None for nothing, or that of another session."""
         if not self._path.is_file():
             return None
-        data = self._path.read_bytes()
-        if not data.startswith(self._key):
-            return None
         try:
-            return unpack(data[len(self._key) :], MatchedSession)
+            data = np.memmap(self._path, np.uint8, "r").data
+            if data[: len(self._key)] != self._key:
+                return None
+            return unpacked(data[len(self._key) :], MatchedSession)
         except (ValueError, TypeError, MemoryError):  # damaged
             return None
 
@@ -44,4 +45,4 @@ class KeptMatching:
         """
         with atomic_output(self._path) as unfinished, unfinished.open("wb") as file:
             file.write(self._key)
-            file.write(pack(found))
+            file.writelines(packed(found))

@@ -1,49 +1,78 @@
-"""Values and their arrays as bytes, exactly, and back by their types: nothing in the bytes decides what is made."""
+"""Values and their arrays as bytes, exactly, and back by their types: nothing in the bytes decides what is made.
+
+The length of the head in eight bytes, the head in MessagePack with the types, shapes and places of the arrays, then
+their contents: arrays that lie in scratch files never come into memory as a whole.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import Any, Final, TypeVar
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values import scratch
 
 _ARRAY: Final = 1
-"""Code of an array in MessagePack: its type, shape and content."""
+"""Code of an array in MessagePack: its type, shape and first byte."""
 _KINDS: Final = "fiubU"
 """Kinds of arrays, by NumPy's letters."""
+_LENGTH: Final = 8
+_Count = Annotated[int, msgspec.Meta(ge=0)]
 T = TypeVar("T")
 
 
-def pack(value: object) -> bytes:
-    """A dataclass, or a collection, of numbers, texts and arrays as bytes."""
-    return msgspec.msgpack.encode(value, enc_hook=_encoded)
+def packed(value: object) -> Iterator[bytes | memoryview]:
+    """The bytes, piece by piece, of a dataclass, or a collection, of numbers, texts and arrays."""
+    arrays: list[NDArray[Any]] = []
+    size = 0
+
+    def encoded(value: Any) -> Any:
+        nonlocal size
+        if isinstance(value, np.generic):
+            return value.item()
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in _KINDS:
+            raise TypeError(f"{type(value).__name__} cannot be packed")
+        arrays.append(value)
+        begin, size = size, size + value.nbytes
+        return msgspec.msgpack.Ext(_ARRAY, msgspec.msgpack.encode((value.dtype.str, value.shape, begin)))
+
+    head = msgspec.msgpack.encode(value, enc_hook=encoded)
+    yield len(head).to_bytes(_LENGTH, "little")
+    yield head
+    for array in arrays:
+        yield np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
-def unpack(data: bytes, kind: type[T]) -> T:
-    """The value of a type.
+def unpacked(data: bytes | memoryview, kind: type[T]) -> T:
+    """The value of a type; large arrays are copied into scratch files.
 
     Raises:
         ValueError, TypeError: if the bytes hold something else.
     """
-    return msgspec.msgpack.decode(data, type=kind, dec_hook=_typed, ext_hook=_decoded)
+    whole = memoryview(data)
+    begin = _LENGTH + int.from_bytes(whole[:_LENGTH], "little")
+    if begin > len(whole):
+        raise ValueError("the head is cut off")
+    decoded = partial(_decoded, whole[begin:])
+    return msgspec.msgpack.decode(whole[_LENGTH:begin], type=kind, dec_hook=_typed, ext_hook=decoded)
 
 
-def _encoded(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in _KINDS:
-        raise TypeError(f"{type(value).__name__} cannot be packed")
-    return msgspec.msgpack.Ext(_ARRAY, msgspec.msgpack.encode((value.dtype.str, value.shape, value.tobytes())))
-
-
-def _decoded(code: int, data: memoryview) -> Any:
+def _decoded(contents: memoryview, code: int, data: memoryview) -> Any:
     if code != _ARRAY:
         raise ValueError(f"unknown code {code}")
-    kind, shape, content = msgspec.msgpack.decode(data, type=tuple[str, tuple[int, ...], bytes])
+    kind, shape, begin = msgspec.msgpack.decode(data, type=tuple[str, tuple[_Count, ...], _Count])
     if re.fullmatch(rf"[<>|=][{_KINDS}]\d{{1,4}}", kind) is None:
         raise ValueError(f"unknown type of array {kind!r}")
-    return np.frombuffer(content, np.dtype(kind)).reshape(shape).copy()
+    try:
+        there: NDArray[Any] = np.ndarray(shape, kind, contents, begin)
+    except OverflowError as error:
+        raise ValueError("an array lies beyond the end") from error
+    return scratch.copied(there)
 
 
 def _typed(kind: Any, value: Any) -> Any:

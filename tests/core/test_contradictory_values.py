@@ -33,7 +33,7 @@ from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.npz import read_npz
-from furrowmap.core.values.packed import pack, unpack
+from furrowmap.core.values.packed import packed, unpacked
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
@@ -53,6 +53,11 @@ def scan(**changes: Any) -> Scan:
 
 def velodyne(payloads: Any, host_s: Any) -> object:
     return PacketDecoder("VLP-16").push(np.array(payloads), np.array(host_s))
+
+
+def with_head(value: Any) -> bytes:
+    head = msgspec.msgpack.encode(value)
+    return len(head).to_bytes(8, "little") + head
 
 
 def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
@@ -84,7 +89,7 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
         (lambda: list(tiles(np.zeros((4, 3)), 2.0, -0.1)), "a margin"),
         (lambda: classify_ground(np.zeros((3, 2))), r"points of shape \(3, 2\)"),
         (lambda: classify_ground(THREE), r"points of shape \(3,\)"),
-        (lambda: unpack(msgspec.msgpack.encode(msgspec.msgpack.Ext(2, b"")), np.ndarray), "unknown code 2"),
+        (lambda: unpacked(with_head(msgspec.msgpack.Ext(2, b"")), np.ndarray), "unknown code 2"),
         (lambda: velodyne([np.zeros(1205, np.uint8)], [0.0]), "must be"),
         (lambda: velodyne([np.zeros(1206, np.uint8)], [0.0, 1.0]), "must be"),
         (lambda: cloth_ground(np.array([[0.0, 0.0, np.nan]])), "not finite"),
@@ -123,10 +128,14 @@ def test_ground__is_sought_only_in_squares_of_the_points_asked_about() -> None:
 
 
 def test_packed__numbers_come_back_and_other_types_of_arrays_do_not() -> None:
-    assert unpack(pack({"a": np.float64(1.5), "b": np.int64(-3)}), dict) == {"a": 1.5, "b": -3}
-    inner = msgspec.msgpack.encode(("|O8", (1,), bytes(8)))
+    assert unpacked(b"".join(packed({"a": np.float64(1.5), "b": np.int64(-3)})), dict) == {"a": 1.5, "b": -3}
+    inner = msgspec.msgpack.encode(("|O8", (1,), 0))
     with pytest.raises(ValueError, match="unknown type of array"):
-        unpack(msgspec.msgpack.encode(msgspec.msgpack.Ext(1, inner)), np.ndarray)
+        unpacked(with_head(msgspec.msgpack.Ext(1, inner)) + bytes(8), np.ndarray)
+    for begin, words in ((2**64 - 1, "beyond the end"), (-1, ">= 0")):
+        beyond = msgspec.msgpack.encode(("<f8", (1,), begin))
+        with pytest.raises(ValueError, match=words):
+            unpacked(with_head(msgspec.msgpack.Ext(1, beyond)) + bytes(8), np.ndarray)
 
 
 def test_npz__of_too_many_arrays(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.packed import pack, unpack
+from furrowmap.core.values.packed import packed, unpacked
 
 KINDS = st.sampled_from([np.float64, np.float32, np.int8, np.int64, np.bool_, np.dtype("<U4")])
 
@@ -35,7 +35,7 @@ class Value:
 def test_packed__comes_back_exactly(array: NDArray[Any], number: float, text: str) -> None:
     text = text.encode(errors="ignore").decode()
     value = Value(array, number, (Notice("a", text),), {"x": [number, text, None], "y": array[:1]})
-    back = unpack(pack(value), Value)
+    back = unpacked(b"".join(packed(value)), Value)
     assert back.array.dtype == array.dtype
     assert back.array.tobytes() == array.tobytes()
     assert back.array.shape == array.shape
@@ -45,10 +45,10 @@ def test_packed__comes_back_exactly(array: NDArray[Any], number: float, text: st
 
 @given(data=st.binary(max_size=60), at=st.integers(0, 400), byte=st.integers(0, 255))
 def test_promise_23__damaged_bytes_are_refused_or_a_value_of_that_type(data: bytes, at: int, byte: int) -> None:
-    good = pack(Value(np.arange(3.0), 1.0, (Notice("a", "b"),), {"x": 1}))
+    good = b"".join(packed(Value(np.arange(3.0), 1.0, (Notice("a", "b"),), {"x": 1})))
     for bad in (data, good[: at % len(good)], good[: at % len(good)] + bytes([byte]) + good[at % len(good) + 1 :]):
         try:
-            back = unpack(bad, Value)
+            back = unpacked(bad, Value)
         except (ValueError, TypeError, MemoryError):
             continue
         assert isinstance(back, Value)
@@ -57,11 +57,11 @@ def test_promise_23__damaged_bytes_are_refused_or_a_value_of_that_type(data: byt
 
 def test_array_of_objects__is_refused() -> None:
     with pytest.raises(TypeError, match="cannot be packed"):
-        pack(Value(np.array([object()]), 1.0, (), {}))
+        list(packed(Value(np.array([object()]), 1.0, (), {})))
 
 
 @pytest.mark.parametrize("value", [1.5, [1.0, 2.0], "text", None, {"a": 1}])
 def test_what_is_no_array__is_told_by_its_type(value: Any) -> None:
     kind = type(value).__name__
     with pytest.raises(ValueError, match=f"{kind} instead of .*ndarray"):
-        unpack(pack({"array": value, "number": 1.0, "notices": (), "figures": {}}), Value)
+        unpacked(b"".join(packed({"array": value, "number": 1.0, "notices": (), "figures": {}})), Value)
