@@ -36,6 +36,7 @@ from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
+from furrowmap.core.values import scratch
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import Notice
@@ -469,6 +470,7 @@ class _StopWatch:
         self._last = perf_counter()
 
     def lap(self, stage: str) -> None:
+        scratch.release()
         now = perf_counter()
         self.laps_s[stage] = round(now - self._last, 3)
         self._last = now

@@ -23,7 +23,7 @@ from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.scratch import scratch_in
+from furrowmap.core.values.scratch import release, scratch_in
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
@@ -109,6 +109,7 @@ def _write_products(
     origin = _path_from(opened.file, folder)
     made = _made(opened, staging, inputs, progress)
     found, summary = made.found, made.cloud
+    release()
     progress("writing layers", 0.0)
     layers = perf_counter()
     provenance = run_origin(found, made.inputs)

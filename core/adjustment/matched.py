@@ -187,7 +187,10 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     for part in scratch.parts(len(knots)):
         quaternion[part] = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
     fix = _fix(problem.positions, knots.t_s)
-    before = np.where(motion == Motion.STANDING, "standing", start.heading_from[_nearest(start.t_s, knots.t_s)])
+    before = scratch.zeros(len(knots), np.result_type(start.heading_from, "<U8"))
+    for part in scratch.parts(len(knots)):
+        nearest = _nearest(start.t_s, knots.t_s[part])
+        before[part] = np.where(standing[part], "standing", start.heading_from[nearest])
     sources = sources_of(
         ground,
         walls,
@@ -195,9 +198,8 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         before,
         fix != Fix.NONE,
     )
-    heading_from = sources.heading
     if not adjusted.facing.shown:
-        heading_from = np.where(heading_from == "relief", before, heading_from)
+        np.copyto(sources.heading, before, where=sources.heading == "relief")
     return Trajectory(
         t_s=knots.t_s,
         xyz_m=np.add(state.xyz_m, problem.origin_m, out=scratch.zeros(state.xyz_m.shape)),
@@ -205,8 +207,8 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         speed_mps=np.where(standing, 0.0, speed),
         motion=motion,
         fix=fix,
-        sigma=scratch.copied(sigma),
-        heading_from=heading_from,
+        sigma=sigma,
+        heading_from=sources.heading,
         position_from=sources.position,
         height_from=sources.height,
         level_from=sources.level,
@@ -227,7 +229,7 @@ def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever
         start: trajectory by positions alone.
         lever_m: (3,) of the antenna.
     """
-    out, known = sigma.copy(), np.isfinite(start.sigma[:, 5])
+    out, known = scratch.copied(sigma), np.isfinite(start.sigma[:, 5])
     if known.any():
         out[:, 5] = np.maximum(sigma[:, 5], np.interp(t_s, start.t_s[known], start.sigma[known, 5]))
     more = np.radians(np.sqrt(out[:, 5] ** 2 - sigma[:, 5] ** 2)) * np.hypot(lever_m[0], lever_m[1]) / np.sqrt(2.0)

@@ -144,7 +144,7 @@ def _moved(
         observations=tuple(o.reweighted(problem.knots, it.state) for o in it.observations),
         relief=ground.sums.relief(),
         ground=ground.sums,
-        walls=walls,
+        walls=walls.registered(),
     )
 
 

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import special
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -160,7 +160,7 @@ def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logis
     seen = Observations.of(dose, height, block)
     if len(seen.doses) < 4 or seen.freedom < 1:
         raise ValueError("a logistic curve needs four doses, and more observations than parameters")
-    t = float(stats.t.ppf(0.975, seen.freedom))
+    t = float(special.stdtrit(seen.freedom, 0.975))
     outer = _outer(seen.doses)
     box, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
     kept, spread = _inside(_on_grid(seen, box, FINE), limit)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from furrowmap.core.values.errors import InputError
 
@@ -106,7 +106,7 @@ def analysis_of_variance(
         )
         for source, row in found.iterrows()
     )
-    sigma, t = float(np.sqrt(model.mse_resid)), float(stats.t.ppf(0.975, model.df_resid))
+    sigma, t = float(np.sqrt(model.mse_resid)), float(special.stdtrit(model.df_resid, 0.975))
     means = []
     for name in names:
         own = value[np.array([each == name for each in treatment])]

@@ -132,7 +132,8 @@ class Solution:
 
     def sigma(self) -> FloatArray:
         """(n,) standard deviations of the unknowns."""
-        variance: FloatArray = _inverse_diagonal(np.ascontiguousarray(self.factor.T))
+        variance: FloatArray = scratch.zeros(len(self.values))
+        _inverse_diagonal(np.ascontiguousarray(self.factor.T), variance)
         return np.sqrt(variance, out=variance)
 
 
@@ -175,16 +176,15 @@ def _mirror(matrix):  # type: ignore[no-untyped-def]
             matrix[i, j] = matrix[j, i]
 
 
-@numba.njit("float64[:](float64[:, ::1])", cache=True, nogil=True)
-def _inverse_diagonal(factor):  # type: ignore[no-untyped-def]
-    """Diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
+@numba.njit("void(float64[:, ::1], float64[::1])", cache=True, nogil=True)
+def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
+    """Set ``out`` to the diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
 
     Only the entries of the inverse inside the band are computed, from the last column to the first (Takahashi, Fagan
     and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18). Of these columns only the last `width`
     are kept, each in two places, so that they follow one another whichever is the newest.
     """
     n, width = factor.shape
-    out = np.empty(n)
     inverse = np.zeros((2 * width, width))
     for j in range(n - 1, -1, -1):
         reach, at = min(width - 1, n - 1 - j), j % width
@@ -195,4 +195,3 @@ def _inverse_diagonal(factor):  # type: ignore[no-untyped-def]
                 total -= factor[j, k] * inverse[at + low, high - low]
             inverse[at, i] = inverse[at + width, i] = total / factor[j, 0]
         out[j] = inverse[at, 0]
-    return out

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.states import POSE, State
+from furrowmap.core.values import scratch
 
 FloatArray = NDArray[np.float64]
 
@@ -40,8 +41,8 @@ def slow_covariance(free: NormalEquations, considered: Considered) -> FloatArray
 
 def quick_variances(held: NormalEquations, size: int) -> FloatArray:
     """(n, 6) variances of the poses with fixed references."""
-    out: FloatArray = held.solve().sigma().reshape(-1, size)[:, :POSE].copy()
-    out *= out
+    sigma = held.solve().sigma().reshape(-1, size)[:, :POSE]
+    out: FloatArray = np.square(sigma, out=scratch.zeros(sigma.shape))
     return out
 
 
@@ -57,7 +58,8 @@ def pose_sigmas(
         slow: see :func:`slow_covariance`.
         quick: (n, 6) see :func:`quick_variances`.
     """
-    variance = _variances(
+    variance: FloatArray = scratch.zeros(quick.shape)
+    _variances(
         state.layout.size,
         np.ascontiguousarray(state.xyz_m),
         np.ascontiguousarray(state.rotation),
@@ -66,6 +68,7 @@ def pose_sigmas(
         centre_m,
         np.ascontiguousarray(slow),
         quick,
+        variance,
     )
     out: FloatArray = np.maximum(variance, 0.0, out=variance)
     np.sqrt(out, out=out)
@@ -74,10 +77,9 @@ def pose_sigmas(
 
 
 @numba.njit(cache=True, nogil=True)
-def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick):  # type: ignore[no-untyped-def]
+def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     count = len(centre_m)
-    out = np.empty((n, 6))
     design = np.zeros((6, 12))
     block = np.empty((12, 12))
     for j in range(n):
@@ -106,4 +108,3 @@ def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick):  # 
             along = rotation[j, :, axis].copy()
             out[j, 3 + axis] = along @ (turn @ along)
         out[j, 5] = turn[2, 2]
-    return out

@@ -9,8 +9,10 @@ so that absolute observations alone determine it.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numba
@@ -27,6 +29,8 @@ LAYERS: Final = 3
 """Layers of patches: ground before and after the implement's passage, walls."""
 THREADED: Final = 5_000
 """Fewer patches are done sooner than two threads have begun."""
+STORED: Final = 1 << 16
+"""So many rows, or some more, are stored together."""
 RIDGE: Final = 1e-8
 """Determines what a patch's returns do not: place and yaw of smooth ground, the tilt of a single line of returns. A
 share of the weight of its height."""
@@ -55,6 +59,29 @@ class Patches:
     def kept(cls, *columns: NDArray[Any]) -> Patches:
         """Copies of columns that are the filled part of longer ones, which are not kept."""
         return cls(*(column.copy() for column in columns))
+
+
+def stored(found: Iterable[Patches]) -> list[Patches]:
+    """The same patches, whose largest columns lie in scratch files where they have many rows together."""
+    out: list[Patches] = []
+    waiting: list[Patches] = []
+    rows = 0
+    for patches in found:
+        waiting.append(patches)
+        rows += len(patches.interval)
+        if rows >= STORED:
+            out += _stored(waiting)
+            waiting, rows = [], 0
+    return out + waiting
+
+
+def _stored(found: Sequence[Patches]) -> Iterator[Patches]:
+    """Parts of columns that are together."""
+    columns = [[vars(patches)[name] for patches in found] for name in vars(found[0])]
+    ends = np.cumsum([len(patches.interval) for patches in found])
+    whole = [np.concatenate(c, out=scratch.zeros((ends[-1], *c[0].shape[1:]), c[0].dtype)) for c in columns]
+    for begin, end in pairwise([0, *ends.tolist()]):
+        yield Patches(*(column[begin:end] for column in whole))
 
 
 def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: float, centre_m: FloatArray) -> None:

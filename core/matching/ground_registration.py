@@ -10,7 +10,7 @@ import numpy as np
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.patches import Patches, free_patches
+from furrowmap.core.estimation.patches import Patches, free_patches, stored
 from furrowmap.core.estimation.registration import Registration
 from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
@@ -79,10 +79,10 @@ def register_session(
 
     def work(share: Sequence[Portion]) -> tuple[GroundSums, list[Patches]]:
         sums = GroundSums.of(len(placing.knots))
-        return sums, [
+        return sums, stored(
             register_ground(placing.ground(c, part), surface, placing.poses(c, coarse), relief, 1.0, sums)
             for c, part in share
-        ]
+        )
 
     found = in_threads(work, portions)
     sums = _together([s for s, _ in found])

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.patches import Patches
+from furrowmap.core.estimation.patches import Patches, stored
 from furrowmap.core.estimation.registration import Registration
 from furrowmap.core.estimation.slices import SliceSums
 from furrowmap.core.matching.placing import Placing
@@ -45,6 +45,10 @@ class WallRegistration:
     observation: Registration
     scatter: Scatter
 
+    def registered(self) -> WallRegistration:
+        """Without its patches, which are many and not needed once the equations are solved."""
+        return replace(self, observation=replace(self.observation, references=()))
+
 
 def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKnots | None) -> WallRegistration:
     """Each window against its own walls.
@@ -56,14 +60,19 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
     """
 
     def work(share: Sequence[Portion]) -> _Part:
-        sums, scatter, references = SliceSums.of(len(placing.knots)), Scatter(), []
-        for c, part in share:
-            placed = placing.upright(c, part)
-            walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
-            patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 0.5, sums)
-            scatter = scatter.plus(more)
-            if len(patches.place):
-                references.append([patches])
+        sums, scatter = SliceSums.of(len(placing.knots)), Scatter()
+
+        def found() -> Iterator[Patches]:
+            nonlocal scatter
+            for c, part in share:
+                placed = placing.upright(c, part)
+                walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
+                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 0.5, sums)
+                scatter = scatter.plus(more)
+                if len(patches.place):
+                    yield patches
+
+        references = [[patches] for patches in stored(found())]
         return sums, scatter, references
 
     upright = placing.returns.upright
@@ -82,14 +91,18 @@ def register_wall_session(
     walls = _session_walls(placing, portions)
 
     def work(share: Sequence[Portion]) -> _Part:
-        sums, scatter, patches = SliceSums.of(len(placing.knots)), Scatter(), []
-        for c, part in share:
-            found, more = register_walls(
-                placing.upright(c, part), walls, placing.poses(c, coarse), correlated, 1.0, sums
-            )
-            scatter = scatter.plus(more)
-            patches.append(found)
-        return sums, scatter, [patches]
+        sums, scatter = SliceSums.of(len(placing.knots)), Scatter()
+
+        def found() -> Iterator[Patches]:
+            nonlocal scatter
+            for c, part in share:
+                placed = placing.upright(c, part)
+                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 1.0, sums)
+                scatter = scatter.plus(more)
+                yield patches
+
+        references = [stored(found())]
+        return sums, scatter, references
 
     return _together(placing, in_threads(work, portions), coarse)
 

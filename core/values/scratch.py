@@ -6,11 +6,13 @@ first: a full disk is an error when the array is made, not a signal that ends th
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from math import prod
 from pathlib import Path
 from typing import IO, Any, Final, Literal
@@ -80,6 +82,22 @@ def parts(rows: int, most: int | None = None) -> Iterator[slice]:
     """Slices of at most `most` rows, by default PART, in their order."""
     length = most or PART
     return (slice(begin, min(begin + length, rows)) for begin in range(0, rows, length))
+
+
+def release() -> None:
+    """Give memory that is free back to the system: glibc keeps what lies between blocks that are still used."""
+    if (trim := _trim()) is not None:
+        trim(0)
+
+
+@cache
+def _trim() -> Callable[[int], int] | None:
+    """The C library's function; None where it has none, as on macOS, Windows and with musl."""
+    try:
+        found: Callable[[int], int] = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return None
+    return found
 
 
 def _reserve(file: IO[bytes], size: int) -> None:

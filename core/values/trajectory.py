@@ -208,6 +208,6 @@ def same_hemisphere(quaternion: FloatArray) -> FloatArray:
     if len(quaternion) < 2:
         return quaternion
     flips = np.cumsum(np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0) % 2
-    out = quaternion.copy()
+    out: FloatArray = scratch.copied(quaternion)
     out[1:][flips == 1] *= -1.0
     return out

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over, place, turns
-from furrowmap.core.estimation.patches import Patches, free_patches
+from furrowmap.core.estimation.patches import Patches, free_patches, stored
 from furrowmap.core.estimation.states import VEHICLE, State
 from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
@@ -257,3 +257,18 @@ def test_other_motions_cost_something_and_none_gains(turning: Turning) -> None:
     step[turning.coarse.count // 2, 3] = np.radians(0.1)
     whole = step.reshape(-1)
     assert whole @ turning.freed @ whole > 0.05 * (whole @ turning.held @ whole)
+
+
+def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    parts = [
+        Patches(*(rng.integers(0, 9, (n, 3)), rng.integers(0, 9, n)), *(rng.normal(size=(n, k)) for k in (21, 21, 6)))
+        for n in (2, 0, 3, 1, 4, 2)
+    ]
+    monkeypatch.setattr("furrowmap.core.estimation.patches.STORED", 5)
+    found = stored(iter(parts))
+    assert found[0].early.base is found[2].early.base  # of the first five rows
+    for one, same in zip(parts, found, strict=True):
+        for name, column in vars(one).items():
+            assert np.array_equal(getattr(same, name), column)
+            assert getattr(same, name).dtype == column.dtype

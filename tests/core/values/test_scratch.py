@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import resource
 import sys
 from pathlib import Path
@@ -10,6 +11,11 @@ import numpy as np
 import pytest
 
 from furrowmap.core.values import scratch
+
+
+def anonymous() -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) << 10
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
@@ -31,10 +37,6 @@ def test_scratch_arrays_are_arrays(order: str, least: int, monkeypatch: pytest.M
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_large_arrays_take_no_memory_of_the_process() -> None:
-    def anonymous() -> int:
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("RssAnon")) << 10
-
     before = anonymous()
     made = scratch.zeros(32 * scratch.LARGE // 8)
     made += 1.0
@@ -67,3 +69,14 @@ def test_parts_cover_all_rows_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch, "PART", 4)
     assert [np.arange(10)[part].tolist() for part in scratch.parts(10)] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9]]
     assert list(scratch.parts(0)) == []
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries have no such function")
+def test_release__gives_back_what_lies_between_blocks_in_use() -> None:
+    blocks = [np.ones(8_000) for _ in range(1_500)]
+    held = blocks[::50]
+    before = anonymous()
+    del blocks
+    scratch.release()
+    assert anonymous() < before - 80_000_000
+    assert all(block.all() for block in held)
