@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.calibrate import calibrate as calibrate
     from furrowmap.workflows.calibrate_mount import MountCalibration as MountCalibration
     from furrowmap.workflows.calibrate_mount import calibrate_mount as calibrate_mount
+    from furrowmap.workflows.canopy import CanopySettings as CanopySettings
+    from furrowmap.workflows.canopy import canopy as canopy
     from furrowmap.workflows.check import CheckSettings as CheckSettings
     from furrowmap.workflows.check import check as check
     from furrowmap.workflows.check import check_pairs as check_pairs
@@ -100,6 +102,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Board": "core.images.board",
     "Calibration": "workflows.calibrate",
+    "CanopySettings": "workflows.canopy",
     "Check": "core.checking.check",
     "CheckSettings": "workflows.check",
     "CleanSettings": "workflows.clean",
@@ -142,6 +145,7 @@ _HOMES = {
     "allowing": "core.values.allowances",
     "calibrate": "workflows.calibrate",
     "calibrate_mount": "workflows.calibrate_mount",
+    "canopy": "workflows.canopy",
     "check": "workflows.check",
     "check_pairs": "workflows.check",
     "clean": "workflows.clean",

@@ -27,6 +27,7 @@ COMMANDS: Final = (
     "cloud",
     "parcels",
     "growth",
+    "canopy",
     "fields",
     "plots",
     "response",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import rasterio
 
@@ -103,7 +103,7 @@ def _write_surfaces(
         grid = points.grid
         if grid is None:
             raise no_points_error(clouds, box)
-        method = _method(settings, spooled)
+        method = ground_method(settings.ground, spooled)
         report([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
         records = input_records(clouds, progress)
         files = [*records, *area_records(clouds)]
@@ -123,22 +123,22 @@ def _write_surfaces(
     }
 
 
-def _method(settings: SurfaceSettings, spooled: SpooledClouds) -> GroundMethod:
+def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds) -> GroundMethod:
     """The ground filter to use.
 
     Raises:
         InputError: if by the files' classes, and they have none.
     """
-    if settings.ground == "class" and not spooled.ground_count:
+    if stated == "class" and not spooled.ground_count:
         raise InputError(
             "Ground by 'class': no point of the clouds has the class 2, ground.",
             "The files have not been classified, or their ground points are not selected.",
             "Choose --ground-method smrf.",
             code="no-ground-class",
         )
-    if settings.ground == "auto":
+    if stated == "auto":
         return "class" if spooled.classified else "smrf"
-    return settings.ground
+    return stated
 
 
 def _mostly_empty(grid: Grid, points: int) -> list[Notice]:

@@ -57,6 +57,12 @@ PARCEL_SHEET: Final = "parcels.xlsx"
 PARCELS: Final = "parcels.gpkg"
 PARCELS_REPORT: Final = "parcels.json"
 
+CANOPY: Final = "canopy.gpkg"
+CANOPY_HEIGHT: Final = "canopy_height.tif"
+CANOPY_TABLE: Final = "canopy.csv"
+CANOPY_PROFILES: Final = "canopy_profile.csv"
+CANOPY_REPORT: Final = "canopy.json"
+
 GROWTH: Final = "growth.gpkg"
 GROWTH_TABLE: Final = "growth.csv"
 GROWTH_WORKBOOK: Final = "growth.xlsx"
@@ -119,6 +125,10 @@ SURFACE_PRODUCTS: Final = (
 """All files that `furrowmap surface` may write."""
 PARCEL_PRODUCTS: Final = (PARCELS, PARCEL_TABLE, PARCEL_SHEET, CROP_HEIGHT, style_of(CROP_HEIGHT), PARCELS_REPORT)
 """All files that `furrowmap parcels` may write."""
+CANOPY_PRODUCTS: Final = (
+    CANOPY, CANOPY_HEIGHT, style_of(CANOPY_HEIGHT), CANOPY_TABLE, CANOPY_PROFILES, CANOPY_REPORT,
+)  # fmt: skip
+"""All files that `furrowmap canopy` may write."""
 GROWTH_PRODUCTS: Final = (GROWTH, GROWTH_TABLE, GROWTH_WORKBOOK, GROWTH_REPORT)
 """All files that `furrowmap growth` may write."""
 

@@ -16,6 +16,7 @@
   <message><source>Analyse the response of a trial</source><translation>試験の応答を解析</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
+  <message><source>Areas that figures are of, instead of cells.</source><translation>セルの代わりに、値を求める領域。</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
   <message><source>Azimuth</source><translation>方位角</translation></message>
   <message><source>Base station (RINEX)</source><translation>基準局（RINEX）</translation></message>
@@ -42,6 +43,8 @@
   <message><source>CSV or spreadsheet with what each parcel or treatment was given.</source><translation>各区画または各処理に何を与えたかを示す CSV または表計算ファイル。</translation></message>
   <message><source>Calibrate the mounting</source><translation>取り付けのキャリブレーション</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
+  <message><source>Canopy</source><translation>樹冠・群落</translation></message>
+  <message><source>Canopy height</source><translation>樹冠高</translation></message>
   <message><source>Captures, bags, GNSS logs, trajectories, point clouds.</source><translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation></message>
   <message><source>Cell size</source><translation>セルサイズ</translation></message>
   <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation>セルサイズ。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
@@ -80,6 +83,7 @@
   <message><source>Day of the flight</source><translation>飛行日</translation></message>
   <message><source>Day up to which doses are summed [default: that of the points].</source><translation>施用量をこの日まで合計します。省略時は点群の計測日。</translation></message>
   <message><source>Days of the flights</source><translation>飛行日</translation></message>
+  <message><source>Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height percentiles, gap fraction and vertical profile, by square cell or by polygon.</source><translation>LAS、LAZ、COPC 点群から、樹木、果樹園などの林分・群落を調べます。樹冠高モデル（CHM）と、正方形のセルまたはポリゴンごとの高さのパーセンタイル、空隙率、垂直分布を求めます。</translation></message>
   <message><source>Detect disc targets at the points by intensity or colour, for the horizontal error.</source><translation>水平誤差を求めるため、測量点の円板標的を反射強度または色で検出します。</translation></message>
   <message><source>Diameter of the discs</source><translation>円板の直径</translation></message>
   <message><source>Diameter of the discs.</source><translation>円板の直径。</translation></message>
@@ -125,7 +129,10 @@
   <message><source>Ground classification method; auto uses the ground class of the input if there is one, else smrf.</source><translation>地面の分類方法。auto は入力に地面のクラスがあればそれを、なければ smrf を使います。</translation></message>
   <message><source>Growth</source><translation>生育量</translation></message>
   <message><source>Growth of crops by parcel</source><translation>区画ごとの作物の生育</translation></message>
+  <message><source>Height of a layer of the profile</source><translation>垂直分布の層の高さ</translation></message>
+  <message><source>Height of a layer of the profile.</source><translation>垂直分布の層の高さ。</translation></message>
   <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
+  <message><source>Highest return from the ground</source><translation>地面とみなす反射の最大の高さ</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
   <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
   <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
@@ -169,6 +176,7 @@
   <message><source>Net parcels with the same identifiers, instead of an inset.</source><translation>同じ識別子をもつ調査区画。内側への幅の代わりに指定します。</translation></message>
   <message><source>Net parcels: metres off each end, off each side</source><translation>調査区画：両端と両側から除く幅（m）</translation></message>
   <message><source>Number each block anew</source><translation>ブロックごとに番号を付け直す</translation></message>
+  <message><source>Number of areas</source><translation>領域の数</translation></message>
   <message><source>Number of parcels</source><translation>区画の数</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
   <message><source>Number of sessions</source><translation>セッションの数</translation></message>
@@ -204,12 +212,15 @@
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
   <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Path</source><translation>通路（行の間）</translation></message>
+  <message><source>Pixel of the canopy height model</source><translation>樹冠高モデルの画素サイズ</translation></message>
+  <message><source>Pixel of the canopy height model [default: the smallest round size with four points, up to 1 m].</source><translation>樹冠高モデルの画素サイズ。省略時は 1 画素に 4 点が入る切りのよい最小値（最大 1 m）。</translation></message>
   <message><source>Plots</source><translation>試験区</translation></message>
   <message><source>Plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
   <message><source>Plots beside each other.</source><translation>横に並ぶ試験区の数。</translation></message>
   <message><source>Plots, as .gpkg or .geojson.</source><translation>試験区（.gpkg または .geojson）。</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
+  <message><source>Polygons instead of cells</source><translation>セルの代わりのポリゴン</translation></message>
   <message><source>Position of the base station</source><translation>基準局の位置</translation></message>
   <message><source>Positions</source><translation>位置</translation></message>
   <message><source>Positions from RINEX files</source><translation>RINEX ファイルから位置を計算</translation></message>
@@ -238,6 +249,7 @@
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
+  <message><source>Returns up to this height above the ground are from the ground; in forests 2 is usual.</source><translation>地面からこの高さまでの反射を地面とみなします。森林では 2 m が一般的です。</translation></message>
   <message><source>Rover (RINEX)</source><translation>移動局（RINEX）</translation></message>
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
@@ -251,11 +263,14 @@
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the directions of its axes in words. A drawing shows them from the side and from above. The recordings are not read.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
+  <message><source>Side of the cells</source><translation>セルの一辺</translation></message>
+  <message><source>Side of the square cells that figures are of.</source><translation>値を求める正方形のセルの一辺。</translation></message>
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Soil below the crop</source><translation>作物の下の土壌面</translation></message>
   <message><source>Soil of another date</source><translation>別の日の地表面</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
+  <message><source>Stands by cell or polygon</source><translation>セルまたはポリゴンごとの樹冠・群落</translation></message>
   <message><source>Strict</source><translation>厳密</translation></message>
   <message><source>Surface</source><translation>サーフェス</translation></message>
   <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
@@ -263,8 +278,10 @@
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Table of the areas</source><translation>領域の表</translation></message>
   <message><source>Table of the growth</source><translation>生育量の表</translation></message>
   <message><source>Table of the parcels</source><translation>区画の表</translation></message>
+  <message><source>Table of the profiles</source><translation>垂直分布の表</translation></message>
   <message><source>Tables of parcels</source><translation>区画の表</translation></message>
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>

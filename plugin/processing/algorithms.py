@@ -119,6 +119,11 @@ def parcels_written(answer):
     return [path for path in (product(name)(answer) for name in ("parcels.gpkg", "crop_height.tif")) if path]
 
 
+def canopy_written(answer):
+    """The files of `canopy` that are opened as layers."""
+    return [path for path in (product(name)(answer) for name in ("canopy.gpkg", "canopy_height.tif")) if path]
+
+
 FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
 
 ALGORITHMS = (
@@ -322,6 +327,40 @@ ALGORITHMS = (
         opens=True,
         layers=lambda answer: [path for path in [product("growth.gpkg")(answer)] if path],
         layer_group="Growth",
+    ),
+    Algorithm(
+        "canopy",
+        "Stands by cell or polygon",
+        "crops",
+        "Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height "
+        "percentiles, gap fraction and vertical profile, by square cell or by polygon.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "--cell": parameter("CELL", "Side of the cells"),
+            "--polygons": parameter("POLYGONS", "Polygons instead of cells"),
+            "--ground-height": parameter("GROUND_HEIGHT", "Highest return from the ground"),
+            "--output": parameter("OUTPUT", "Output folder"),
+        },
+        advanced={
+            "--pixel": parameter("PIXEL", "Pixel of the canopy height model"),
+            "--layer": parameter("LAYER", "Height of a layer of the profile"),
+            "--ground-method": parameter("GROUND", "Ground classification"),
+            "--bbox": parameter("EXTENT", "Extent"),
+            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
+            "--crs": CLOUDS["--crs"],
+            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("CANOPY_HEIGHT", "raster", "Canopy height", product("canopy_height.tif")),
+            Output("TABLE", "file", "Table of the areas", product("canopy.csv")),
+            Output("PROFILES", "file", "Table of the profiles", product("canopy_profile.csv")),
+            Output("AREAS", "number", "Number of areas", item("figures", "areas")),
+        ),
+        opens=True,
+        layers=canopy_written,
+        layer_group="Canopy",
     ),
     Algorithm(
         "cloud",

@@ -16,7 +16,10 @@ FLAGS = {
     **{name: {"overwrite"} for name in ("calibrate_mount", "solve_gnss")},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
-    **{name: {"overwrite"} for name in ("check", "clean", "evaluate_gnss", "export", "fields", "growth", "mosaic")},
+    **{
+        name: {"overwrite"}
+        for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "fields", "growth", "mosaic")
+    },
     **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
 """What a function does only if asked to."""

@@ -186,6 +186,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             NET_INSET="0.3,0.1",
             OUTPUT=folder / "crops",
         ),
+        "canopy": run("canopy", CLOUDS=[str(cloud)], CELL=1, GROUND="class", OUTPUT=folder / "canopy"),
         "growth": run(
             "growth",
             CLOUDS=[str(cloud), str(folder / "by_hand" / "cloud.copc.laz")],
@@ -402,6 +403,8 @@ def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], 
     assert answers["parcels"]["error"] is None
     assert answers["parcels"]["outputs"]["PARCELS_MEASURED"] == 2
     assert (folder / "crops" / "parcels.csv").exists()
+    assert answers["canopy"]["error"] is None
+    assert answers["canopy"]["outputs"]["AREAS"] > 4
     assert answers["growth"]["error"] is None
     assert answers["growth"]["outputs"]["GROWTH"] == str(folder / "growth" / "growth.gpkg")
     assert answers["response"]["error"] is None
