@@ -58,15 +58,20 @@ class PlotGrid:
 
 
 def plot_grid(
-    grid: PlotGrid, corner_m: FloatArray, end_m: FloatArray | None = None, azimuth_deg: float | None = None
+    grid: PlotGrid,
+    corner_m: FloatArray,
+    end_m: FloatArray | None = None,
+    azimuth_deg: float | None = None,
+    scale: float = 1.0,
 ) -> tuple[tuple[Parcel, ...], list[Notice]]:
     """The plots in the order of their numbers, and how well the corners fit the sizes.
 
     Args:
-        grid: sizes and numbering.
+        grid: sizes, in metres on the ground, and numbering.
         corner_m: (2,) easting and northing of the outer corner of the first plot, where the base line begins.
         end_m: (2,) the other end of the base line: the outer corner of the last plot of the first row.
         azimuth_deg: instead: direction of the base line, clockwise from grid north.
+        scale: of the map: metres of it per metre on the ground.
 
     Raises:
         InputError: if direction or length are stated neither way or both ways, or the grid is too large.
@@ -76,8 +81,8 @@ def plot_grid(
     notices: list[Notice] = []
     if end_m is not None:
         base = end_m - corner_m
-        measured = float(np.hypot(*base))
-        along = base / max(measured, 1e-12)
+        measured = float(np.hypot(*base)) / scale
+        along = base / max(scale * measured, 1e-12)
         length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
         if length_m <= 0.0:
             raise _refused(f"The corners are {measured:.2f} m apart, and the alleys alone take {gaps_m:.2f} m.")
@@ -95,8 +100,11 @@ def plot_grid(
     across = np.array([-along[1], along[0]]) * (1.0 if grid.side == "left" else -1.0)
     plots = []
     for row, column in _order(grid):
-        start = corner_m + column * (length_m + grid.alley_m) * along + row * (grid.width_m + grid.path_m) * across
-        steps = (0.0 * along, length_m * along, length_m * along + grid.width_m * across, grid.width_m * across)
+        start = corner_m + scale * (
+            column * (length_m + grid.alley_m) * along + row * (grid.width_m + grid.path_m) * across
+        )
+        length, width = scale * length_m * along, scale * grid.width_m * across
+        steps = (0.0 * along, length, length + width, width)
         plots.append((row, column, shapely.Polygon([start + step for step in steps])))
     return tuple(_numbered(grid, plots)), notices
 

@@ -12,8 +12,9 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
-from pyproj import CRS
+from pyproj import CRS, Geod, Transformer
 
+from furrowmap import Place, plots
 from furrowmap.cli.main import command_line
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
@@ -125,6 +126,20 @@ def test_sample__is_drawn_again_from_two_clicks(
     for one, other in zip(drawn, surveyed, strict=True):
         assert (one.id, one.block) == (other.id, other.block)
         assert one.gross.intersection(other.gross).area > 0.95 * other.gross.area  # paths are 0.45 to 0.60 m wide
+
+
+@pytest.mark.parametrize("crs", ["EPSG:25832", "EPSG:3857", "EPSG:32633"])
+def test_plots__have_their_sizes_on_the_ground(crs: str) -> None:
+    """Geodesic lengths (Karney 2013) of the sides of plots, in projections of scales from 0.9996 to 1.75."""
+    found = plots(PlotGrid(2, 3, 10.0, 2.5, 1.0, 0.5), None, crs, Place(11.39, 55.33, "EPSG:4258"), azimuth_deg=40.0)
+    to_degrees = Transformer.from_crs(crs, 4258, always_xy=True)
+    for parcel in found.parcels:
+        lon, lat = to_degrees.transform(*shapely.get_coordinates(parcel.gross).T)
+        sides = Geod(ellps="GRS80").inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
+        assert sorted(sides) == pytest.approx([2.5, 2.5, 10.0, 10.0], rel=4e-3 if crs == "EPSG:3857" else 1e-5)
+    end = Place(*to_degrees.transform(*shapely.get_coordinates(found.parcels[2].gross)[1]), "EPSG:4258")
+    again = plots(PlotGrid(2, 3, None, 2.5, 1.0, 0.5), None, crs, Place(11.39, 55.33, "EPSG:4258"), end=end)
+    assert shapely.equals_exact(again.parcels[5].gross, found.parcels[5].gross, 1e-3)
 
 
 def test_command__writes_a_geopackage_and_refuses_what_it_cannot(
