@@ -103,7 +103,7 @@ def _on_map(place: Place, target: CRS) -> np.ndarray[tuple[int], np.dtype[np.flo
 
 def _scale(place_m: np.ndarray[tuple[int], np.dtype[np.float64]], crs: CRS) -> float:
     """Metres on the map per metre on the ellipsoid, the mean of meridian and parallel: 0.9996 to 1.001 in UTM."""
-    lon_deg, lat_deg = Proj(crs.to_2d())(*place_m, inverse=True)
+    lon_deg, lat_deg = Proj(crs.to_2d())(place_m[0], place_m[1], inverse=True)
     factors: Any = Proj(crs.to_2d()).get_factors(lon_deg, lat_deg)
     scale = 0.5 * float(factors.meridional_scale + factors.parallel_scale)
     return scale if math.isfinite(scale) else 1.0
