@@ -51,7 +51,7 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     seconds = np.array([_seconds(text, time, f"{path}, line {line}") for line, _, text in rows], np.float64)
     times = utc_of(seconds, "unix" if TIMES[time] == "iso" else TIMES[time], str(path), ReadOptions())
     paths = [_inside(path, folder, name) for _, name, _ in rows]
-    there = np.array([image.is_file() for image in paths], bool)
+    there = np.array([_is_file(image) for image in paths], bool)
     if not there.all():
         first = rows[int(np.argmin(there))][1]
         text = (
@@ -83,6 +83,13 @@ def _rows(path: Path, notices: list[Notice]) -> tuple[list[str], list[tuple[int,
         if line.strip()
     ]
     return names, cells
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # the name is too long
+        return False
 
 
 def _inside(table: Path, folder: Path, name: str) -> Path:

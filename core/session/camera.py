@@ -66,7 +66,10 @@ def camera_table(session_file: Path, source: CameraSource | None) -> Path | None
     path = folder / source.table
     if "\0" in source.table or leads_out(path, folder):
         raise _outside(session_file, source.table)
-    return path.resolve() if path.is_file() else None
+    try:
+        return path.resolve() if path.is_file() else None
+    except OSError:  # the name is too long
+        return None
 
 
 def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.fuzz.images import IMAGES
 from tests.fuzz.inertial import INERTIAL
 from tests.fuzz.places import PLACES
 from tests.fuzz.positions import POSITIONS
@@ -11,5 +12,5 @@ from tests.fuzz.texts import TEXTS
 from tests.fuzz.trials import Entry
 
 ENTRIES: dict[str, Entry] = {
-    entry.name: entry for entry in (*RECORDINGS, *POSITIONS, *TEXTS, *PRODUCTS, *PLACES, *INERTIAL)
+    entry.name: entry for entry in (*RECORDINGS, *POSITIONS, *TEXTS, *PRODUCTS, *PLACES, *INERTIAL, *IMAGES)
 }

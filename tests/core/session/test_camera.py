@@ -65,7 +65,7 @@ def folder_of_images(folder: Path, count: int) -> None:
 def test_table__has_times_in_each_scale(tmp_path: Path, column: str, rows: list[str]) -> None:
     folder_of_images(tmp_path, 2)
     # In any order; a third image is missing, and a row has no time.
-    text = f"file,{column}\n1.jpg,{rows[1]}\n0.jpg,{rows[0]}\nlost.jpg,{rows[0]}\n1.jpg,\n"
+    text = f"file,{column}\n1.jpg,{rows[1]}\n0.jpg,{rows[0]}\nlost.jpg,{rows[0]}\n1.jpg,\n{'x' * 300}.jpg,{rows[0]}\n"
     (tmp_path / "images.csv").write_text(text, encoding="utf-8")
     notices: list[Notice] = []
     source = CameraSource(table="images.csv", minus_gnss_s=2.0)
@@ -73,7 +73,7 @@ def test_table__has_times_in_each_scale(tmp_path: Path, column: str, rows: list[
     assert [path.name for path in images.paths] == ["0.jpg", "1.jpg"]
     assert images.t_s == pytest.approx([TAKEN_S - 2.0, TAKEN_S - 0.5], abs=1e-6)
     assert [notice.code for notice in notices] == ["rows-incomplete", "images-missing"]
-    assert "1 of 3 images do not exist, the first of them 'lost.jpg'" in notices[1].text
+    assert "2 of 4 images do not exist, the first of them 'lost.jpg'" in notices[1].text
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,13 @@ def test_images__outside_the_folder_of_the_session_are_refused(tmp_path: Path, s
 
 
 @pytest.mark.parametrize(
-    "source", [CameraSource(table="lost.csv"), CameraSource(files=("lost.jpg",)), CameraSource(files=("*.png",))]
+    "source",
+    [
+        CameraSource(table="lost.csv"),
+        CameraSource(table="x" * 300),
+        CameraSource(files=("lost.jpg",)),
+        CameraSource(files=("*.png",)),
+    ],
 )
 def test_images__that_do_not_exist_are_told(tmp_path: Path, source: CameraSource) -> None:
     notices: list[Notice] = []

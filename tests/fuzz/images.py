@@ -1,0 +1,51 @@
+"""Damaged tables of images, and damaged images."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Final
+
+from PIL import Image
+
+from furrowmap.core.readers.exif import exif_images, read_pixels
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.values.errors import InputError
+from tests.fuzz.trials import Entry
+
+
+def table() -> bytes:
+    rows = [f"{k:04}.jpg,{1779529272.0 + k:.3f},2026-05-23T09:41:{12 + k}Z" for k in range(20)]
+    return "\n".join(["file,time_unix_s,time", *rows, ""]).encode()
+
+
+def photo(kind: str) -> bytes:
+    """A small image with a time and a position."""
+    exif = Image.Exif()
+    exif.get_ifd(0x8769).update({0x9003: "2026:05:23 11:41:12", 0x9291: "25", 0x9011: "+02:00"})
+    exif.get_ifd(0x8825).update({1: "N", 2: (55.0, 20.0, 30.0), 3: "E", 4: (11.0, 23.0, 6.0), 6: 12.5})
+    out = io.BytesIO()
+    Image.linear_gradient("L").resize((24, 16)).convert("RGB").save(out, kind, exif=exif)
+    return out.getvalue()
+
+
+def read_table(path: Path) -> None:
+    """As a session does."""
+    is_image_table(path)
+    read_image_table(path, path.parent, [])
+
+
+def read_photo(path: Path) -> None:
+    """Time, position and pixels; a run counts images that cannot be read."""
+    exif_images([path], [])
+    try:
+        read_pixels(path, 2)
+    except ValueError as error:
+        raise InputError(str(error), "It is counted.", "The others are used.", code="images-not-decoded") from None
+
+
+IMAGES: Final = (
+    Entry("image-table", lambda _: [{"images.csv": table()}], read_table, trials=100),
+    Entry("exif-jpeg", lambda _: [{"a.jpg": photo("JPEG")}], read_photo, trials=100),
+    Entry("exif-tiff", lambda _: [{"a.tif": photo("TIFF")}], read_photo, trials=100),
+)
