@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.check import check_pairs as check_pairs
     from furrowmap.workflows.clean import CleanSettings as CleanSettings
     from furrowmap.workflows.clean import clean as clean
+    from furrowmap.workflows.colour import colour as colour
     from furrowmap.workflows.evaluate_gnss import EvaluationSettings as EvaluationSettings
     from furrowmap.workflows.evaluate_gnss import evaluate_gnss as evaluate_gnss
     from furrowmap.workflows.evaluate_gnss import evaluation_table as evaluation_table
@@ -149,6 +150,7 @@ _HOMES = {
     "check": "workflows.check",
     "check_pairs": "workflows.check",
     "clean": "workflows.clean",
+    "colour": "workflows.colour",
     "evaluate_gnss": "workflows.evaluate_gnss",
     "evaluation_figures": "exporters.reports.evaluation_figures",
     "evaluation_table": "workflows.evaluate_gnss",

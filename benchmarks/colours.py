@@ -21,7 +21,7 @@ from furrowmap.core.images.colour_maker import ColourMaker
 from furrowmap.core.images.colouring import NO_FRAME, Colours
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.images.projection import inside, project
-from furrowmap.core.pipeline import _ground_scale, companions
+from furrowmap.core.pipeline import companions, ground_scale
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import open_session
@@ -43,7 +43,7 @@ def main() -> None:
     notices: list[Notice] = []
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     assert opened.session.camera is not None
-    scale = _ground_scale(opened.frame, located.trajectory)
+    scale = ground_scale(opened.frame, located.trajectory)
     camera = camera_of(opened.session.camera)
     frames = frames_along(opened.images(notices), camera, located.trajectory, scale, notices)
     assert frames is not None

@@ -150,7 +150,7 @@ def run(
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
-    scale = _ground_scale(frame, located.trajectory) if matched is None else 1.0
+    scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
     image_notices = show(located.trajectory, placer.origin_m)
     sink.begin(frame, placer.origin_m)
@@ -186,7 +186,7 @@ def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory,
 
     def show(trajectory: Trajectory, origin_m: _Origin) -> list[Notice]:
         if camera is not None and eyes is not None and images:
-            scale = _ground_scale(opened.frame, trajectory)
+            scale = ground_scale(opened.frame, trajectory)
             frames = frames_along(images, camera_of(camera), trajectory, scale, notices)
             if frames is not None:
                 eyes.see(frames, origin_m)
@@ -413,7 +413,7 @@ def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
         yield scan
 
 
-def _ground_scale(frame: MapFrame, trajectory: Trajectory) -> float:
+def ground_scale(frame: MapFrame, trajectory: Trajectory) -> float:
     """Metres of the map for a metre on the ground in the middle of a trajectory."""
     e, n, h = np.median(trajectory.xyz_m, axis=0)
     lon, lat = frame.to_lon_lat(np.array([e]), np.array([n]))

@@ -87,7 +87,7 @@ def clean(
         OSError: if the file cannot be written.
     """
     paths, target = [Path(path) for path in clouds], Path(out)
-    _refuse_target(target, paths, overwrite=overwrite)
+    refuse_target(target, paths, overwrite=overwrite)
     if settings.cleaning.ground == "csf":
         require_cloth()
     opened = open_clouds(paths, optional_crs(settings.crs), optional_crs(settings.dst_crs))
@@ -131,12 +131,12 @@ def _write_cleaned(
         coloured = any("red" in file.dimensions for file in clouds.files)
         no_time = 0.0 if clouds.week_times else NO_TIME
         kind = CopcFormat(
-            las_wkt(clouds.crs), (east, north, up), _scale_m(clouds), colour=coloured, week_time=clouds.week_times
+            las_wkt(clouds.crs), (east, north, up), scale_of(clouds), colour=coloured, week_time=clouds.week_times
         )
         with CopcWriter(target, kind) as writer:
             for records in chain([first], (more for more in points if len(more))):
                 lost.add(records)
-                writer.append(_batch(records, (east, north, up), no_time, coloured=coloured))
+                writer.append(batch_of(records, (east, north, up), no_time, coloured=coloured))
             origin = Origin(
                 "points of clouds, cleaned",
                 inputs=[(record.name, record.sha256) for record in inputs],
@@ -195,7 +195,10 @@ class _Lost:
             yield Notice("dimensions-left-out", f"Dimensions not written: {', '.join(sorted(lost))}.")
 
 
-def _batch(records: RecordArray, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool) -> PointBatch:
+def batch_of(
+    records: RecordArray, origin_m: tuple[float, float, float], no_time: float, *, coloured: bool
+) -> PointBatch:
+    """Points as a writer takes them; `no_time` where they have none."""
     return PointBatch(
         xyz_m=records["xyz_m"] - np.array(origin_m),
         t_s=np.nan_to_num(records["t_s"], nan=no_time),
@@ -208,7 +211,7 @@ def _batch(records: RecordArray, origin_m: tuple[float, float, float], no_time: 
     )
 
 
-def _scale_m(clouds: Clouds) -> float:
+def scale_of(clouds: Clouds) -> float:
     """A millimetre, or finer where a file is."""
     if clouds.change is not None or clouds.unit_m != 1.0:
         return USUAL_M
@@ -228,7 +231,7 @@ def _parameters(cleaning: Cleaning, clouds: Clouds) -> dict[str, Any]:
     }
 
 
-def _refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
+def refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
     """Refuse a target that cannot or must not be written.
 
     Raises:

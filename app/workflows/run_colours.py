@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.images.colour_maker import ColourMaker
 from furrowmap.core.images.colouring import NO_FRAME, Colours
@@ -105,6 +106,11 @@ class RunColours:
         """Take the points of a scan."""
         if self._maker is not None:
             self._add(placed.xyz_m[placed.kept])
+
+    def add_points(self, xyz_m: NDArray[np.float64], classification: NDArray[np.uint8]) -> None:
+        """Take points (n, 3), against the local origin, with their classes (n,)."""
+        if self._maker is not None:
+            self._add(xyz_m[~np.isin(classification, NOT_COLOURED)])
 
     def finish(self, progress: Progress) -> None:
         """Read the images, now that all points are known.

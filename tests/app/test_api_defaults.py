@@ -13,7 +13,7 @@ import furrowmap
 FLAGS = {
     "calibrate": {"write"},
     "add_to_farm_map": {"same_crs"},
-    **{name: {"overwrite"} for name in ("calibrate_mount", "solve_gnss")},
+    **{name: {"overwrite"} for name in ("calibrate_mount", "colour", "solve_gnss")},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     **{
