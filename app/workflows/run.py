@@ -6,6 +6,8 @@ import json
 import math
 import os
 import shutil
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
@@ -17,6 +19,7 @@ import msgspec
 import tomli_w
 
 from furrowmap.core import pipeline
+from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.values.beside import beside
@@ -31,6 +34,7 @@ from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
     FIELD,
@@ -170,23 +174,35 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
         begin = perf_counter()
         colours.finish(progress)
         with beside(partial(write_rasters, staging, land, found, origin), progress) as rasters:
-            summary = cloud.finish(
-                progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
-            )
-            written = perf_counter()
+            with _parcels_beside(staging, crops, opened, origin, progress) as parcels:
+                summary = cloud.finish(
+                    progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
+                )
+                written = perf_counter()
+            measured = perf_counter()
         surfaced = perf_counter()
         colours.write_orthophoto(staging, origin, progress)
-        # Seconds of the surfaces beyond those of the cloud.
-        seconds = {"cloud": written - begin, "surfaces": surfaced - written}
+        # Seconds of the parcels beyond those of the cloud, and of the surfaces beyond those of both.
+        seconds = {"cloud": written - begin, "surfaces": surfaced - measured}
         painted = colours.figures()
         if painted is not None:
             found = replace(found, notices=(*found.notices, *painted.notices))
         made = _Made(found, inputs, summary, rasters.result(), seconds, painted=painted)
-        if crops is None:
+        if parcels is None:
             return made
-        parcels = write_parcels(staging, crops, parcel_settings(opened), found.frame.whole_crs, origin, progress)
-        noticed = replace(found, notices=(*found.notices, *parcels.notices))
-        return replace(made, found=noticed, seconds=seconds | {"parcels": perf_counter() - surfaced}, parcels=parcels)
+        noticed = replace(found, notices=(*found.notices, *parcels.result().notices))
+        seconds |= {"parcels": measured - written}
+        return replace(made, found=noticed, seconds=seconds, parcels=parcels.result())
+
+
+def _parcels_beside(
+    staging: Path, crops: ParcelPoints | None, opened: OpenSession, origin: Origin, progress: Progress
+) -> AbstractContextManager[Future[WrittenParcels] | None]:
+    """Within it, parcels are measured and written in another thread; None where there are none."""
+    if crops is None:
+        return nullcontext()
+    settings, crs = parcel_settings(opened), opened.frame.whole_crs
+    return beside(partial(write_parcels, staging, crops, settings, crs, origin), progress)
 
 
 def _strips(made: _Made) -> list[Layer]:

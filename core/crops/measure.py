@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Final, Literal
 
 import numpy as np
@@ -18,10 +19,13 @@ from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import Soil, SoilPatch
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.threads import in_threads
 
 FloatArray = NDArray[np.float64]
 
 Method = Literal["canopy-top", "christiansen2017"]
+TOGETHER: Final = 16
+"""So many parcels are measured before any of them is passed on."""
 METHODS: Final[tuple[Method, ...]] = ("canopy-top", "christiansen2017")
 
 
@@ -45,7 +49,7 @@ class MeasuredParcel:
 def measured(
     points: ParcelPoints, soil: Soil, noise_m: float, method: Method = "canopy-top", *, compare: bool = False
 ) -> Iterator[tuple[MeasuredParcel, Canopy]]:
-    """The parcels one after another, each with its pixels by the default method; memory holds the points of one.
+    """The parcels one after another, each with its pixels by the default method; a thread holds the points of one.
 
     Args:
         points: of the parcels; collected with a strip around them for the published method.
@@ -54,8 +58,9 @@ def measured(
         method: by which mean height and volume are computed.
         compare: whether the published method is computed, too.
     """
-    for number, parcel in enumerate(points.parcels):
-        xyz = points.of(number)
+
+    def one(number: int) -> tuple[MeasuredParcel, Canopy]:
+        parcel, xyz = points.parcels[number], points.of(number)
         height = volume = math.nan
         if (compare or method == "christiansen2017") and len(xyz):
             done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept_shape(number))
@@ -68,7 +73,11 @@ def measured(
             figures = replace(
                 figures, mean_height_m=height, volume_m3=volume, height_sigma_m=math.nan, volume_sigma_m3=math.nan
             )
-        yield MeasuredParcel(parcel, figures, height, volume), canopy
+        return MeasuredParcel(parcel, figures, height, volume), canopy
+
+    for begin in range(0, len(points.parcels), TOGETHER):
+        numbers = range(begin, min(begin + TOGETHER, len(points.parcels)))
+        yield from chain.from_iterable(in_threads(lambda some: [one(number) for number in some], numbers))
 
 
 def _canopy(

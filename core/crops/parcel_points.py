@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
@@ -14,9 +16,12 @@ from numpy.typing import NDArray
 from furrowmap.core.areas.rings import ring_at, rings_of
 from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.record_spool import RecordSpool, square_keys
+from furrowmap.core.values.record_spool import RecordSpool
+from furrowmap.core.values.threads import in_threads
 
+Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 CLEAR_M: Final = 0.12
 """Soil nearer than this to a gross parcel is left out: beams meet the side of the crop there."""
@@ -34,6 +39,8 @@ _NOISE_TILES: Final = 40
 _FEWEST_PIXELS: Final = 200
 _UNEVEN: Final = 3.0
 """Times the median noise: pixels with more hold an edge, not soil."""
+_WAITING: Final = 1 << 18
+"""So many points are written together."""
 _POINT: Final = np.dtype(("<f4", 3))
 
 
@@ -56,7 +63,14 @@ class ParcelPoints:
         self._crop = rings_of([_wider(parcel.gross, CLEAR_M) for parcel in parcels], self.origin_m)
         self._reach = rings_of([_wider(parcel.gross, REACH_M) for parcel in parcels], self.origin_m)
         self._wide = around_m is not None and around_m > CLEAR_M
+        # Tiles are numbered by columns, from the one in the south-west.
+        low = np.floor(self._reach.boxes[:, :2].min(axis=0) / TILE_M).astype(int) - 1
+        high = np.floor(self._reach.boxes[:, 2:].max(axis=0) / TILE_M).astype(int) + 1
+        self._tiles = int(low[0]), int(low[1]), int(high[1] - low[1]) + 1
         self._base_m: float | None = None
+        self._storing = threading.Lock()
+        self._waiting: list[tuple[Float32Array, IntArray, Float32Array, IntArray]] = []
+        self._waiting_points = 0
         self._own, self._soil = RecordSpool(_POINT, folder), RecordSpool(_POINT, folder)
         self.count = 0
 
@@ -84,20 +98,39 @@ class ParcelPoints:
             self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
         x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
         sown = ring_at(self._crop, x, y) >= 0
-        own = np.full(len(x), -1, np.int64)
-        asked = np.ones(len(x), np.bool_) if self._wide else sown
-        own[asked] = ring_at(self._kept, x[asked], y[asked])
-        soil = ~sown
-        soil[soil] = ring_at(self._reach, x[soil], y[soil]) >= 0
-        near = np.column_stack([x, y, xyz_m[:, 2] - self._base_m]).astype(np.float32)
-        inside = own >= 0
-        self.count += int(inside.sum())
-        self._own.add(near[inside], own[inside])
-        tile = np.floor(near[soil, :2] / TILE_M)
-        self._soil.add(near[soil], square_keys(tile[:, 0], tile[:, 1]))
+        if self._wide:
+            own = ring_at(self._kept, x, y)
+        else:
+            own = np.full(len(x), -1, np.int64)
+            own[sown] = ring_at(self._kept, x[sown], y[sown])
+        bare = np.flatnonzero(~sown)
+        bare = bare[ring_at(self._reach, x[bare], y[bare]) >= 0]
+        near = np.empty((len(x), 3), np.float32)
+        near[:, 0], near[:, 1], near[:, 2] = x, y, xyz_m[:, 2] - self._base_m
+        inside, soil = np.flatnonzero(own >= 0), near[bare]
+        west, south, rows = self._tiles
+        tile = np.floor(soil[:, :2] / TILE_M).astype(np.int64)
+        found = near[inside], own[inside], soil, (tile[:, 0] - west) * rows + tile[:, 1] - south
+        self.count += len(inside)
+        self._waiting.append(found)
+        self._waiting_points += len(found[0]) + len(found[2])
+        if self._waiting_points >= _WAITING:
+            self._store()
+
+    def _store(self) -> None:
+        """Write the points that wait."""
+        with self._storing:
+            if not self._waiting:
+                return
+            own, parcel, soil, tile = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
+            self._own.add(own, parcel)
+            self._soil.add(soil, tile)
+            self._waiting.clear()
+            self._waiting_points = 0
 
     def of(self, number: int) -> FloatArray:
         """The points (n, 3) float64 of a parcel by its number, in map coordinates."""
+        self._store()
         return self._on_map(self._own.read([number]))
 
     def kept_shape(self, number: int) -> shapely.Polygon:
@@ -106,17 +139,25 @@ class ParcelPoints:
 
     def soil(self) -> SoilCells:
         """The cells of bare soil near the parcels, in map coordinates."""
-        tiles = [soil_cells(self._on_map(self._soil.read([key]))) for key in self._soil.counts]
+        self._store()
+
+        def cells(keys: Sequence[int]) -> list[SoilCells]:
+            return [soil_cells(self._on_map(self._soil.read([key]))) for key in keys]
+
+        tiles = list(chain.from_iterable(in_threads(cells, list(self._soil.counts))))
         empty = soil_cells(np.zeros((0, 3)))
         return SoilCells(*(np.concatenate([getattr(c, name) for c in (empty, *tiles)]) for name in vars(empty)))
 
     def noise_m(self, pixel_m: float) -> float:
         """Standard deviation of the heights of returns from one pixel of bare soil; `USUAL_NOISE_M` with too few."""
+        self._store()
         keys = list(self._soil.counts)
         some = keys[:: max(1, len(keys) // _NOISE_TILES)]
-        noise = np.concatenate(
-            [np.zeros(0), *(noise_in_pixels(self._on_map(self._soil.read([key])), pixel_m) for key in some)]
-        )
+
+        def noises(keys: Sequence[int]) -> list[FloatArray]:
+            return [noise_in_pixels(self._on_map(self._soil.read([key])), pixel_m) for key in keys]
+
+        noise = np.concatenate([np.zeros(0), *chain.from_iterable(in_threads(noises, some))])
         if len(noise) < _FEWEST_PIXELS:
             return USUAL_NOISE_M
         return float(noise[noise < _UNEVEN * np.median(noise)].mean())

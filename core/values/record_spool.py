@@ -98,9 +98,13 @@ class RecordSpool:
     def add(self, records: RecordArray, keys: IntArray) -> None:
         """Append records (n,) in any order as a block, each under its key (n,); the order within a key is kept."""
         if len(records):
-            order = np.argsort(keys, kind="stable")
-            there, first = np.unique(keys[order], return_index=True)
-            self.append([records[order]], there, np.append(first, len(keys)))
+            # Numbers of two bytes are sorted digit by digit.
+            lowest = int(keys.min())
+            short = int(keys.max()) - lowest < 1 << 16
+            order = np.argsort((keys - lowest).astype(np.uint16) if short else keys, kind="stable")
+            keys = keys[order]
+            first = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
+            self.append([records[order]], keys[first], np.append(first, len(keys)))
 
     @property
     def counts(self) -> dict[int, int]:
