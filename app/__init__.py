@@ -74,6 +74,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.farm import add_to_farm_map as add_to_farm_map
     from furrowmap.workflows.farm import farm_map_sessions as farm_map_sessions
     from furrowmap.workflows.farm import remove_from_farm_map as remove_from_farm_map
+    from furrowmap.workflows.features import FeatureSettings as FeatureSettings
+    from furrowmap.workflows.features import features as features
     from furrowmap.workflows.fields import Fields as Fields
     from furrowmap.workflows.fields import fields as fields
     from furrowmap.workflows.frames import frames as frames
@@ -114,6 +116,7 @@ _HOMES = {
     "Exported": "workflows.export",
     "FarmMapChange": "workflows.farm",
     "Fields": "workflows.fields",
+    "FeatureSettings": "workflows.features",
     "FurrowmapError": "core.values.errors",
     "GrowthSettings": "workflows.growth",
     "InputError": "core.values.errors",
@@ -156,6 +159,7 @@ _HOMES = {
     "evaluation_table": "workflows.evaluate_gnss",
     "export": "workflows.export",
     "farm_map_sessions": "workflows.farm",
+    "features": "workflows.features",
     "fields": "workflows.fields",
     "frames": "workflows.frames",
     "growth": "workflows.growth",

@@ -31,6 +31,12 @@ CLASSES = (
     (1, "#5c9c4a", QT_TRANSLATE_NOOP("Classes", "other")),
     (64, "#d08020", QT_TRANSLATE_NOOP("Classes", "vehicle")),
     (65, "#c03030", QT_TRANSLATE_NOOP("Classes", "implement")),
+    (66, "#ca785c", QT_TRANSLATE_NOOP("Classes", "horizontal plane")),
+    (67, "#464646", QT_TRANSLATE_NOOP("Classes", "vertical plane")),
+    (68, "#8c1478", QT_TRANSLATE_NOOP("Classes", "line")),
+    (3, "#b2df8a", QT_TRANSLATE_NOOP("Classes", "low vegetation")),
+    (4, "#5aae61", QT_TRANSLATE_NOOP("Classes", "medium vegetation")),
+    (5, "#006837", QT_TRANSLATE_NOOP("Classes", "high vegetation")),
 )
 NOISE = (7, "#b0b0b0", QT_TRANSLATE_NOOP("Classes", "noise"))
 

@@ -61,6 +61,7 @@ ROOMS = {
     ],
     "checking": ["areas", "geodesy", "pointclouds", "readers", "values"],
     "crops": ["areas", "geodesy", "pointclouds", "readers", "surfaces", "values"],
+    "features": ["pointclouds", "readers", "surfaces", "values"],
     "evaluation": ["readers", "values"],
     "simulator": [],
 }

@@ -17,6 +17,7 @@ HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_sce
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning.py Cleaning.every": 1,
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
+    "app/workflows/features.py FeatureSettings.every": 1,
     "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
     "core/calibration/clock_search.py _Trial.agreement(every)": 1,
     "core/crops/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1

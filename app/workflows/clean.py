@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
@@ -17,6 +17,7 @@ from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
@@ -121,33 +122,61 @@ def _write_cleaned(
 ) -> tuple[CopcSummary, list[Notice]]:
     """Write the cleaned points; a summary of the file, and what to know about the points."""
     surveys: list[Survey] = []
-    lost = _Lost()
-    points = cleaned(clouds, cleaning, target.parent, surveys.append, progress)
-    with closing(points):
-        first = next((records for records in points if len(records)), None)
-        if first is None:
-            raise no_points_error(clouds, cleaning.box)
-        east, north, up = (np.floor(first["xyz_m"][0] / 1000.0) * 1000.0).tolist()
-        coloured = any("red" in file.dimensions for file in clouds.files)
-        no_time = 0.0 if clouds.week_times else NO_TIME
-        kind = CopcFormat(
-            las_wkt(clouds.crs), (east, north, up), scale_of(clouds), colour=coloured, week_time=clouds.week_times
-        )
-        with CopcWriter(target, kind) as writer:
-            for records in chain([first], (more for more in points if len(more))):
-                lost.add(records)
-                writer.append(batch_of(records, (east, north, up), no_time, coloured=coloured))
-            origin = Origin(
-                "points of clouds, cleaned",
-                inputs=[(record.name, record.sha256) for record in inputs],
-                span_s=None if clouds.week_times else lost.span_s,
-                parameters={
-                    name: str(value) for name, value in _parameters(cleaning, clouds).items() if value is not None
-                },
-            )
-            summary = writer.close(progress, description=origin.text)
+    with closing(cleaned(clouds, cleaning, target.parent, surveys.append, progress)) as points:
+        origin = ("points of clouds, cleaned", inputs, _parameters(cleaning, clouds))
+        summary, lost = write_records(clouds, points, target, cleaning.box, origin, progress)
     notices = [notice for survey in surveys for notice in survey.notices()]
-    return summary, [*clouds.notices, *notices, *lost.notices(clouds)]
+    return summary, [*clouds.notices, *notices, *lost]
+
+
+def write_records(
+    clouds: Clouds,
+    points: Iterator[RecordArray],
+    target: Path,
+    box: Box | None,
+    origin: tuple[str, Sequence[FileRecord], Mapping[str, Any]],
+    progress: Progress,
+) -> tuple[CopcSummary, list[Notice]]:
+    """Write points of clouds, in batches, into a COPC file.
+
+    Args:
+        clouds: that they are from.
+        points: records of :data:`~furrowmap.core.pointclouds.cleaning.POINT`.
+        target: the file.
+        box: in which they were selected, for the error where there is none.
+        origin: what they are, the files they are from, and the parameters, for the file's description.
+        progress: receives the stages of the writer.
+
+    Returns:
+        A summary of the file, and warnings about attributes that it does not keep.
+
+    Raises:
+        InputError: if there is no point.
+        OSError: if the file cannot be written.
+    """
+    lost = _Lost()
+    first = next((records for records in points if len(records)), None)
+    if first is None:
+        raise no_points_error(clouds, box)
+    east, north, up = (np.floor(first["xyz_m"][0] / 1000.0) * 1000.0).tolist()
+    coloured = any("red" in file.dimensions for file in clouds.files)
+    no_time = 0.0 if clouds.week_times else NO_TIME
+    kind = CopcFormat(
+        las_wkt(clouds.crs), (east, north, up), scale_of(clouds), colour=coloured, week_time=clouds.week_times
+    )
+    with CopcWriter(target, kind) as writer:
+        for records in chain([first], (more for more in points if len(more))):
+            lost.add(records)
+            writer.append(batch_of(records, (east, north, up), no_time, coloured=coloured))
+        what, inputs, parameters = origin
+        described = Origin(
+            what,
+            inputs=[(record.name, record.sha256) for record in inputs],
+            span_s=None if clouds.week_times else lost.span_s,
+            parameters={name: str(value) for name, value in parameters.items() if value is not None},
+        )
+        summary = writer.close(progress, description=described.text)
+    return summary, list(lost.notices(clouds))
 
 
 @dataclass

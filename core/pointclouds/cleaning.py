@@ -148,7 +148,7 @@ def cleaned(
         yield from (records[~(records["noise"] & cleaning.drop_noise)] for records in points)
         return
     with ExitStack() as stack:
-        side_m = _square_m(clouds)
+        side_m = square_side_m(clouds)
         spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
         lows, few = (stack.enter_context(SquareSpool(PLACE, folder, side_m)) for _ in range(2))
         for records in points:
@@ -156,20 +156,20 @@ def cleaned(
             flat = records["xyz_m"][:, :2]
             corner = flat if cleaning.voxel_m is None else np.floor(flat / cleaning.voxel_m) * cleaning.voxel_m
             spool.add_at(corner, records)
-        blocks = _blocks(spool)
-        squares = [square for block in blocks for square in block]
+        parts = blocks(spool)
+        squares = [square for block in parts for square in block]
         usual = NeighbourStatistics()
         if cleaning.outliers == "statistical":
             for square in squares:
                 _add_few(spool.read_squares([square]), square, few)
         if cleaning.outliers != "none":
-            for number, block in enumerate(blocks, 1):
+            for number, block in enumerate(parts, 1):
                 _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
-                progress("looking for noise", number / len(blocks))
+                progress("looking for noise", number / len(parts))
         if cleaning.ground != "none":
             for square in squares:
                 _add_lows(_with_outliers(spool.read_squares([square]), usual), square, lows)
-        for number, block in enumerate(blocks, 1):
+        for number, block in enumerate(parts, 1):
             records = _with_outliers(spool.read_squares(block), usual)
             records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE)] = PointClass.NOISE
             if cleaning.ground != "none":
@@ -177,7 +177,7 @@ def cleaned(
             kept = ~(records["noise"] & cleaning.drop_noise)
             if cleaning.voxel_m is not None:
                 kept[kept] = _one_a_cube(records[kept], cleaning.voxel_m)
-            progress("cleaning clouds", number / len(blocks))
+            progress("cleaning clouds", number / len(parts))
             yield records[kept]
 
 
@@ -216,19 +216,20 @@ def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
     return records
 
 
-def _square_m(clouds: Clouds) -> float:
+def square_side_m(clouds: Clouds) -> float:
     """Side of the squares; wrong bounding boxes cost memory or time only."""
     area_m2 = sum(float(np.prod(np.subtract(file.header.high, file.header.low)[:2])) for file in clouds.files)
     return DENSE_SQUARE_M if 0.0 < area_m2 < clouds.points / DENSE else SQUARE_M
 
 
-def _blocks(spool: SquareSpool) -> list[list[Square]]:
-    """Squares by block; a block of several squares has at most :data:`BLOCK_POINTS`."""
+def blocks(spool: SquareSpool, most_points: int | None = None) -> list[list[Square]]:
+    """Squares by block; a block of several squares has at most `most_points`, else :data:`BLOCK_POINTS`."""
+    limit = BLOCK_POINTS if most_points is None else most_points
     count = {square_of(key): number for key, number in spool.counts.items()}
     most = round(BLOCK_M / spool.side_m)
 
     def split(squares: list[Square], across: int) -> Iterator[list[Square]]:
-        if across == 1 or sum(count[square] for square in squares) <= BLOCK_POINTS:
+        if across == 1 or sum(count[square] for square in squares) <= limit:
             yield squares
             return
         parts: dict[Square, list[Square]] = {}
@@ -243,7 +244,7 @@ def _blocks(spool: SquareSpool) -> list[list[Square]]:
     return [block for squares in whole.values() for block in split(squares, most)]
 
 
-def _around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Square]:
+def squares_around(block: list[Square], reach_m: float, side_m: float) -> Iterable[Square]:
     """The squares within reach of a block, without its own."""
     reach = math.ceil(reach_m / side_m)
     columns, rows = zip(*block, strict=True)
@@ -270,7 +271,7 @@ def _measure(
         return
     around = [np.zeros((0, 3))]
     low, high = own[:, :2].min(axis=0) - NEAR_M, own[:, :2].max(axis=0) + NEAR_M
-    for square in _around(block, NEAR_M + slack_m, spool.side_m):
+    for square in squares_around(block, NEAR_M + slack_m, spool.side_m):
         others = spool.read_squares([square])
         xyz = others["xyz_m"][~others["noise"]]
         around.append(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] <= high), axis=1)])
@@ -281,7 +282,7 @@ def _measure(
         apart_m = mean_neighbour_distance(xyz, reach_m=NEAR_M, asked=len(own))
         lonely = np.isinf(apart_m)
         if lonely.any():
-            others = few.read_squares([*block, *_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
+            others = few.read_squares([*block, *squares_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
             apart_m[lonely] = mean_distance_to(own[lonely] - own[0], others, REACH_M)
     records["apart_m"][known] = apart_m
     usual.add(own, records["apart_m"][known].astype(np.float64))
@@ -323,7 +324,7 @@ def _ground_like(records: RecordArray) -> FloatArray:
 def _classify_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:
     can = ~(records["noise"] | records["machine"])
     own = records["xyz_m"][can]
-    around = lows.read_squares(_around(block, 2.0 * SMRF.window_m, lows.side_m))
+    around = lows.read_squares(squares_around(block, 2.0 * SMRF.window_m, lows.side_m))
     asked = np.arange(len(own) + len(around)) < len(own)
     ground = classify_ground(np.concatenate([own, around]), method, SMRF, asked)[: len(own)]
     records["classification"][can] = np.where(ground, PointClass.GROUND, PointClass.OTHER)

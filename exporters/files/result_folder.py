@@ -68,6 +68,9 @@ GROWTH_TABLE: Final = "growth.csv"
 GROWTH_WORKBOOK: Final = "growth.xlsx"
 GROWTH_REPORT: Final = "growth.json"
 
+FEATURES: Final = "features.gpkg"
+FEATURES_REPORT: Final = "features.json"
+
 TRAJECTORY: Final = "trajectory"
 """The layer of `field.gpkg` that every result has."""
 
@@ -131,6 +134,8 @@ CANOPY_PRODUCTS: Final = (
 """All files that `furrowmap canopy` may write."""
 GROWTH_PRODUCTS: Final = (GROWTH, GROWTH_TABLE, GROWTH_WORKBOOK, GROWTH_REPORT)
 """All files that `furrowmap growth` may write."""
+FEATURE_PRODUCTS: Final = (CLOUD, FEATURES, FEATURES_REPORT)
+"""All files that `furrowmap features` writes."""
 
 
 class _Input(msgspec.Struct):

@@ -54,6 +54,8 @@
   <message><source>Check against surveyed points</source><translation>測量点による精度検証</translation></message>
   <message><source>Class codes to leave out, such as 64,65</source><translation>除外するクラスコード（例：64,65）</translation></message>
   <message><source>Class codes to use, such as 2,9</source><translation>使用するクラスコード（例：2,9）</translation></message>
+  <message><source>Classified point cloud</source><translation>分類した点群</translation></message>
+  <message><source>Classifies LAS, LAZ or COPC point clouds of any source by the shape and colour around each point: ground, horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群を、各点の周囲の形状と色によって地表面、水平面、鉛直面、線状地物、植生に分類します。分類した点群と、面（屋根、壁）、線（柱、電線、柵）、植物のレイヤを書き出します。メモリ使用量は範囲の広さによりません。</translation></message>
   <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
   <message><source>Column of the dose</source><translation>施用量の列</translation></message>
@@ -106,6 +108,8 @@
   <message><source>Farm map</source><translation>農場マップ</translation></message>
   <message><source>Farm map (GeoPackage)</source><translation>農場マップ（GeoPackage）</translation></message>
   <message><source>Farm map (PostGIS)</source><translation>農場マップ（PostGIS）</translation></message>
+  <message><source>Features (GeoPackage)</source><translation>地物（GeoPackage）</translation></message>
+  <message><source>Features of point clouds</source><translation>点群から地物を抽出</translation></message>
   <message><source>Field, drive and sensors. By default a small field that is tilled for a minute.</source><translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation></message>
   <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
   <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
@@ -300,6 +304,7 @@
   <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
   <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
+  <message><source>Voxel size, the smallest detail [default: the point spacing, 0.05 to 0.4].</source><translation>ボクセルの大きさ（識別できる最小の細部）。既定値は点間隔（0.05～0.4）。</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
   <message><source>Whether every second run of numbers goes back.</source><translation>番号を一列おきに折り返すかどうか。</translation></message>
   <message><source>Whether numbers run along rows (from column to column) or along columns.</source><translation>番号を行に沿って（列から列へ）進めるか、列に沿って進めるか。</translation></message>
@@ -345,10 +350,16 @@
 <context>
   <name>Classes</name>
   <message><source>ground</source><translation>地面</translation></message>
+  <message><source>high vegetation</source><translation>高植生</translation></message>
+  <message><source>horizontal plane</source><translation>水平面</translation></message>
   <message><source>implement</source><translation>作業機</translation></message>
+  <message><source>line</source><translation>線状地物</translation></message>
+  <message><source>low vegetation</source><translation>低植生</translation></message>
+  <message><source>medium vegetation</source><translation>中植生</translation></message>
   <message><source>noise</source><translation>ノイズ</translation></message>
   <message><source>other</source><translation>その他</translation></message>
   <message><source>vehicle</source><translation>車両</translation></message>
+  <message><source>vertical plane</source><translation>鉛直面</translation></message>
 </context>
 <context>
   <name>Figures</name>

@@ -24,6 +24,7 @@ GROUPS = {
 SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
 SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
+FEATURE_FIGURES = ("planes_horizontal", "planes_vertical", "poles", "wires", "fences", "plants")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 MET = "The output MET reports whether it is met."
 LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
@@ -122,6 +123,11 @@ def parcels_written(answer):
 def canopy_written(answer):
     """The files of `canopy` that are opened as layers."""
     return [path for path in (product(name)(answer) for name in ("canopy.gpkg", "canopy_height.tif")) if path]
+
+
+def features_written(answer):
+    """The files of `features` that are opened as layers."""
+    return [product(name)(answer) for name in ("features.gpkg", "cloud.copc.laz")]
 
 
 FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
@@ -386,6 +392,33 @@ ALGORITHMS = (
         opens=True,
         layers=lambda answer: [answer["output"]],
         layer_group="Clean point cloud",
+    ),
+    Algorithm(
+        "features",
+        "Features of point clouds",
+        "surfaces",
+        "Classifies LAS, LAZ or COPC point clouds of any source by the shape and colour around each point: ground, "
+        "horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, "
+        "walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.",
+        basic={
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "--ground-method": parameter("GROUND", "Ground classification"),
+            "--output": parameter("OUTPUT", "Output folder"),
+        },
+        advanced={
+            **CLOUDS,
+            "--voxel": parameter("VOXEL", "Voxel size"),
+            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
+            **OVERWRITE,
+        },
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("CLOUD", "file", "Classified point cloud", product("cloud.copc.laz")),
+            Output("FEATURES", "file", "Features (GeoPackage)", product("features.gpkg")),
+            *numbers(FEATURE_FIGURES, "figures"),
+        ),
+        opens=True,
+        layers=features_written,
     ),
     Algorithm(
         "fields",

@@ -18,7 +18,7 @@ FLAGS = {
     "run": {"overwrite", "resume"},
     **{
         name: {"overwrite"}
-        for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "fields", "growth", "mosaic")
+        for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "features", "fields", "growth", "mosaic")
     },
     **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
 }
@@ -29,6 +29,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,
                            "ground": "none", "voxel_m": None}},
     "evaluate_gnss": {"antenna_offset_m": (0.0, 0.0, 0.0), "fixed_reference_only": False},
+    "features": {"ground": "auto", "every": 1},
     "solve_gnss": {"static": False, "mask_deg": 15.0},
     "growth": {"net_inset_m": (0.0, 0.0)},
     "mosaic": {"mean": False},

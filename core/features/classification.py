@@ -1,0 +1,227 @@
+"""Classification of the points of one tile by the shape around them, refined by the votes of image segments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from furrowmap.core.features.classes import Feature
+from furrowmap.core.features.eigenfeatures import Eigenfeatures, of_columns
+from furrowmap.core.features.ground_surface import heights_above_ground
+from furrowmap.core.features.lines import LINEARITY, Line, lines
+from furrowmap.core.features.neighbours import columns
+from furrowmap.core.features.planes import FILL, PURITY, Plane, planes
+from furrowmap.core.features.segment_votes import VOTED, colour_segments, voted
+from furrowmap.core.features.voxels import Voxels, voxels
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+HORIZONTAL: Final = 0.7071
+"""Least height of the unit normal of a horizontal plane: roofs up to 45 degrees."""
+LEVEL: Final = 0.8
+"""Least height of the unit normal of ground that the filter missed, as beyond a ditch at the rim of a cloud."""
+STEP_M: Final = 0.2
+"""What is flat and nowhere higher than this above the ground beside it is ground."""
+FENCE_PURITY: Final = 0.8
+"""Least purity of an open vertical plane, such as the wires of a fence."""
+FENCE_LENGTH_M: Final = 1.5
+SCATTER_EVIDENCE: Final = 0.7
+"""Of a voxel that is on no plane or line."""
+LINE_EVIDENCE: Final = 0.33
+"""Of a voxel in a long neighbourhood that is on no line: it needs colours to become one."""
+FLATTEST: Final = 15.0
+"""Percentile of the thickness of flat neighbourhoods that is the noise of the scanner."""
+STRIPS_M: Final = 4.0
+"""Width of the strip of ground in which the noise is estimated as well."""
+FEWEST: Final = 100
+TOLERANCE_M: Final = (0.04, 0.12)
+"""Limits of the distance from a plane of a point that is on it: three deviations of the noise."""
+
+
+@dataclass(frozen=True)
+class Tile:
+    """What is classified at once: n finite points.
+
+    Attributes:
+        xyz_m: (n, 3).
+        ground: (n,) by the ground filter.
+        cell_m: of the voxels: the spacing of the points, or larger.
+        rgb: (n, 3) colours from 0 to 1; None without.
+        segment: (n,) image segment of each point, below 0 for none; None without images.
+    """
+
+    xyz_m: FloatArray
+    ground: BoolArray
+    cell_m: float
+    rgb: FloatArray | None = None
+    segment: IntArray | None = None
+
+
+@dataclass(frozen=True)
+class Classified:
+    """The classes of a tile, and its planes and lines.
+
+    Attributes:
+        feature: (n,) :class:`Feature` of each point.
+        above_m: (n,) height above the ground, nan without any.
+        of_voxel: (n,) voxel of each point; -1 for those that the first estimate of the ground takes.
+        voxel_m: (m, 3) the voxels, of which planes and lines are.
+        planes: planes; their members are voxels.
+        lines: lines; likewise.
+        fences: open vertical planes, as of wires between posts; likewise.
+    """
+
+    feature: NDArray[np.uint8]
+    above_m: FloatArray
+    of_voxel: IntArray
+    voxel_m: FloatArray
+    planes: list[Plane]
+    lines: list[Line]
+    fences: list[Plane]
+
+
+def classify(tile: Tile) -> Classified:
+    """The class of each point of a tile, by voxels."""
+    above, ground = heights_above_ground(tile.xyz_m, tile.ground)
+    rest = np.flatnonzero(~ground)
+    fine = voxels(tile.xyz_m[rest], tile.cell_m)
+    found, tolerance = _planes(fine, tile.xyz_m[ground], tile.cell_m)
+    of_ground = _ground_planes(tile, ground, fine, found)
+    own = np.full(len(fine), Feature.SCATTER, np.uint8)
+    if of_ground.any():
+        ground = ground.copy()
+        ground[rest] = of_ground[fine.of_point]
+        above, ground = heights_above_ground(tile.xyz_m, ground)
+        own[of_ground | (fine.mean_of(ground[rest]) > 0.5)] = Feature.GROUND
+        found = [plane for plane in found if not of_ground[plane.members].all()]
+    evidence = _plane_evidence(own, found)
+    flat = [plane for plane in found if plane.purity >= PURITY]
+    free = np.flatnonzero((own == Feature.SCATTER) & (evidence[:, :2].max(axis=1, initial=0.0) < 0.5))
+    bars, fences, linearity = _lines(fine.mean_m[free], tile.cell_m, tolerance)
+    faint = LINE_EVIDENCE * np.interp(linearity, [0.5, LINEARITY], [0.0, 1.0])
+    evidence[free, 2], evidence[free, 3] = faint, evidence[free, 3] - faint
+    for line in bars:
+        evidence[free[line.members]] = (0.0, 0.0, 0.5 + 0.5 * line.purity, 0.5 - 0.5 * line.purity)
+    for fence in fences:
+        evidence[free[fence.members]] = (0.0, 0.0, fence.purity, 1.0 - fence.purity)
+    standing = own == Feature.SCATTER
+    own[standing] = voted(evidence[standing], *_segments(tile, rest, fine, standing))
+    feature = np.where(ground, Feature.GROUND, Feature.NONE).astype(np.uint8)
+    feature[rest] = own[fine.of_point]
+    of_voxel = np.full(len(feature), -1, np.int64)
+    of_voxel[rest] = fine.of_point
+    return Classified(
+        feature,
+        above,
+        of_voxel,
+        fine.mean_m,
+        flat,
+        [Line(free[line.members], line.path_m, line.direction, line.purity) for line in bars],
+        [_of(fence, free) for fence in fences],
+    )
+
+
+def shapes(xyz_m: FloatArray, radius_m: float) -> Eigenfeatures:
+    """Eigenfeatures of the voxels (n, 3) of one tile within a radius."""
+    if not len(xyz_m):
+        nothing = np.zeros((0, 3), np.float32)
+        return Eigenfeatures(nothing, nothing, nothing, np.zeros(0, np.int32))
+    shape, count = of_columns(columns(xyz_m, radius_m))
+    return Eigenfeatures(shape[:, :3], shape[:, 3:6], shape[:, 6:], count)
+
+
+def _planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Plane], float]:
+    """Candidates of planes, and the tolerance by the noise of what is flat."""
+    coarse = voxels(fine.mean_m, 2.0 * cell_m)
+    wide = shapes(coarse.mean_m, 8.0 * cell_m)
+    noise = _thinnest(wide)
+    # Where hedges outnumber walls the flattest there is may be their faces, but the ground is known.
+    west = ground_m[:, 0].min(initial=np.inf)
+    strip = ground_m[ground_m[:, 0] < west + STRIPS_M]
+    if len(strip) >= FEWEST:
+        noise = min(noise, _thinnest(shapes(voxels(strip, 2.0 * cell_m).mean_m, 8.0 * cell_m)))
+    tolerance = float(np.clip(3.0 * noise, TOLERANCE_M[0], max(TOLERANCE_M[1], 0.5 * cell_m)))
+    return planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m), tolerance
+
+
+def _thinnest(shape: Eigenfeatures) -> float:
+    """Thickness of the flattest neighbourhoods: the noise of the scanner; inf where none is flat."""
+    flat = shape.planarity > 0.4
+    return float(np.percentile(np.sqrt(shape.eigenvalue_m2[flat, 2]), FLATTEST)) if flat.any() else np.inf
+
+
+def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
+    """Which voxels are on level planes that reach down to the ground: ground that the filter missed."""
+    of_ground = np.zeros(len(fine), bool)
+    pending = [plane for plane in found if plane.normal[2] >= LEVEL and plane.purity >= PURITY]
+    touched = voxels(tile.xyz_m[ground], 2.0 * tile.cell_m).mean_m
+    side, reach = 2.0 * tile.cell_m, max(STEP_M, 4.0 * tile.cell_m)
+    while pending and len(touched):
+        tree = cKDTree(touched)
+        new: list[Plane] = []
+        others: list[Plane] = []
+        for plane in pending:
+            xyz = fine.mean_m[plane.members]
+            away, _ = tree.query(xyz, distance_upper_bound=reach)
+            flat, _ = plane.flat(xyz[np.isfinite(away)])
+            contact_m = len(np.unique(np.floor(flat / side), axis=0)) * side
+            (new if contact_m >= 0.5 * np.sqrt(plane.area_m2) else others).append(plane)
+        for plane in new:
+            of_ground[plane.members] = True
+        touched = fine.mean_m[np.concatenate([plane.members for plane in new])] if new else np.zeros((0, 3))
+        pending = others
+    return of_ground
+
+
+def _plane_evidence(own: NDArray[np.uint8], found: list[Plane]) -> FloatArray:
+    """Evidence (m, 4) of :data:`VOTED` for each voxel: of candidates too that shape alone does not make planes."""
+    evidence = np.zeros((len(own), len(VOTED)))
+    evidence[:, 3] = SCATTER_EVIDENCE
+    for plane in reversed(found):  # the largest has the last word
+        members = plane.members[own[plane.members] == Feature.SCATTER]
+        sure = float(np.interp(plane.purity, [PURITY - 0.25, PURITY, 1.0], [0.0, 0.5 + 1e-6, 1.0]))
+        weaker = (evidence[members, :2].max(axis=1) <= sure) | (sure >= 0.5)
+        upright = abs(plane.normal[2]) < HORIZONTAL
+        evidence[members[weaker]] = (0.0, sure, 0.0, 1.0 - sure) if upright else (sure, 0.0, 0.0, 1.0 - sure)
+    return evidence
+
+
+def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[Line], list[Plane], FloatArray]:
+    """Lines, open vertical planes of them, and the linearity (n,) of the voxels (n, 3)."""
+    near, wide = shapes(xyz_m, 5.0 * cell_m), shapes(xyz_m, 10.0 * cell_m)
+    longer = np.nan_to_num(wide.linearity) > np.nan_to_num(near.linearity)
+    linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
+    direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)
+    bars = lines(xyz_m, linearity, direction, cell_m)
+    open_planes = planes(xyz_m, shapes(xyz_m, 12.0 * cell_m), cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, FILL))
+    fences = []
+    for plane in open_planes:
+        flat, _ = plane.flat(xyz_m[plane.members])
+        long = np.ptp(flat[:, 0]) >= FENCE_LENGTH_M
+        if plane.purity >= FENCE_PURITY and abs(plane.normal[2]) < 1.0 - LEVEL and long:
+            fences.append(plane)
+    return bars, fences, np.nan_to_num(linearity)
+
+
+def _segments(tile: Tile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tuple[IntArray, FloatArray | None]:
+    """Segment and colour of the voxels asked for: of images where there are any, else of the colours of the points."""
+    segment = np.full(len(fine), -1, np.int64)
+    rgb = None
+    if tile.rgb is not None:
+        rgb = np.column_stack([fine.mean_of(tile.rgb[rest, k]) for k in range(3)])
+    if tile.segment is not None:
+        segment[fine.of_point] = tile.segment[rest]
+    elif rgb is not None:
+        segment[asked] = colour_segments(fine.mean_m[asked], rgb[asked], 3.0 * tile.cell_m)
+    return segment[asked], None if rgb is None else rgb[asked]
+
+
+def _of(plane: Plane, index: IntArray) -> Plane:
+    """A plane of some voxels as one of all."""
+    return Plane(index[plane.members], plane.centre_m, plane.normal, plane.rms_m, plane.purity, plane.area_m2)

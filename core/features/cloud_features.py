@@ -1,0 +1,240 @@
+"""Features of clouds of any size, tile by tile in bounded memory."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.features.classes import Feature, feature_codes
+from furrowmap.core.features.classification import Classified, Tile, classify
+from furrowmap.core.features.objects import LineObject, PlanePiece, joined, line_objects, piece, upright
+from furrowmap.core.features.planes import Plane
+from furrowmap.core.features.plants import Plants, plants
+from furrowmap.core.pointclouds.cleaning import (
+    POINT,
+    Cleaning,
+    SquareSpool,
+    blocks,
+    cleaned,
+    square_side_m,
+    squares_around,
+)
+from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.values.record_spool import RecordArray, Square
+from furrowmap.core.values.threads import threads
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+PATCH_M: Final = 1.0
+CELLS_M: Final = (0.05, 0.4)
+"""Limits of the size of voxels."""
+CLASSED_SHARE: Final = 0.01
+"""Least share of ground points in a cloud whose ground is classified."""
+MARGIN_VOXELS: Final = 60.0
+TILE_POINTS: Final = 1_000_000
+
+
+@dataclass
+class Found:
+    """Features found in the tiles done so far.
+
+    Attributes:
+        planes: horizontal and vertical, by piece.
+        fences: open vertical planes, by piece.
+        lines: poles and wires.
+        plants: by tile.
+        points: (6,) number of points of each :class:`Feature`.
+    """
+
+    planes: list[PlanePiece] = field(default_factory=list)
+    fences: list[PlanePiece] = field(default_factory=list)
+    lines: list[LineObject] = field(default_factory=list)
+    plants: list[Plants] = field(default_factory=list)
+    points: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Feature), np.int64))
+
+    def add(self, other: Found) -> None:
+        """Add what another tile holds."""
+        for name in ("planes", "fences", "lines", "plants"):
+            getattr(self, name).extend(getattr(other, name))
+        self.points += other.points
+
+    def joined_planes(self) -> list[PlanePiece]:
+        """Planes without the borders of tiles, the largest first."""
+        return joined(self.planes)
+
+    def all_lines(self, planes: list[PlanePiece]) -> list[LineObject]:
+        """Poles, wires, fences, and the feet of the vertical planes among the planes."""
+        fences = [upright(plane, "fence") for plane in joined(self.fences)]
+        return [*self.lines, *fences, *(upright(plane, "wall") for plane in planes if plane.vertical)]
+
+    def all_plants(self) -> Plants:
+        """The plants of all tiles."""
+        if not self.plants:
+            return Plants.none()
+        return Plants(*(np.concatenate([getattr(each, name) for each in self.plants]) for name in vars(Plants.none())))
+
+
+@dataclass(frozen=True)
+class Density:
+    """What one pass over clouds tells.
+
+    Attributes:
+        cell_m: of voxels that fit the spacing of the points.
+        classified: whether the files classify ground.
+    """
+
+    cell_m: float
+    classified: bool
+
+
+def density(clouds: Clouds, box: Box | None = None, progress: Progress = silent) -> Density:
+    """Spacing of the points of clouds, and whether their ground is classified."""
+    total = max(clouds.points, 1)
+    covered = np.zeros(0, np.int64)
+    count = ground = 0
+    for batch in clouds.batches(box, read=lambda done: progress("measuring density", done / total)):
+        column, row = np.floor(batch.xyz_m[:, :2].T / PATCH_M).astype(np.int64)
+        covered = np.union1d(covered, (column << 32) + row)
+        count += len(batch.xyz_m)
+        ground += int(np.count_nonzero(batch.ground))
+    spacing = math.sqrt(len(covered) * PATCH_M**2 / max(count, 1))
+    cell = float(np.clip(math.ceil(spacing * 100.0) / 100.0, *CELLS_M))
+    return Density(cell, ground > CLASSED_SHARE * max(count, 1))
+
+
+def with_features(
+    clouds: Clouds,
+    cleaning: Cleaning,
+    cell_m: float,
+    folder: Path,
+    found: Found,
+    seen: Callable[[Survey], None] | None = None,
+    progress: Progress = silent,
+) -> Generator[RecordArray, None, None]:
+    """The points of clouds in batches with the classes of features, in reproducible order.
+
+    Noise and, in furrowmap's own clouds, the machine keep their classes. Points of other classes than ground are
+    classified anew.
+
+    Args:
+        clouds: the clouds.
+        cleaning: selects and cleans points, and classifies their ground.
+        cell_m: of voxels.
+        folder: for temporary files.
+        found: receives the features.
+        seen: as in :func:`cleaned`.
+        progress: receives the stages of :func:`cleaned` and "finding features".
+
+    Yields:
+        (n,) records of :data:`POINT`.
+
+    Raises:
+        InputError: as :func:`cleaned`.
+        RefusedError: likewise.
+        OSError: likewise.
+    """
+    with ExitStack() as stack:
+        side_m = square_side_m(clouds)
+        spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
+        for records in cleaned(clouds, cleaning, folder, seen, progress):
+            spool.add_at(records["xyz_m"][:, :2], records)
+        parts = blocks(spool, TILE_POINTS)
+        count = threads()
+        pool = stack.enter_context(ThreadPoolExecutor(count))
+        coloured = any("red" in file.dimensions for file in clouds.files)
+        for first in range(0, len(parts), count):
+            work = [pool.submit(_tile, spool, part, cell_m, coloured) for part in parts[first : first + count]]
+            for number, done in enumerate(work, first + 1):
+                records, here = done.result()
+                found.add(here)
+                progress("finding features", number / len(parts))
+                yield records
+
+
+def _tile(spool: SquareSpool, block: list[Square], cell_m: float, coloured: bool) -> tuple[RecordArray, Found]:
+    """The points of a block with their classes, and its features."""
+    own = spool.read_squares(block)
+    margin = MARGIN_VOXELS * cell_m
+    low, high = own["xyz_m"][:, :2].min(axis=0) - margin, own["xyz_m"][:, :2].max(axis=0) + margin
+    parts = [own[~(own["noise"] | own["machine"])]]
+    for square in squares_around(block, margin, spool.side_m):
+        others = spool.read_squares([square])
+        flat = others["xyz_m"][:, :2]
+        near = np.all((flat >= low) & (flat <= high), axis=1)
+        parts.append(others[near & ~(others["noise"] | others["machine"])])
+    points = np.concatenate(parts)
+    if not len(parts[0]):
+        return own, Found()
+    corner = np.floor(points["xyz_m"].min(axis=0))
+    scale = 255.0 if coloured and points["rgb"].max() <= 255 else 65535.0
+    tile = Tile(
+        points["xyz_m"] - corner,
+        points["classification"] == PointClass.GROUND,
+        cell_m,
+        points["rgb"] / scale if coloured and points["rgb"].any() else None,
+    )
+    result = classify(tile)
+    mine = np.arange(len(points)) < len(parts[0])
+    codes = feature_codes(result.feature[mine], result.above_m[mine])
+    own["classification"][~(own["noise"] | own["machine"])] = codes
+    return own, _found(tile, result, mine, corner)
+
+
+def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) -> Found:
+    """What of the features of a tile is its own."""
+    rest = result.of_voxel >= 0
+    of_voxel = result.of_voxel[rest]
+    size = len(result.voxel_m)
+    count = np.bincount(of_voxel, mine[rest], size).astype(np.int64)
+    above = np.full(size, np.nan)
+    above[of_voxel] = result.above_m[rest]
+    base = result.voxel_m[:, 2] - np.nan_to_num(above)
+    side = 2.0 * tile.cell_m
+
+    def pieces(found: list[Plane], side_m: float) -> Iterator[PlanePiece]:
+        for plane in found:
+            members = plane.members[count[plane.members] > 0]
+            if len(members):
+                cut = piece(plane, result.voxel_m[members], count[members], side_m, float(base[members].min()))
+                yield _moved(cut, corner)
+
+    lines = []
+    for line in result.lines:
+        if count[line.members].sum() * 2 > len(line.members):
+            moved = type(line)(line.members, line.path_m + corner, line.direction, line.purity)
+            lines.append((moved, int(count[line.members].sum()), float(base[line.members].min() + corner[2])))
+    scatter = result.feature == Feature.SCATTER
+    tops = plants(tile.xyz_m[scatter] + corner, np.nan_to_num(result.above_m[scatter]))
+    inside = _inside(tops.top_m, tile.xyz_m[mine] + corner)
+    return Found(
+        list(pieces(result.planes, side)),
+        list(pieces(result.fences, 2.0 * side)),
+        line_objects(lines),
+        [Plants(*(values[inside] for values in vars(tops).values()))],
+        np.bincount(result.feature[mine], minlength=len(Feature)),
+    )
+
+
+def _moved(plane: PlanePiece, corner: FloatArray) -> PlanePiece:
+    return PlanePiece(
+        plane.centre_m + corner, plane.normal, plane.outline, plane.points, plane.rms_m, plane.base_m + corner[2]
+    )
+
+
+def _inside(place: FloatArray, own: FloatArray) -> BoolArray:
+    """Which places lie in a cell with points of the tile's own."""
+    cells = {tuple(cell) for cell in np.unique(np.floor(own[:, :2] / 0.5).astype(np.int64), axis=0).tolist()}
+    return np.array([tuple(np.floor(at[:2] / 0.5).astype(int).tolist()) in cells for at in place], bool)

@@ -1,0 +1,196 @@
+"""Eigenfeatures: the shape of the neighbourhood of each point by the eigenvalues of its covariance.
+
+After J. Demantké, C. Mallet, N. David, B. Vallet (2011), Dimensionality based scale selection in 3D lidar point clouds,
+ISPRS Archives XXXVIII-5/W12, 97-102, and T. Hackel, J. D. Wegner, K. Schindler (2016), Contour detection in
+unstructured 3D point clouds, CVPR, 1610-1618.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from furrowmap.core.features.neighbours import Columns, columns, first_above
+from furrowmap.core.surfaces.tiles import tiles
+
+FloatArray = NDArray[np.float64]
+
+TILE_RADII: Final = 256.0
+"""Side of the tiles of a search, in radii."""
+
+
+@dataclass(frozen=True)
+class Eigenfeatures:
+    """Shapes of n neighbourhoods; nan where one has fewer than three points, or all in one place.
+
+    Attributes:
+        eigenvalue_m2: (n, 3) of the covariance, the greatest first.
+        normal: (n, 3) unit eigenvector of the least; upwards.
+        direction: (n, 3) unit eigenvector of the greatest; upwards.
+        count: (n,) number of points, with the point itself.
+    """
+
+    eigenvalue_m2: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    direction: NDArray[np.float32]
+    count: NDArray[np.int32]
+
+    @property
+    def linearity(self) -> NDArray[np.float32]:
+        """(λ1 - λ2) / λ1: 1 on a line."""
+        return self._ratio(self.eigenvalue_m2[:, 0] - self.eigenvalue_m2[:, 1])
+
+    @property
+    def planarity(self) -> NDArray[np.float32]:
+        """(λ2 - λ3) / λ1: 1 on a plane seen all round."""
+        return self._ratio(self.eigenvalue_m2[:, 1] - self.eigenvalue_m2[:, 2])
+
+    @property
+    def sphericity(self) -> NDArray[np.float32]:
+        """λ3 / λ1, the scattering: 1 where points lie all round."""
+        return self._ratio(self.eigenvalue_m2[:, 2])
+
+    @property
+    def verticality(self) -> NDArray[np.float32]:
+        """1 - |height of the unit normal|: 1 on a wall."""
+        return np.float32(1.0) - np.abs(self.normal[:, 2])
+
+    def at(self, index: NDArray[np.integer]) -> Eigenfeatures:
+        """Those of some neighbourhoods."""
+        return Eigenfeatures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    def _ratio(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        out: NDArray[np.float32] = values / self.eigenvalue_m2[:, 0]
+        return out
+
+
+def eigenfeatures(xyz_m: ArrayLike, radius_m: float) -> Eigenfeatures:
+    """Eigenfeatures of the points within a radius of each point.
+
+    Args:
+        xyz_m: (n, 3); points that are not finite have no neighbours and are none.
+        radius_m: of the spheres.
+    """
+    xyz = np.asarray(xyz_m, np.float64)
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or not 0.0 < radius_m < np.inf:
+        raise ValueError(f"points of shape {xyz.shape} within {radius_m} m")
+    known = np.flatnonzero(np.isfinite(xyz).all(axis=1))
+    finite = xyz[known]
+    out = np.full((len(xyz), 9), np.nan, np.float32)
+    count = np.zeros(len(xyz), np.int32)
+    for tile in tiles(finite, TILE_RADII * radius_m, radius_m):
+        shape, number = of_columns(columns(finite[tile.members], radius_m))
+        out[known[tile.own]], count[known[tile.own]] = shape[: len(tile.own)], number[: len(tile.own)]
+    return Eigenfeatures(out[:, :3], out[:, 3:6], out[:, 6:], count)
+
+
+def of_columns(sorted_points: Columns) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Eigenvalues, normal and direction (n, 9), and number (n,) of the neighbours within the side of a column."""
+    shape: tuple[NDArray[np.float32], NDArray[np.int32]] = _shapes(
+        sorted_points.xyz_m, sorted_points.order, sorted_points.starts, sorted_points.side_m, *sorted_points.across
+    )
+    return shape
+
+
+@numba.njit(cache=True, nogil=True)
+def _shapes(xyz, order, starts, radius, across, rows):  # type: ignore[no-untyped-def]
+    n = len(xyz)
+    out = np.full((n, 9), np.nan, np.float32)
+    count = np.zeros(n, np.int32)
+    moments = np.empty(9)
+    square = radius * radius
+    for at in range(across * rows):
+        column, row = at // rows, at % rows
+        for i in range(starts[at], starts[at + 1]):
+            x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            k, sx, sy, sz, xx, yy, zz, xy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for beside in range(max(column - 1, 0), min(column + 2, across)):
+                for near in range(max(row - 1, 0), min(row + 2, rows)):
+                    begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                    for j in range(first_above(xyz, begin, end, z - radius), end):
+                        c = xyz[j, 2] - z
+                        if c > radius:
+                            break
+                        a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                        if a * a + b * b + c * c <= square:
+                            k += 1
+                            sx += a
+                            sy += b
+                            sz += c
+                            xx += a * a
+                            yy += b * b
+                            zz += c * c
+                            xy += a * b
+                            xz += a * c
+                            yz += b * c
+            count[order[i]] = k
+            if k >= 3:
+                moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
+                moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
+                eigen(moments, k, out[order[i]])
+    return out, count
+
+
+@numba.njit(cache=True, nogil=True)
+def eigen(moments, k, out):  # type: ignore[no-untyped-def]
+    """Eigenvalues, the greatest first, and eigenvectors of the least and the greatest, into `out` (9,).
+
+    `moments` are xx, yy, zz, xy, xz, yz summed over k points. Closed form after O. K. Smith (1961), Eigenvalues of a
+    symmetric 3 x 3 matrix, Communications of the ACM 4, 168.
+    """
+    a, b, c = moments[0] / k, moments[1] / k, moments[2] / k
+    d, e, f = moments[3] / k, moments[4] / k, moments[5] / k
+    mean = (a + b + c) / 3.0
+    if not mean > 0.0:
+        return
+    a0, b0, c0 = a - mean, b - mean, c - mean
+    p = np.sqrt((a0 * a0 + b0 * b0 + c0 * c0 + 2.0 * (d * d + e * e + f * f)) / 6.0)
+    if p < 1e-12 * mean:
+        out[0], out[1], out[2] = mean, mean, mean
+        out[3], out[4], out[5], out[6], out[7], out[8] = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0
+        return
+    half = (a0 * (b0 * c0 - f * f) - d * (d * c0 - f * e) + e * (d * f - b0 * e)) / (2.0 * p * p * p)
+    angle = np.arccos(min(1.0, max(-1.0, half))) / 3.0
+    greatest = mean + 2.0 * p * np.cos(angle)
+    least = max(mean + 2.0 * p * np.cos(angle + 2.0943951023931953), 0.0)
+    out[0], out[1], out[2] = greatest, max(3.0 * mean - greatest - least, least), least
+    if out[1] - out[2] > 1e-7 * greatest:
+        _vector(a, b, c, d, e, f, least, out, 3)
+        if greatest - out[1] > 1e-7 * greatest:
+            _vector(a, b, c, d, e, f, greatest, out, 6)
+        else:
+            _beside(out, 3, 6)
+    else:  # any vector at right angles to the direction is a normal
+        _vector(a, b, c, d, e, f, greatest, out, 6)
+        _beside(out, 6, 3)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _vector(a, b, c, d, e, f, value, out, at):  # type: ignore[no-untyped-def]
+    """Unit eigenvector for an eigenvalue, upwards: the longest cross product of two rows."""
+    ax, by, cz = a - value, b - value, c - value
+    x1, y1, z1 = d * f - e * by, e * d - ax * f, ax * by - d * d
+    x2, y2, z2 = d * cz - e * f, e * e - ax * cz, ax * f - d * e
+    x3, y3, z3 = by * cz - f * f, f * e - d * cz, d * f - by * e
+    n1, n2, n3 = x1 * x1 + y1 * y1 + z1 * z1, x2 * x2 + y2 * y2 + z2 * z2, x3 * x3 + y3 * y3 + z3 * z3
+    if n2 > n1 and n2 >= n3:
+        x1, y1, z1, n1 = x2, y2, z2, n2
+    elif n3 > n1:
+        x1, y1, z1, n1 = x3, y3, z3, n3
+    scale = 1.0 / np.sqrt(n1) * (-1.0 if z1 < 0.0 else 1.0)
+    out[at], out[at + 1], out[at + 2] = x1 * scale, y1 * scale, z1 * scale
+
+
+@numba.njit(cache=True, nogil=True)
+def _beside(out, given, at):  # type: ignore[no-untyped-def]
+    """A unit vector at right angles to that at `given`, as level as can be."""
+    x, y = out[given], out[given + 1]
+    flat = np.sqrt(x * x + y * y)
+    if flat > 1e-3:
+        out[at], out[at + 1], out[at + 2] = -y / flat, x / flat, 0.0
+    else:
+        out[at], out[at + 1], out[at + 2] = 1.0, 0.0, 0.0

@@ -1,0 +1,60 @@
+"""Height above the ground, and ground told from what touches it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, uniform_filter
+
+from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.surfaces.smrf import from_nearest
+
+FloatArray = NDArray[np.float64]
+
+CELL_M: Final = 0.5
+NEAR_M: Final = (0.05, 0.15)
+"""Limits of the distance from the ground within which a point is ground: four deviations of the ground around it."""
+DEVIATIONS: Final = 4.0
+SLOPE_M: Final = 0.15
+"""Added to that, times the slope up to 1: medians cut the edges of banks."""
+FEWEST_CELLS: Final = 16
+"""With fewer cells of ground the height is that of the nearest: they show no slope."""
+
+
+def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Height (n,) of points (n, 3) above the ground, nan without any, and which of them are ground.
+
+    The ground is the median of its points in cells of 0.5 m. What the filter took for ground and stands out of it, such
+    as the foot of a post or low plants, is not.
+
+    Args:
+        xyz_m: (n, 3).
+        ground: (n,) by the ground filter.
+    """
+    if not ground.any():
+        return np.full(len(xyz_m), np.nan), np.zeros(len(xyz_m), bool)
+    corner = np.floor(xyz_m[:, :2].min(axis=0) / CELL_M) - 1.0
+    shape = (np.floor(xyz_m[:, :2].max(axis=0) / CELL_M) - corner + 2.0).astype(np.int64)
+    place = xyz_m[:, :2] / CELL_M - corner
+    cell = np.floor(place).astype(np.int64)
+    flat = cell[:, 0] * shape[1] + cell[:, 1]
+    known = _medians(flat[ground], xyz_m[ground, 2], shape)
+    surface = filled(known) if np.count_nonzero(np.isfinite(known)) >= FEWEST_CELLS else from_nearest(known)
+    above = xyz_m[:, 2] - map_coordinates(surface, place.T - 0.5, order=1, mode="nearest")
+    spread = _medians(flat[ground], np.abs(above[ground]), shape)
+    known = np.isfinite(spread)
+    around = uniform_filter(np.where(known, spread, 0.0), 3) / np.maximum(uniform_filter(known.astype(float), 3), 1e-9)
+    slope = np.hypot(*np.gradient(surface, CELL_M))
+    limit = (np.clip(DEVIATIONS * 1.4826 * around, *NEAR_M) + SLOPE_M * np.minimum(slope, 1.0)).ravel()[flat]
+    return above, (above < limit) & (ground | (above > -limit))
+
+
+def _medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
+    """Median of the values in each cell; nan in those without any."""
+    order = np.lexsort([values, cell])
+    there, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    out = np.full(int(np.prod(shape)), np.nan)
+    out[there] = 0.5 * (values[order][first + (count - 1) // 2] + values[order][first + count // 2])
+    return out.reshape(shape)

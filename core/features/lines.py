@@ -1,0 +1,252 @@
+"""Lines: posts, poles, trunks, wires and rails, from neighbourhoods that are long and thin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from furrowmap.core.features.neighbours import Columns, columns, first_above
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+LINEARITY: Final = 0.75
+"""Least linearity of the voxels that a line is made of."""
+AXIS_M: Final = 0.1
+"""Greatest distance of a voxel from the axis of its line."""
+GAP_M: Final = 0.6
+"""Greatest gap along a line, or six voxels where that is more."""
+TURN_DEG: Final = 20.0
+"""Greatest angle between the directions of neighbouring voxels of a line."""
+LEAST_LENGTH_M: Final = 0.6
+SLENDERNESS: Final = 5.0
+"""Least ratio of the length of a line to its width."""
+AROUND_M: Final = 0.35
+"""Within this distance of a line there is little but the line and other lines."""
+PURITY: Final = 0.5
+UPRIGHT: Final = math.cos(math.radians(30.0))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight or slightly bent line.
+
+    Attributes:
+        members: indices of its voxels.
+        path_m: (k, 3) its course, the lower or western end first.
+        direction: (3,) unit.
+        purity: share of its own among the voxels around it that are on no line.
+    """
+
+    members: IntArray
+    path_m: FloatArray
+    direction: FloatArray
+    purity: float
+
+    @property
+    def upright(self) -> bool:
+        """Whether it is a post, pole or trunk."""
+        return bool(abs(self.direction[2]) >= UPRIGHT)
+
+    @property
+    def length_m(self) -> float:
+        """Along its course."""
+        return float(np.linalg.norm(np.diff(self.path_m, axis=0), axis=1).sum())
+
+
+def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float) -> list[Line]:
+    """Lines in voxels (n, 3) that are neither ground nor on planes.
+
+    Args:
+        xyz_m: (n, 3) voxels.
+        linearity: (n,) of their neighbourhoods, nan for none.
+        direction: (n, 3) of the neighbourhoods.
+        cell_m: of the voxels.
+    """
+    linear = np.flatnonzero(linearity >= LINEARITY)
+    if len(linear) < 3:
+        return []
+    axis_m, gap_m = max(AXIS_M, 1.2 * cell_m), max(GAP_M, 6.0 * cell_m)
+    near = columns(xyz_m[linear], gap_m)
+    along = direction[linear][near.order].astype(np.float64)
+    a, b = _links(near.xyz_m, near.starts, gap_m, *near.across, along, 0.8 * axis_m, math.cos(math.radians(TURN_DEG)))
+    count, label = connected_components(
+        coo_array((np.ones(len(a), bool), (a, b)), shape=(len(linear),) * 2), directed=False
+    )
+    label_of = np.empty(len(linear), np.int64)
+    label_of[near.order] = label
+    of_line = np.full(len(xyz_m), -1, np.int64)
+    of_line[linear] = label_of
+    _absorb(xyz_m, linear, label_of, direction, axis_m, of_line)
+    order = np.argsort(of_line, kind="stable")
+    cuts = np.searchsorted(of_line[order], np.arange(count + 1))
+    every = columns(xyz_m, max(AROUND_M, 4.0 * cell_m))
+    calm = np.zeros(len(xyz_m), bool)
+    calm[linear] = True
+    found = (
+        _line(xyz_m, order[begin:end], axis_m, calm, every)
+        for begin, end in pairwise(cuts.tolist())
+        if end - begin >= 4
+    )
+    return [line for line in found if line is not None]
+
+
+def _absorb(
+    xyz_m: FloatArray, linear: IntArray, label: IntArray, direction: FloatArray, axis_m: float, of_line: IntArray
+) -> None:
+    """Give voxels on the axis of a line to it, though their own neighbourhood is no line, as where two lines cross."""
+    near = columns(xyz_m[linear], 3.0 * axis_m)
+    rest = np.flatnonzero(of_line < 0)
+    nearest = _nearest_axis(
+        xyz_m[rest] - near.corner_m, near.xyz_m, near.starts, near.side_m, *near.across,
+        direction[linear][near.order].astype(np.float64), axis_m,
+    )  # fmt: skip
+    taken = nearest >= 0
+    of_line[rest[taken]] = label[near.order][nearest[taken]]
+
+
+def _line(xyz_m: FloatArray, members: IntArray, axis_m: float, calm: NDArray[np.bool_], every: Columns) -> Line | None:
+    own = xyz_m[members]
+    centre = own.mean(axis=0)
+    _, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
+    direction = vector[:, 2]
+    if direction[2] < -0.3 or (abs(direction[2]) <= 0.3 and direction[0] < 0.0):
+        direction = -direction
+    s = (own - centre) @ direction
+    step = max(0.2, 2.0 * axis_m)
+    slot = np.floor((s - s.min()) / step).astype(np.int64)
+    in_slot = np.bincount(slot)
+    others = _disturbing(
+        own,
+        every.xyz_m,
+        every.starts,
+        every.side_m,
+        *every.across,
+        every.corner_m,
+        calm[every.order],
+        np.isin(every.order, members),
+    )
+    disturbed = np.bincount(slot, others, len(in_slot))
+    pure = in_slot / np.maximum(in_slot + disturbed, 1e-9) >= PURITY
+    if not pure[in_slot > 0].any():
+        return None
+    first, last = _longest(pure | (in_slot == 0))
+    kept = (slot >= first) & (slot <= last)
+    own, members, s = xyz_m[members[kept]], members[kept], s[kept]
+    if len(own) < 4:
+        return None
+    middle = own.mean(axis=0)
+    value, _ = np.linalg.eigh(np.cov((own - middle).T, bias=True))
+    length = float(s.max() - s.min())
+    if length < LEAST_LENGTH_M or length < SLENDERNESS * math.sqrt(12.0 * max(value[1], 0.0)) * 0.5:
+        return None
+    path = _course(own, s - s.min(), step)
+    purity = len(own) / (len(own) + float(disturbed[first : last + 1].sum()))
+    return Line(members, path, direction, purity)
+
+
+def _course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
+    """A straight or parabolic fit through a line's voxels from end to end."""
+    pieces = max(1, min(int(s.max() / max(step, 1.0)), 50))
+    fit = np.polynomial.polynomial.polyfit(s, own, 1 if pieces < 3 else 2)
+    at = np.linspace(0.0, s.max(), pieces + 1 if pieces >= 3 else 2)
+    out = np.polynomial.polynomial.polyval(at, fit).T
+    return np.asarray(out, np.float64)
+
+
+def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
+    """First and last index of the longest run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    begin, end = edges[::2], edges[1::2]
+    k = int(np.argmax(end - begin))
+    return int(begin[k]), int(end[k]) - 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _links(xyz, starts, reach, across, rows, direction, axis_m, least_cosine):  # type: ignore[no-untyped-def]
+    """Pairs of sorted points that are one line: near, of one direction, each on the axis of the other."""
+    first, second = [0 for _ in range(0)], [0 for _ in range(0)]
+    for i in range(len(xyz)):
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        u, v, w = direction[i, 0], direction[i, 1], direction[i, 2]
+        column, row = int(x // reach), int(y // reach)
+        for beside in range(max(column - 1, 0), min(column + 2, across)):
+            for near in range(max(row - 1, 0), min(row + 2, rows)):
+                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                for j in range(first_above(xyz, begin, end, z - reach), end):
+                    c = xyz[j, 2] - z
+                    if c > reach:
+                        break
+                    if j <= i:
+                        continue
+                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    square = a * a + b * b + c * c
+                    if square > reach * reach:
+                        continue
+                    p, q, r = direction[j, 0], direction[j, 1], direction[j, 2]
+                    if abs(u * p + v * q + w * r) < least_cosine:
+                        continue
+                    s, t = a * u + b * v + c * w, a * p + b * q + c * r
+                    if max(square - s * s, square - t * t) <= axis_m * axis_m:
+                        first.append(i)
+                        second.append(j)
+    return np.array(first, np.int64), np.array(second, np.int64)
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_axis(at, xyz, starts, reach, across, rows, direction, axis_m):  # type: ignore[no-untyped-def]
+    """The sorted point whose axis runs nearest to each place; -1 where none does within `axis_m`."""
+    out = np.full(len(at), -1, np.int64)
+    for i in range(len(at)):
+        x, y, z = at[i, 0], at[i, 1], at[i, 2]
+        column, row = int(x // reach), int(y // reach)
+        best = axis_m * axis_m
+        for beside in range(max(column - 1, 0), min(column + 2, across)):
+            for near in range(max(row - 1, 0), min(row + 2, rows)):
+                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                for j in range(first_above(xyz, begin, end, z - reach), end):
+                    c = xyz[j, 2] - z
+                    if c > reach:
+                        break
+                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    square = a * a + b * b + c * c
+                    if square > reach * reach:
+                        continue
+                    s = a * direction[j, 0] + b * direction[j, 1] + c * direction[j, 2]
+                    if square - s * s < best:
+                        best = square - s * s
+                        out[i] = j
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, mine):  # type: ignore[no-untyped-def]
+    """Number of points around each of a line's own that are neither its own nor linear, each shared among those."""
+    out = np.zeros(len(own))
+    for i in range(len(own)):
+        x, y, z = own[i, 0] - corner[0], own[i, 1] - corner[1], own[i, 2] - corner[2]
+        column, row = int(x // reach), int(y // reach)
+        others, ours = 0, 0
+        for beside in range(max(column - 1, 0), min(column + 2, across)):
+            for near in range(max(row - 1, 0), min(row + 2, rows)):
+                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                for j in range(first_above(xyz, begin, end, z - reach), end):
+                    c = xyz[j, 2] - z
+                    if c > reach:
+                        break
+                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    if a * a + b * b + c * c <= reach * reach:
+                        if mine[j]:
+                            ours += 1
+                        elif not calm[j]:
+                            others += 1
+        out[i] = others / max(ours, 1)
+    return out

@@ -1,0 +1,175 @@
+"""Planes with outlines and lines with heights, joined across the tiles in which they were found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from shapely import STRtree
+
+from furrowmap.core.features.lines import Line
+from furrowmap.core.features.planes import Plane, axes_of
+
+FloatArray = NDArray[np.float64]
+LineKind = Literal["pole", "wire", "fence", "wall"]
+
+SAME_NORMAL: Final = math.cos(math.radians(6.0))
+SAME_M: Final = 0.1
+"""Distance of the middle of each of two pieces of one plane from the plane of the other."""
+BESIDE_M: Final = 0.4
+"""Gap between them, at most."""
+VERTICAL: Final = 0.7071
+
+
+@dataclass(frozen=True)
+class PlanePiece:
+    """A plane, or what one tile sees of it.
+
+    Attributes:
+        centre_m: (3,) a point of it.
+        normal: (3,) unit.
+        outline: (shapely polygon or polygons) in :func:`~furrowmap.core.features.planes.axes_of` from the centre.
+        points: number of points.
+        rms_m: of the distances from it.
+        base_m: height of the ground below.
+    """
+
+    centre_m: FloatArray
+    normal: FloatArray
+    outline: shapely.Geometry
+    points: int
+    rms_m: float
+    base_m: float
+
+    @property
+    def vertical(self) -> bool:
+        """Whether it is a wall rather than a roof."""
+        return bool(abs(self.normal[2]) < VERTICAL)
+
+    @property
+    def area_m2(self) -> float:
+        """In the plane."""
+        return float(shapely.area(self.outline))
+
+    @property
+    def top_m(self) -> float:
+        """Height of its highest point."""
+        return float(self._place(shapely.get_coordinates(self.outline))[:, 2].max())
+
+    @property
+    def shape(self) -> shapely.Geometry:
+        """Its outline on the map, with heights."""
+        return shapely.transform(shapely.force_3d(self.outline), lambda c: self._place(c[:, :2]), include_z=True)
+
+    @property
+    def foot(self) -> shapely.Geometry:
+        """Line below a vertical plane, from end to end at its lowest height."""
+        low, at, high, _ = shapely.bounds(self.outline).tolist()
+        return shapely.LineString(self._place(np.array([[low, at], [high, at]])))
+
+    def _place(self, flat: FloatArray) -> FloatArray:
+        out: FloatArray = self.centre_m + flat @ np.vstack(axes_of(self.normal))
+        return out
+
+
+@dataclass(frozen=True)
+class LineObject:
+    """A line.
+
+    Attributes:
+        kind: pole (posts and trunks as well), wire (rails as well), fence, wall (foot of a vertical plane).
+        shape: line on the map, with heights.
+        height_m: of a pole, fence or wall from its lowest point to its highest; of a wire above the ground.
+        points: number of points.
+    """
+
+    kind: LineKind
+    shape: shapely.Geometry
+    height_m: float
+    points: int
+
+    @property
+    def length_m(self) -> float:
+        """In space."""
+        return float(np.linalg.norm(np.diff(shapely.get_coordinates(self.shape, include_z=True), axis=0), axis=1).sum())
+
+
+def piece(plane: Plane, voxel_m: FloatArray, count: NDArray[np.int64], side_m: float, base_m: float) -> PlanePiece:
+    """The outline of a plane through its voxels (k, 3) of `count` points each, as cells of a side."""
+    flat, _ = plane.flat(voxel_m)
+    cell = np.unique(np.floor(flat / side_m).astype(np.int64), axis=0)
+    new = np.ones(len(cell), bool)
+    new[1:] = (np.diff(cell[:, 0]) != 0) | (np.diff(cell[:, 1]) > 2)
+    begin = np.flatnonzero(new)
+    end = np.append(begin[1:], len(cell)) - 1
+    low, high = cell[begin] * side_m, (cell[end] + 1) * side_m
+    boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves the flags of parallel edges behind
+        whole = shapely.union_all(boxes).buffer(side_m, join_style="mitre").buffer(-side_m, join_style="mitre")
+    outline = shapely.simplify(whole, 0.75 * side_m)
+    outline = outline if not outline.is_empty else whole
+    return PlanePiece(plane.centre_m, plane.normal, outline, int(count.sum()), plane.rms_m, base_m)
+
+
+def joined(pieces: Sequence[PlanePiece]) -> list[PlanePiece]:
+    """Planes of pieces: those that continue each other are one; the largest first."""
+    if not pieces:
+        return []
+    shapes = [each.shape for each in pieces]
+    tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(BESIDE_M) for shape in shapes])
+    a, b = tree.query(tree.geometries)
+    pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and _one(pieces[i], pieces[j])]
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(pieces),) * 2)
+    count, label = connected_components(graph, directed=False)
+    groups = [[pieces[k] for k in np.flatnonzero(label == number).tolist()] for number in range(count)]
+    return sorted((_merged(group) for group in groups), key=lambda plane: -plane.area_m2)
+
+
+def line_objects(lines: Iterable[tuple[Line, int, float]]) -> list[LineObject]:
+    """Poles and wires of lines, each with its number of points and the height of the ground below."""
+    out = []
+    for line, points, base_m in lines:
+        low, high = line.path_m[:, 2].min(), line.path_m[:, 2].max()
+        height = high - min(low, base_m) if line.upright else line.path_m[:, 2].mean() - base_m
+        out.append(LineObject("pole" if line.upright else "wire", shapely.LineString(line.path_m), height, points))
+    return out
+
+
+def upright(plane: PlanePiece, kind: LineKind) -> LineObject:
+    """The foot of a vertical plane as a line."""
+    _, low, _, high = shapely.bounds(plane.outline).tolist()
+    return LineObject(kind, plane.foot, float(high - low), plane.points)
+
+
+def _one(a: PlanePiece, b: PlanePiece) -> bool:
+    between = b.centre_m - a.centre_m
+    if abs(float(a.normal @ b.normal)) < SAME_NORMAL:
+        return False
+    if max(abs(float(between @ a.normal)), abs(float(between @ b.normal))) > SAME_M:
+        return False
+    return bool(shapely.distance(a.outline, _in_plane_of(a, b)) <= BESIDE_M)
+
+
+def _in_plane_of(a: PlanePiece, b: PlanePiece) -> shapely.Geometry:
+    """The outline of `b` in the axes of `a`."""
+    axes = np.column_stack(axes_of(a.normal))
+    return shapely.transform(b.outline, lambda flat: (b._place(flat) - a.centre_m) @ axes)
+
+
+def _merged(group: list[PlanePiece]) -> PlanePiece:
+    if len(group) == 1:
+        return group[0]
+    largest = max(group, key=lambda each: each.area_m2)
+    weight = np.array([each.points for each in group], np.float64)
+    outline = shapely.union_all([_in_plane_of(largest, each) for each in group])
+    rms = math.sqrt(float(np.average([each.rms_m**2 for each in group], weights=weight)))
+    base = min(each.base_m for each in group)
+    return PlanePiece(largest.centre_m, largest.normal, outline, int(weight.sum()), rms, base)

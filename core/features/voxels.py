@@ -1,0 +1,97 @@
+"""Thinning to one point per voxel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Voxels:
+    """Points by voxel.
+
+    Attributes:
+        of_point: (n,) voxel of each point.
+        mean_m: (m, 3) mean of the points of each voxel.
+        count: (m,) their number.
+    """
+
+    of_point: IntArray
+    mean_m: FloatArray
+    count: IntArray
+
+    def __len__(self) -> int:
+        return len(self.mean_m)
+
+    def mean_of(self, values: NDArray[Any]) -> FloatArray:
+        """Mean (m,) of values (n,) of points in each voxel."""
+        out: FloatArray = np.bincount(self.of_point, values, len(self)) / self.count
+        return out
+
+
+def voxels(xyz_m: FloatArray, cell_m: float) -> Voxels:
+    """Group points (n, 3), finite, by voxels of a cell size; voxels are in the order of their first points."""
+    if not cell_m > 0.0:
+        raise ValueError(f"voxels of {cell_m} m")
+    if not len(xyz_m):
+        return Voxels(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64))
+    points = np.ascontiguousarray(xyz_m, np.float64)
+    low = np.floor(points.min(axis=0) / cell_m)
+    across = np.floor(points.max(axis=0) / cell_m) - low + 1.0
+    if np.prod(across) >= 2.0**62:
+        raise ValueError(f"points span {across * cell_m} m, too many voxels of {cell_m} m")
+    of_point, sums, count = _group(points, cell_m, low, across.astype(np.int64))
+    return Voxels(of_point, sums / count[:, None] + low * cell_m, count)
+
+
+@numba.njit(cache=True, nogil=True)
+def _group(xyz_m, cell_m, low, across):  # type: ignore[no-untyped-def]
+    """Voxel of each point, sum of the points of each voxel less the corner of all, and their number.
+
+    A hash table with open addressing; it doubles as it fills.
+    """
+    n = len(xyz_m)
+    bits = 10
+    table = np.full(1 << bits, -1, np.int64)
+    keys, count, sums = np.empty(1024, np.int64), np.zeros(1024, np.int64), np.zeros((1024, 3))
+    of_point = np.empty(n, np.int64)
+    held = 0
+    corner = low * cell_m
+    for i in range(n):
+        key = np.int64(0)
+        for a in range(3):
+            key = key * across[a] + np.int64(np.floor(xyz_m[i, a] / cell_m) - low[a])
+        slot = np.int64((np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(64 - bits))
+        while table[slot] >= 0 and keys[table[slot]] != key:
+            slot = (slot + 1) & ((1 << bits) - 1)
+        at = table[slot]
+        if at < 0:
+            if held == len(keys):
+                more_keys, more_count = np.empty(2 * held, np.int64), np.zeros(2 * held, np.int64)
+                more_sums = np.zeros((2 * held, 3))
+                more_keys[:held], more_count[:held], more_sums[:held] = keys, count, sums
+                keys, count, sums = more_keys, more_count, more_sums
+            at = held
+            keys[at] = key
+            table[slot] = at
+            held += 1
+            if 2 * held > len(table):
+                bits += 1
+                table = np.full(1 << bits, -1, np.int64)
+                for k in range(held):
+                    slot = np.int64((np.uint64(keys[k]) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(64 - bits))
+                    while table[slot] >= 0:
+                        slot = (slot + 1) & ((1 << bits) - 1)
+                    table[slot] = k
+        of_point[i] = at
+        count[at] += 1
+        for a in range(3):
+            sums[at, a] += xyz_m[i, a] - corner[a]
+    return of_point, sums[:held].copy(), count[:held].copy()

@@ -1,0 +1,95 @@
+"""Features of a cloud as the layers of `features.gpkg`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from pyproj import CRS
+
+from furrowmap.core.features.objects import LineObject, PlanePiece
+from furrowmap.core.features.plants import Plants
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.ogr import unflushed
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
+from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+
+PLANES: Final = "planes"
+LINES: Final = "lines"
+PLANTS: Final = "plants"
+
+
+def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], plants: Plants) -> list[Layer]:
+    """The layers, the topmost of a map first."""
+    return [_plants(plants), _lines(lines), _planes(planes)]
+
+
+def write_features(path: Path, layers: Sequence[Layer], crs: CRS | str, origin: Origin) -> None:
+    """Write `features.gpkg` with its layers and their styles.
+
+    Raises:
+        OSError: if the file cannot be written there.
+    """
+    with atomic_output(path) as unfinished, unflushed():
+        for layer in layers:
+            first = None if unfinished.exists() else origin
+            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
+        write_styles(unfinished, [layer.name for layer in layers])
+
+
+def _planes(planes: Sequence[PlanePiece]) -> Layer:
+    normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
+    steepness = [math.degrees(math.acos(min(1.0, abs(float(z))))) for z in normals[:, 2]]
+    level = np.hypot(normals[:, 0], normals[:, 1]) < 1e-6
+    azimuth = np.degrees(np.arctan2(normals[:, 0], normals[:, 1])) % 360.0
+    return Layer(
+        PLANES,
+        "2.5D MultiPolygon",
+        "Outlines of planes: horizontal ones up to 45 degrees, such as roofs, and vertical ones, such as walls",
+        geometry_array([shapely.multipolygons(shapely.get_parts(plane.shape)) for plane in planes]),
+        {
+            "kind": np.array(["vertical" if plane.vertical else "horizontal" for plane in planes], object),
+            "area_m2": np.array([plane.area_m2 for plane in planes], np.float64),
+            "tilt_deg": np.array(steepness, np.float64),
+            "azimuth_deg": np.where(level, np.nan, azimuth),
+            **{f"normal_{name}": normals[:, k] for k, name in enumerate("enh")},
+            "height_m": np.array([plane.top_m - plane.base_m for plane in planes], np.float64),
+            "rms_m": np.array([plane.rms_m for plane in planes], np.float64),
+            "points": np.array([plane.points for plane in planes], np.int64),
+        },
+    )
+
+
+def _lines(lines: Sequence[LineObject]) -> Layer:
+    return Layer(
+        LINES,
+        "2.5D LineString",
+        "Poles, posts and trunks; wires and rails; fences; the feet of walls",
+        geometry_array([line.shape for line in lines]),
+        {
+            "kind": np.array([line.kind for line in lines], object),
+            "height_m": np.array([line.height_m for line in lines], np.float64),
+            "length_m": np.array([line.length_m for line in lines], np.float64),
+            "points": np.array([line.points for line in lines], np.int64),
+        },
+    )
+
+
+def _plants(plants: Plants) -> Layer:
+    return Layer(
+        PLANTS,
+        "2.5D Point",
+        "Tops of plants: trees, shrubs, hedges",
+        geometry_array(shapely.points(plants.top_m)),
+        {
+            "height_m": plants.height_m,
+            "area_m2": plants.area_m2,
+            "width_m": np.sqrt(4.0 * plants.area_m2 / math.pi),
+            "points": plants.points,
+        },
+    )
