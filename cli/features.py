@@ -37,6 +37,9 @@ from furrowmap.core.values.errors import printable
 @click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
 @click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
 @click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
+@click.option(
+    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
+)
 @click.option("--crs", metavar="CRS", help="CRS of input files without one.")
 @click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
 @click.option("--overwrite", is_flag=True, help="Replace existing features in DIR.")
@@ -50,6 +53,7 @@ def features(
     every: int,
     bbox: str | None,
     bbox_crs: str | None,
+    within: Path | None,
     crs: str | None,
     dst_crs: str | None,
     *,
@@ -61,7 +65,7 @@ def features(
     with the layers planes, lines and plants; and features.json.
     """
     box = box_of(bbox)
-    settings = furrowmap.FeatureSettings(ground_method, voxel, every, box, bbox_crs, crs, dst_crs)
+    settings = furrowmap.FeatureSettings(ground_method, voxel, every, box, bbox_crs, crs, dst_crs, within)
     with console.work() as progress:
         account = furrowmap.features(clouds, output, settings, overwrite=overwrite, progress=progress)
     console.warn_of(account)

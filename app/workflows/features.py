@@ -15,7 +15,7 @@ from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import CELLS_M, Found, density, with_features
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
@@ -47,6 +47,7 @@ class FeatureSettings:
         box_crs: CRS of the box; None for that of the output.
         crs: CRS of files that state none.
         dst_crs: CRS of the output; None for that of the files.
+        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
     """
 
     ground: GroundChoice = "auto"
@@ -56,6 +57,7 @@ class FeatureSettings:
     box_crs: CRS | str | None = None
     crs: CRS | str | None = None
     dst_crs: CRS | str | None = None
+    within: str | Path | None = None
 
     def __post_init__(self) -> None:
         if self.ground not in get_args(GroundChoice):
@@ -92,6 +94,7 @@ def features(
     if settings.ground == "csf":
         require_cloth()
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
     with staged_folder(folder) as staging:
         account = _write(opened, staging, settings, progress)
         (staging / FEATURES_REPORT).write_text(json_text(account), encoding="utf-8")
@@ -117,7 +120,13 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
     cell_m = settings.cell_m or spacing.cell_m
     cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
     inputs = input_records(clouds, progress)
-    parameters = {"box": box, "every": settings.every, "ground": method, "voxel_m": cell_m}
+    parameters = {
+        "box": box,
+        "within": clouds.area.path.name if clouds.area is not None else None,
+        "every": settings.every,
+        "ground": method,
+        "voxel_m": cell_m,
+    }
     found, surveys = Found(), list[Survey]()
     with closing(with_features(clouds, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
         origin = ("points of clouds with the classes of features", inputs, parameters)
