@@ -287,7 +287,7 @@ def test_house__is_drawn_as_it_is(house: dict[str, Any]) -> None:
 def test_house__has_few_rooms_and_no_circle(house: dict[str, Any]) -> None:
     arrows = house["graph"](house["places"]())
     assert set(arrows) == {*ROOMS, "pipeline"}
-    assert len(arrows) <= 20
+    assert len(arrows) <= 21
     assert house["floors"](arrows)["values"] == 0  # raises an error where nodes import each other in a circle
 
 
