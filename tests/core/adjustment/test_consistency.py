@@ -1,0 +1,104 @@
+"""What contradicts what: the likely cause, its words, and the standard deviations that follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
+from furrowmap.core.calibration.antenna_sway import AntennaSway
+from furrowmap.core.calibration.clock_offset import AntennaConstants
+from furrowmap.core.calibration.ground_plane import GroundTilt
+from furrowmap.core.values.trajectory import Trajectory
+
+CLOCK = AntennaConstants(clock_s=0.4, clock_sigma_s=0.01, clock_gain=1e5, lever_gain=1e2)
+LEVER = AntennaConstants(lever_m=(-0.6, 0.8), lever_sigma_m=(0.01, 0.01), lever_gain=1e5, clock_gain=1e2)
+EITHER = AntennaConstants(clock_s=0.4, lever_m=(-0.6, 0.8), clock_gain=1e5, lever_gain=1e5)
+SWAY = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01))
+SWAY_LATE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), clock_s=-1.0)
+SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unrelated=True)
+
+
+@pytest.mark.parametrize(
+    ("seen", "cause", "words"),
+    [
+        (Seen(), None, ()),
+        (Seen(slip=1.3, drift=2.9), None, ()),
+        (Seen(slip=5.0), Cause.UNKNOWN, ("slips sideways 5.0 times", "may be wrong")),
+        (Seen(drift=7.5), Cause.UNKNOWN, ("drift 7.5 times", "may be wrong")),
+        (Seen(constants=CLOCK), Cause.CLOCK, ("+0.400 s apart", "lidar_minus_gnss_s")),
+        (Seen(constants=LEVER), Cause.LEVER_ARM, ("-0.60 m", "+0.80 m", "lever arm of the antenna")),
+        (Seen(constants=EITHER), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
+        (Seen(ground=GroundTilt(178.0, upside_down=True)), Cause.UPSIDE_DOWN, ("178°", "upside down")),
+        (Seen(ground=GroundTilt(60.0)), Cause.MOUNTING, ("60°", "mounting of the scanner")),
+        (Seen(sway=SWAY), Cause.LEVER_ARM, ("+0.50 ± 0.01 m further up",)),
+        (Seen(sway=SWAY_LATE), Cause.CLOCK, ("-1.00 s apart",)),
+        (Seen(sway=SWAY_ALONE), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
+        (Seen(slip=5.0, lever_m=(1.85, 0.0, 1.62)), Cause.LEVER_ARM, ("[1.85, 0, 1.62]",)),
+    ],
+)
+def test_cause__is_named_in_the_notice(seen: Seen, cause: Cause | None, words: tuple[str, ...]) -> None:
+    assert seen.cause == cause
+    assert seen.plain()["consistent"] == (cause is None)
+    notice = contradiction_notice(seen)
+    assert (notice is None) == (cause is None)
+    for word in words:
+        assert notice is not None
+        assert word in notice.text
+
+
+def straight(n: int = 5, speed_mps: float = 2.0) -> Trajectory:
+    t_s = np.arange(float(n))
+    zero = np.zeros(n)
+    quaternion = np.zeros((n, 4))
+    quaternion[:, 0] = 1.0
+    return Trajectory(
+        t_s=t_s,
+        xyz_m=np.column_stack([speed_mps * t_s, zero, zero]),
+        quaternion=quaternion,
+        sigma=np.tile([0.03, 0.03, 0.04, 0.1, 0.1, 0.2], (n, 1)),
+        speed_mps=np.full(n, speed_mps),
+        motion=np.ones(n, np.int8),
+        fix=np.full(n, 4, np.int8),
+        heading_from=np.full(n, "gnss"),
+        position_from=np.full(n, "gnss"),
+        height_from=np.full(n, "gnss"),
+        level_from=np.full(n, "assumed"),
+        max_gap_s=1.0,
+    )
+
+
+LEVER_M, SENSOR_M = np.array([1.0, 0.0, 2.0]), np.array([-0.6, 0.0, 2.5])
+
+
+@pytest.mark.parametrize(
+    ("seen", "place_m", "turn_deg"),
+    [
+        (Seen(constants=CLOCK), 0.4 * 2.0, 0.0),  # by the way of 0.4 s
+        (Seen(constants=LEVER), 1.0, 0.0),
+        (Seen(sway=SWAY), 0.5, 0.0),
+        (Seen(sway=SWAY_LATE), 0.0, 0.0),
+        (Seen(slip=5.0, lever_m=(1.0, 0.3, 2.4)), 0.5, 0.0),
+        (Seen(ground=GroundTilt(60.0)), 2.0 * np.hypot(0.6, 2.5), 60.0),
+    ],
+)
+def test_sigmas__grow_to_what_the_cause_moves(seen: Seen, place_m: float, turn_deg: float) -> None:
+    drive = straight()
+    found = enlarged(drive, seen, LEVER_M, SENSOR_M, turned_deg=1.5).sigma
+    grown = drive.sigma * seen.factor
+    np.testing.assert_allclose(found[:, :3], np.hypot(grown[:, :3], place_m))
+    np.testing.assert_allclose(found[:, 3:5], np.hypot(grown[:, 3:5], turn_deg))
+    np.testing.assert_allclose(found[:, 5], np.hypot(grown[:, 5], 1.5))
+
+
+def test_sigmas__stay_where_nothing_contradicts() -> None:
+    drive = straight()
+    assert enlarged(drive, Seen(slip=1.2), LEVER_M, SENSOR_M) is drive
+
+
+def test_clock_notice__names_leap_seconds_and_what_to_state() -> None:
+    text = clock_notice(0.5, -18.0, 0.002).text
+    assert "18.000 s behind" in text
+    assert "lidar_minus_gnss_s = -17.500" in text
+    assert "leap" in text
+    assert "0.400 s ahead of" in clock_notice(0.0, 0.4, 0.002).text
