@@ -45,7 +45,8 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
                 code="missing-column",
             )
         rows = complete_rows(source, lines, (names, separator), (time, *ANGLES), notices)
-    if len(rows) < 2 or not bool(np.all(np.diff(rows[:, 0]) > 0)):
+    t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s))
+    if len(rows) < 2 or not bool(np.all(np.diff(t_s) > 0)):
         raise InputError(
             f"{path}: {len(rows)} rows, whose times do not increase from each to the next.",
             "The attitude of the mount cannot be interpolated.",
@@ -60,5 +61,4 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
             code="value-out-of-range",
         )
     turned = Rotation.from_euler("ZYX", rows[:, :0:-1], degrees=True)
-    t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s))
     return MountMotion(t_s, turned.as_quat(scalar_first=True))
