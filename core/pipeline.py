@@ -11,6 +11,7 @@ from typing import Final, Protocol, TypeAlias
 
 import msgspec
 import numpy as np
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.adjustment.matched import Matched
@@ -46,8 +47,9 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.boundary import field_boundary
 from furrowmap.core.work.external_states import external_states
-from furrowmap.core.work.field_work import FieldWork, ImplementTracker, field_boundary, with_ground
+from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_ground
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
 
@@ -139,7 +141,7 @@ def run(
     show = _shown(opened, eyes)
     positions = opened.positions()
     guess, survey = _first_guess(opened, positions, progress)
-    boundary = field_boundary(opened.inputs.boundary, frame)
+    boundary, field_notices = _boundary(opened, guess.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
     watch.lap("positions")
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
@@ -165,7 +167,8 @@ def run(
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None)
-    notices += [*gap_notices(placement, located), *placement_notices(placement), *state_notices, *work.notices]
+    notices += [*gap_notices(placement, located), *placement_notices(placement)]
+    notices += [*field_notices, *state_notices, *work.notices]
     notices += (
         boresight_notices(flown.boresight, session.lidar.mounting)
         if located.source == "imu" and matched is None
@@ -193,6 +196,14 @@ def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory,
         return notices
 
     return show
+
+
+def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry | None, list[Notice]]:
+    """The boundary of the field, None where the session names none, and notices about it."""
+    file = opened.inputs.boundary
+    if file is None:
+        return None, []
+    return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
 
 
 def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:
@@ -350,14 +361,14 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     progress("reading positions", 0.0)
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
-    boundary = field_boundary(opened.inputs.boundary, opened.frame)
+    boundary, field_notices = _boundary(opened, located.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
     progress("work", 0.0)
     known = FieldWork(boundary=boundary, external=states)
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *state_notices, *work.notices]
+    notices = [*positions.notices, *located.notices, *field_notices, *state_notices, *work.notices]
     return _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
 
 

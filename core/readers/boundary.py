@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.vector_file import Polygons, read_polygons
+from furrowmap.core.readers.isoxml.content import LARGEST_DEG, read_content
+from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
+from furrowmap.core.readers.vector_file import FORMATS, Polygons, read_polygons
 from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 from furrowmap.core.values.errors import InputError
 
-LARGEST_DEG: Final = 1.0
-"""No field is wider or higher, in degrees of latitude."""
+
+@dataclass(frozen=True)
+class FieldOutline:
+    """A field of a file.
+
+    Attributes:
+        names: what it may be called: its attributes as texts; of task data its name and id.
+        outline: in longitude and latitude, degrees.
+    """
+
+    names: tuple[str, ...]
+    outline: BaseGeometry
 
 
-def read_boundary(path: Path) -> BaseGeometry:
-    """The union of all polygons of a vector file (:mod:`.vector_file`), in longitude and latitude (degrees).
+def read_fields(path: Path) -> list[FieldOutline]:
+    """The fields of a vector file (:mod:`.vector_file`), a feature each, or of task data, in longitude and latitude.
 
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed.
 
@@ -28,10 +41,12 @@ def read_boundary(path: Path) -> BaseGeometry:
         InputError: if the file has another format, cannot be read, has no polygon, states no CRS, or one on a
             historical datum.
     """
+    if is_task_data(path):
+        return _of_task_data(path)
     polygons = read_polygons(path, partial(_unreadable, path))
     try:
-        outline, base = _outline(path, polygons)
-        middle = outline.centroid
+        outlines, base = _outlines(path, polygons)
+        middle = outlines[0].centroid
         apart = datum_shift_m(base, round(middle.x, 1), round(middle.y, 1))
     except InputError:
         raise
@@ -44,35 +59,53 @@ def read_boundary(path: Path) -> BaseGeometry:
             "Export it from a GIS in WGS 84 or in the map's CRS, which transforms the datum.",
             code="boundary-datum",
         )
-    return outline
+    rows = zip(polygons.attributes, outlines, strict=True)
+    return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows]
 
 
-def _outline(path: Path, polygons: Polygons) -> tuple[BaseGeometry, CRS]:
-    """The union of the polygons in longitude and latitude, and the CRS of these.
+def _texts(values: Iterable[object]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(value).strip() for value in values if isinstance(value, str | int)))
+
+
+def _of_task_data(path: Path) -> list[FieldOutline]:
+    fields = read_content(open_task_files(path)).partfields.values()
+    found = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
+    if not found:
+        raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")
+    return found
+
+
+def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
+    """The polygons in longitude and latitude, and the CRS of these.
 
     Raises:
-        InputError: if there is no polygon of the size of a field.
+        InputError: if one does not have the size of a field.
         Exception: of any library, if the file is damaged.
     """
     base = polygons.crs.geodetic_crs
     assert base is not None
     to_base = Transformer.from_crs(polygons.crs, base.to_2d(), always_xy=True)
-    whole = shapely.union_all(shapely.make_valid(np.array(polygons.shapes, object)))
-    outline = shapely.transform(whole, lambda xy: np.column_stack(to_base.transform(*xy.T)))
-    if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
-        raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
-    west, south, east, north = outline.bounds
-    if max(-south, north) > 90.0 or max(-west, east) > 360.0:
-        raise _unreadable(path, f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude")
-    if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > LARGEST_DEG:
-        raise _unreadable(path, f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
-    return outline, base
+    outlines = []
+    for shape in polygons.shapes:
+        valid = shapely.make_valid(shape)
+        outline = shapely.transform(valid, lambda xy: np.column_stack(to_base.transform(*xy.T)))
+        if not np.isfinite(shapely.get_coordinates(outline)).all() or outline.area == 0.0:
+            raise _unreadable(path, "its polygons are empty, or their coordinates do not match its CRS")
+        west, south, east, north = outline.bounds
+        if max(-south, north) > 90.0 or max(-west, east) > 360.0:
+            raise _unreadable(
+                path, f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude"
+            )
+        if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > LARGEST_DEG:
+            raise _unreadable(path, f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
+        outlines.append(outline)
+    return outlines, base
 
 
 def _unreadable(path: Path, why: str) -> InputError:
     return InputError(
         f"{path}: {why}.",
         "Without the boundary, misses along it and zones inside it are not computed.",
-        "Provide the field's polygon as GeoJSON (longitude, latitude), or remove `[field] boundary` from the session.",
+        f"Provide the field's polygon as {FORMATS}, or as task data; or remove `[field] boundary` from the session.",
         code="boundary-unreadable",
     )

@@ -140,11 +140,13 @@ class Field(_Part, frozen=True):
     """`[field]`: what is known of the field.
 
     Attributes:
-        boundary: a vector file with its polygon.
+        boundary: a vector file with its polygon, or task data.
+        name: of the field in that file, if it holds several.
         time_zone: of the times that people read, such as "Asia/Tokyo", where it is not that of the place.
     """
 
     boundary: str | None = None
+    name: str | None = None
     time_zone: str | None = None
 
 
@@ -413,6 +415,7 @@ EXAMPLES: Final = {
     "implement.states_use": '"replace"',
     "implement.states_minus_gnss_s": "0.0",
     "field.boundary": '"boundary.geojson"',
+    "field.name": '"North field"',
     "field.time_zone": '"Asia/Tokyo"',
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',

@@ -2,12 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.readers.boundary import FieldOutline, read_fields
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+
+LEAST_SHARE: Final = 0.01
+"""A field in which the vehicle is for less of the time is passed by or crossed."""
+MOST_NAMES: Final = 10
+
+
+def field_boundary(
+    file: Path, frame: MapFrame, name: str | None, xy_m: NDArray[np.float64]
+) -> tuple[BaseGeometry, list[Notice]]:
+    """The boundary of the field of a drive in the map frame, and which field of the file that is.
+
+    Of several fields, the one of that name; without a name, those in which the vehicle is; where it is in none, all.
+
+    Args:
+        file: with one field or more.
+        frame: the map.
+        name: of the field, if the session states one.
+        xy_m: (n, 2) or more columns, places of the vehicle at even steps of time.
+
+    Raises:
+        InputError: if the file cannot be read, has no field of the name, or the field lies outside the map.
+    """
+    fields = read_fields(file)
+    if name is not None:
+        wanted = [field for field in fields if name.casefold().strip() in map(str.casefold, field.names)]
+        if not wanted:
+            raise _unknown(file, name, fields)
+        return boundary_on_map(_union(wanted), frame), []
+    if len(fields) == 1:
+        return boundary_on_map(fields[0].outline, frame), []
+    on_map = [boundary_on_map(field.outline, frame) for field in fields]
+    shares = [float(np.mean(shapely.contains_xy(shape, *xy_m[:, :2].T))) for shape in on_map]
+    chosen = [k for k, share in enumerate(shares) if share >= LEAST_SHARE] or list(range(len(fields)))
+    boundary = shapely.union_all([on_map[k] for k in chosen])
+    if len(chosen) == len(fields):
+        return boundary, []
+    names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MOST_NAMES])
+    text = (
+        f"{file} holds {len(fields)} fields. The vehicle was in {len(chosen)} of them ({names}): the boundary is taken "
+        "from there. `[field] name` states another."
+    )
+    return boundary, [Notice("field-chosen", text)]
+
+
+def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
+    return shapely.union_all([field.outline for field in fields])
+
+
+def _unknown(file: Path, name: str, fields: Sequence[FieldOutline]) -> InputError:
+    known = [" / ".join(field.names[:3]) for field in fields if field.names]
+    shown = ", ".join(known[:MOST_NAMES]) + (" and others" if len(known) > MOST_NAMES else "")
+    return InputError(
+        f"{file}: none of its {len(fields)} fields is named {name!r} ([field] name).",
+        "It is not known which ground belongs to the field.",
+        f"Its fields: {shown}." if known else "Its fields have no names; remove `[field] name` from the session.",
+        code="field-unknown",
+    )
 
 
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:

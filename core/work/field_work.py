@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,14 +18,12 @@ from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import NearScans
 from furrowmap.core.implement.states import ToolHistory, tool_history
-from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import REPLACE, Implement, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.depth import Depth, pass_depths
 from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
@@ -93,15 +90,6 @@ class FieldWork:
     def pass_at(self, t_s: ArrayLike) -> NDArray[np.intp]:
         """Number (n,) of the pass at times (n,), 1 for the first; 0 between passes."""
         return interval_numbers(self.passes, t_s)
-
-
-def field_boundary(file: Path | None, frame: MapFrame) -> BaseGeometry | None:
-    """The field's boundary in the map frame; None without a file.
-
-    Raises:
-        InputError: if the file cannot be read, or the boundary lies outside the map.
-    """
-    return boundary_on_map(read_boundary(file), frame) if file is not None else None
 
 
 class ImplementTracker:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Sequence
-from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.readers.isoxml.work import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
@@ -28,8 +26,7 @@ from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.file_records import file_records
-from furrowmap.exporters.files.result_folder import TRAJECTORY, ResultFolder
+from furrowmap.exporters.files.result_folder import BOUNDARY, TRAJECTORY, ResultFolder
 from furrowmap.exporters.files.staging import staged_folder
 
 if TYPE_CHECKING:
@@ -148,15 +145,10 @@ def _boundary(result: ResultFolder, width_m: float) -> tuple[BaseGeometry, list[
     """The field's boundary in longitude and latitude: the session's, or the outline of the worked ground."""
     import geopandas as gpd
 
-    stated = (result.report["session"].get("field") or {}).get("boundary")
-    if stated is not None:
-        try:
-            return read_boundary(_boundary_file(result, str(stated))), []
-        except InputError as error:
-            notice = Notice("boundary-lost", f"{error.lines[0]} The outline of the worked ground is used instead.")
-    else:
-        text = "The session has no boundary: the outline of the worked ground is used."
-        notice = Notice("boundary-from-work", text)
+    if BOUNDARY in result.layer_names:
+        changed, _ = changed_crs({BOUNDARY: result.layer(BOUNDARY)}, CRS("EPSG:4326"))
+        return shapely.union_all(changed[BOUNDARY].geometry.to_numpy()), []
+    notice = Notice("boundary-from-work", "The session has no boundary: the outline of the worked ground is used.")
     coverage = result.layer("coverage")
     half = 0.5 * width_m
     whole = shapely.union_all(coverage.geometry.to_numpy())
@@ -164,29 +156,6 @@ def _boundary(result: ResultFolder, width_m: float) -> tuple[BaseGeometry, list[
     outline = gpd.GeoDataFrame(geometry=[shapely.simplify(closed, OUTLINE_TOLERANCE_M)], crs=coverage.crs)
     changed, _ = changed_crs({"outline": outline}, CRS("EPSG:4326"))
     return changed["outline"].geometry.iloc[0], [notice]
-
-
-def _boundary_file(result: ResultFolder, stated: str) -> Path:
-    """The file of the boundary that the session names.
-
-    Its path leads out of the result's folder, so only the very file that the run read is opened.
-
-    Raises:
-        InputError: if it is another file, or missing.
-    """
-    path = (result.folder / str(result.report.get("session_file", ""))).parent / stated
-    known = {(record.get("bytes"), record["sha256"]) for record in result.report["inputs"] if record["name"] == stated}
-    with suppress(OSError, ValueError):
-        if path.is_file() and path.stat().st_size in {size for size, _ in known}:
-            (found,) = file_records([path], path.parent)
-            if (found.bytes, found.sha256) in known:
-                return path
-    raise InputError(
-        f"{path} is not the boundary that the run read, or is missing.",
-        "The result does not contain the boundary itself.",
-        "Put the file back, or run the session again.",
-        code="boundary-other",
-    )
 
 
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:

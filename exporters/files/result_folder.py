@@ -73,6 +73,8 @@ FEATURES_REPORT: Final = "features.json"
 
 TRAJECTORY: Final = "trajectory"
 """The layer of `field.gpkg` that every result has."""
+BOUNDARY: Final = "boundary"
+"""The layer of `field.gpkg` with the field, where the session names its boundary."""
 
 
 def style_of(raster: str) -> str:

@@ -12,7 +12,7 @@ import rasterio
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.farm.surface_file import surface_file
@@ -56,7 +56,7 @@ def test_promise_02__virtual_layers_are_not_followed(tmp_path: Path) -> None:
     path = tmp_path / "boundary.geojson"
     path.write_text(VECTORS.format("/etc/passwd"))
     with pytest.raises(InputError, match=r"boundary\.geojson: neither GeoJSON nor"):
-        read_boundary(path)
+        read_fields(path)
 
 
 @pytest.mark.parametrize("name", ["cloud.pcap", "cloud.tif", "cloud"])

@@ -18,14 +18,13 @@ from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.boundary import read_boundary
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.values.session import Crs
-from furrowmap.core.work.boundary import boundary_on_map
+from furrowmap.core.work.boundary import field_boundary
 from tests.core.geodesy.test_coordinates import QUARTER
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.fuzz.mutations import Files
@@ -77,7 +76,7 @@ def boundaries(folder: Path) -> list[Files]:
 
 
 def read_field(path: Path) -> None:
-    boundary_on_map(read_boundary(path), FRAME)
+    field_boundary(path, FRAME, None, np.zeros((3, 2)))
 
 
 def parcels(folder: Path) -> list[Files]:

@@ -13,7 +13,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.boundary import LARGEST_DEG
 from furrowmap.core.readers.isoxml.files import MAIN, TaskFiles
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.values.errors import InputError, Notice
@@ -24,6 +23,8 @@ BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
 MOST_DIGITS: Final = 20
+LARGEST_DEG: Final = 1.0
+"""No field is wider or higher, in degrees of latitude."""
 PARALLEL: Final = frozenset({"4", "5"})
 """Types of device elements that are side by side: sections and units."""
 

@@ -10,13 +10,18 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.values.errors import InputError
 
 FIELD = shapely.Polygon(
     [(140.02, 36.87), (140.021, 36.87), (140.021, 36.871), (140.02, 36.871)],
     [[(140.0204, 36.8704), (140.0206, 36.8704), (140.0206, 36.8706), (140.0204, 36.8706)]],
 )
+
+
+def read_boundary(path: Path) -> shapely.Geometry:
+    """All fields of a file as one."""
+    return shapely.union_all([field.outline for field in read_fields(path)])
 
 
 def test_geojson__is_read_with_its_holes_as_longitude_and_latitude(tmp_path: Path) -> None:
@@ -48,7 +53,7 @@ def test_a_boundary_on_a_datum_of_the_past_is_refused(tmp_path: Path, crs: int, 
     assert refused.value.code == "boundary-datum"
 
 
-def test_several_fields__are_one_and_other_geometries_do_not_count(tmp_path: Path) -> None:
+def test_several_fields__are_all_read_and_other_geometries_do_not_count(tmp_path: Path) -> None:
     other = shapely.transform(FIELD, lambda xy: xy + np.array([0.01, 0.0]))
     shapes = [FIELD, other, shapely.Point(140.0, 36.0), shapely.LineString([(140, 36), (141, 37)])]
     features = [{"type": "Feature", "properties": {}, "geometry": shapely.geometry.mapping(s)} for s in shapes]
@@ -117,3 +122,27 @@ def test_a_ring_that_crosses_itself__is_the_ground_on_both_sides(tmp_path: Path)
     file = tmp_path / "field.geojson"
     file.write_text('{"type":"Polygon","coordinates":[[[0.1,0],[0.2,0.1],[0.2,0],[0.1,0.1],[0.1,0]]]}')
     assert read_boundary(file).area == pytest.approx(0.005)
+
+
+def test_names__are_the_attributes_of_a_feature(tmp_path: Path) -> None:
+    table = gpd.GeoDataFrame({"name": ["North "], "no": [7], "ha": [1.2], "note": [None]}, geometry=[FIELD], crs=4326)
+    table.to_file(tmp_path / "field.gpkg", engine="pyogrio")
+    (field,) = read_fields(tmp_path / "field.gpkg")
+    assert field.names == ("North", "7")
+
+
+def test_task_data__has_its_fields_by_name_and_id(tmp_path: Path) -> None:
+    ring = "".join(
+        f'<PNT A="2" C="{lat}" D="{lon}"/>' for lon, lat in [(8, 50), (8.002, 50), (8.002, 50.001), (8, 50.001)]
+    )
+    field = '<PFD A="PFD{0}" C="{1}" D="0"><PLN A="1"><LSG A="1">{2}</LSG></PLN></PFD>'
+    text = '<ISO11783_TaskData VersionMajor="4" VersionMinor="0"><PFD A="PFD2" C="Leer" D="0"/>'
+    text += field.format(1, "Hof", ring)
+    (tmp_path / "TASKDATA.XML").write_text(f"{text}</ISO11783_TaskData>")
+    for path in (tmp_path, tmp_path / "TASKDATA.XML"):
+        (one,) = read_fields(path)
+        assert one.names == ("Hof", "PFD1")
+        assert one.outline.equals(shapely.box(8, 50, 8.002, 50.001))
+    (tmp_path / "TASKDATA.XML").write_text(text.replace("PLN", "GGP") + "</ISO11783_TaskData>")
+    with pytest.raises(InputError, match="none of its 2 fields has a boundary"):
+        read_fields(tmp_path)
