@@ -166,9 +166,8 @@ def run(
     work = implement.work(located.trajectory, frame, boundary, states)
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
-    notices += session_notices(session, located, matched=matched is not None)
-    notices += [*gap_notices(placement, located), *placement_notices(placement)]
-    notices += [*field_notices, *state_notices, *work.notices]
+    notices += session_notices(session, located, matched=matched is not None) + gap_notices(placement, located)
+    notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
     notices += (
         boresight_notices(flown.boresight, session.lidar.mounting)
         if located.source == "imu" and matched is None
