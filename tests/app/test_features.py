@@ -90,8 +90,11 @@ def test_layers__have_styles_and_what_stands_in_the_yard(seen: Yard, folder: Pat
     tallest = (cylinders[:, 5] - cylinders[:, 2]).max() - 0.1
     assert lines.height_m[lines.kind == "pole"].max() == pytest.approx(tallest, abs=0.4)
     assert lines.length_m.min() > 0.5
-    top = max(float(leaves[:, 2].max()) for leaves in seen.scene.leaves) + 30.0
-    assert np.abs(plants.geometry.z - top).min() < 0.4
+    tops = np.column_stack([plants.geometry.x - EAST, plants.geometry.y - NORTH])
+    trees = [box for box in seen.scene.plants if box[5] - box[2] > 1.5]
+    assert len(trees) >= 2
+    for west, south, _, east, north, *_ in trees:
+        assert np.all((tops > [west, south]) & (tops < [east, north]), axis=1).any()
 
 
 def test_tiles__make_little_difference(
