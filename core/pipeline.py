@@ -21,6 +21,7 @@ from furrowmap.core.calibration.boresight import Boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames, frames_along
+from furrowmap.core.images.session_aid import aided_session
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
@@ -40,6 +41,7 @@ from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values import scratch
 from furrowmap.core.values.ahead import ahead, behind
 from furrowmap.core.values.beside import beside
+from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
@@ -141,9 +143,12 @@ def run(
     show = _shown(opened, eyes)
     positions = opened.positions()
     guess, survey = _first_guess(opened, positions, progress)
+    watch.lap("positions")
+    image_notices: list[Notice] = []
+    guess, aid = aided_session(opened, guess, ground_scale(frame, guess.trajectory), image_notices, progress)
+    watch.lap("images")
     boundary, field_notices = _boundary(opened, guess.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
-    watch.lap("positions")
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
@@ -154,11 +159,10 @@ def run(
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
-    image_notices = show(located.trajectory, placer.origin_m)
+    image_notices += show(located.trajectory, placer.origin_m, aid.camera if aid is not None else None)
     sink.begin(frame, placer.origin_m)
-    scans = watched(
-        ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD), lidar, progress, "placing points"
-    )
+    moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
+    scans = watched(moving, lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
         placement = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
     watch.lap("placing")
@@ -168,15 +172,13 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None) + gap_notices(placement, located)
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
-    notices += (
-        boresight_notices(flown.boresight, session.lidar.mounting)
-        if located.source == "imu" and matched is None
-        else []
-    )
-    return replace(_result(opened, located, placement, work, lidar.clocks, notices, watch, matched), **vars(flown))
+    if located.source == "imu" and matched is None:
+        notices += boresight_notices(flown.boresight, session.lidar.mounting)
+    found = _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
+    return replace(found, image_aid=aid, **vars(flown))
 
 
-def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory, _Origin], list[Notice]]:
+def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory, _Origin, Camera | None], list[Notice]]:
     """Read which images there are; what is given shows those with a pose to `eyes`, and returns notices about them."""
     notices: list[Notice] = []
     camera, images = opened.session.camera, None
@@ -186,10 +188,10 @@ def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory,
     elif camera is not None and eyes is not None:
         images = opened.images(notices)
 
-    def show(trajectory: Trajectory, origin_m: _Origin) -> list[Notice]:
+    def show(trajectory: Trajectory, origin_m: _Origin, found: Camera | None) -> list[Notice]:
         if camera is not None and eyes is not None and images:
             scale = ground_scale(opened.frame, trajectory)
-            frames = frames_along(images, camera_of(camera), trajectory, scale, notices)
+            frames = frames_along(images, found or camera_of(camera), trajectory, scale, notices)
             if frames is not None:
                 eyes.see(frames, origin_m)
         return notices
@@ -360,6 +362,8 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     progress("reading positions", 0.0)
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
+    aid_notices: list[Notice] = []
+    located, aid = aided_session(opened, located, ground_scale(opened.frame, located.trajectory), aid_notices, progress)
     boundary, field_notices = _boundary(opened, located.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")
@@ -367,8 +371,9 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     known = FieldWork(boundary=boundary, external=states)
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *field_notices, *state_notices, *work.notices]
-    return _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
+    notices = [*positions.notices, *located.notices, *aid_notices, *field_notices, *state_notices, *work.notices]
+    found = _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
+    return replace(found, image_aid=aid)
 
 
 def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:

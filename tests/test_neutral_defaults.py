@@ -28,6 +28,7 @@ EVERY_ONE: Final = {
     "core/readers/geotiff.py open_geotiff(with_heights)": True,
     "core/values/scan.py Scan.whole": True,
     "core/values/session.py Run.standing": True,
+    "core/values/session.py CameraSource.aid": True,
     "core/session/frames.py Frame.has_axes": True,  # a frame is drawn with its axes
 }
 """Nothing is left out unasked."""

@@ -20,8 +20,10 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
 from furrowmap.core.calibration.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
 from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns, at_shifted_times
+from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import POSE
+from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.mounting import Mounting
@@ -93,7 +95,7 @@ def calibrated_flight(
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, found.clock_used_s)
     if located.pose_errors is None:
         return found, returns, None
-    adjusted = adjusted_by_strips(returns, located.trajectory, located.pose_errors(), found, stated)
+    adjusted = adjusted_by_strips(returns, located.trajectory, located.pose_errors(ANY_TIME), found, stated)
     return adjusted.boresight, returns, adjusted
 
 
@@ -117,10 +119,8 @@ def adjusted_by_strips(
     design = np.hstack([fixed, _pose_design(returns, heights, chosen, errors)])
     first = FIXED + POSE * heights.window[chosen]
     weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
-    prior = np.zeros((FIXED + len(errors.covariance),) * 2)
-    prior[np.diag_indices(FIXED)] = 1.0 / np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]) ** 2
-    prior[FIXED:, FIXED:] = np.linalg.inv(errors.covariance)
-    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, prior)
+    root = root_of(np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]), errors.covariance)
+    off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root)
     after = PoseErrors(errors.t_s, off[FIXED:].reshape(-1, POSE), covariance[FIXED:, FIXED:])
     adjusted = without_errors(trajectory, errors, after)
     return StripAdjustment(adjusted, _corrected(found, stated, off, covariance), errors, after)
@@ -154,7 +154,7 @@ def _solved(
     independent: FloatArray,
     design: FloatArray,
     first: NDArray[np.int64],
-    prior: FloatArray,
+    root: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """What the unknowns put into the heights, and their covariance; the heights of the cells are eliminated.
 
@@ -164,7 +164,7 @@ def _solved(
         independent: (g,) inverse variances.
         design: (g, FIXED + 12) derivatives by the first unknowns and by those of the two nodes beside the group.
         first: (g,) the first of the latter.
-        prior: (u, u) inverse covariance of the unknowns before.
+        root: (u, u) of the covariance of the unknowns before.
     """
     order = np.argsort(cell, kind="stable")
     begin = np.flatnonzero(np.diff(cell[order], prepend=-1))
@@ -174,15 +174,16 @@ def _solved(
     robust = np.ones(len(order))
     for _ in range(ROBUST_ROUNDS):
         weight = independent * robust
-        normal, right = _normal_equations(ends, height_m, weight, design, first, len(prior))
-        normal += np.tril(normal, -1).T + prior
-        off = np.linalg.solve(normal, right)
+        normal, right = _normal_equations(ends, height_m, weight, design, first, len(root))
+        normal += np.tril(normal, -1).T
+        z, covariance, _ = solved(normal, right, root, np.zeros(len(root)))
+        off = root @ z
         columns = first[:, None] + np.arange(2 * POSE)
         left = height_m - design[:, :FIXED] @ off[:FIXED] - np.einsum("gc,gc->g", design[:, FIXED:], off[columns])
         middle = np.add.reduceat(weight * left, begin) / np.add.reduceat(weight, begin)
         residual = left - np.repeat(middle, np.diff(ends))
         robust = huber_weight(np.abs(residual) * np.sqrt(independent))
-    return off, np.asarray(np.linalg.inv(normal), np.float64)
+    return off, covariance
 
 
 @numba.njit(cache=True, nogil=True)

@@ -88,6 +88,24 @@ def read_pixels(path: Path, reduction: int) -> NDArray[np.uint8]:
     return pixels
 
 
+def image_size(path: Path) -> tuple[int, int] | None:
+    """Width and height of an image by its header; None if it cannot be read.
+
+    Raises:
+        InputError: if Pillow is not installed.
+    """
+    expect_pillow()
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=FORMATS) as image:
+                return int(image.width), int(image.height)
+    except Exception:  # noqa: BLE001 (as above)
+        return None
+
+
 def _reduced(image: Any, reduction: int) -> NDArray[np.uint8]:
     if reduction > 1:
         width, height = (length // reduction * reduction for length in image.size)

@@ -48,6 +48,8 @@ def camera_faults(source: CameraSource | None) -> Iterator[str]:
         return
     if source.table is None and not source.files:
         yield "[camera] names no images: set camera.table or camera.files"
+    if source.control_pixels is not None and source.control_points is None:
+        yield "camera.control_pixels needs camera.control_points, the surveyed places of the same points"
     try:
         camera_of(source)
     except ValueError as error:

@@ -58,6 +58,8 @@ class Inputs:
         mount: attitude of a moving mount.
         boundary: boundary of the field.
         images: table of the camera's images.
+        control_points: surveyed points that images show.
+        control_pixels: their places in images.
         parcels: parcels of a trial.
         treatments: what each parcel was given.
         soil: the soil below the parcels by another survey.
@@ -74,6 +76,8 @@ class Inputs:
     mount: Path | None = None
     boundary: Path | None = None
     images: Path | None = None
+    control_points: Path | None = None
+    control_pixels: Path | None = None
     parcels: Path | None = None
     treatments: Path | None = None
     soil: Path | None = None
@@ -97,7 +101,7 @@ class Inputs:
             return tuple(resolve(session_file, name) for name in names)
 
         stated, implement, attitude = session.trajectory, session.implement, session.attitude
-        parcels = session.parcels
+        parcels, camera = session.parcels, session.camera
         return cls(
             lidar=several(session.recording.lidar),
             positions=several(stated.files if stated is not None else session.recording.gnss),
@@ -105,7 +109,9 @@ class Inputs:
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
-            images=camera_table(session_file, session.camera),
+            images=camera_table(session_file, camera),
+            control_points=one(camera.control_points if camera is not None else None),
+            control_pixels=one(camera.control_pixels if camera is not None else None),
             parcels=one(parcels.file if parcels is not None else None),
             treatments=one(parcels.treatments if parcels is not None else None),
             soil=one(parcels.soil if parcels is not None and parcels.soil not in SOIL_METHODS else None),
@@ -119,7 +125,7 @@ class Inputs:
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
         single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil, *self.states)
-        single += (self.learned, self.parameters, self.geoid_grid)
+        single += (self.control_points, self.control_pixels, self.learned, self.parameters, self.geoid_grid)
         return tuple(
             dict.fromkeys(
                 [

@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 
 HALF: Final = 40
 """Knots of half the time over which second differences are taken: a second."""
+HALF_S: Final = HALF * STEP_S
 STRIDE: Final = 8
 """Knots from one second difference to the next."""
 CHUNK: Final = 2400

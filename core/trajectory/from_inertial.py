@@ -68,6 +68,10 @@ NOISE_ROUNDS: Final = 6
 ROUNDS: Final = 10
 NODE_S: Final = 1.0
 MOST_NODES: Final = 150
+MOST_WANTED: Final = 400
+NEAR: Final = 0.75
+"""Share of the distance of nodes within which none is needed beside one at a wanted time."""
+ANY_TIME: Final = np.zeros(0)
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
 """The adjustment ends when no pose moves by more."""
@@ -137,17 +141,27 @@ class InertialTrajectory(GnssTrajectory):
     figures: InertialFigures
     adjusted: Adjusted
 
-    def pose_errors(self) -> PoseErrors:
+    def pose_errors(self, at_s: FloatArray = ANY_TIME) -> PoseErrors:
         """Errors of the poses at nodes in time, zero as far as positions and IMU say, and their joint covariance.
 
-        The nodes are NODE_S apart; on long drives further, so that they are no more than MOST_NODES beside the ends of
-        the chains of knots.
+        The nodes are at some times, and elsewhere NODE_S apart; on long drives further, so that they are no more than
+        MOST_NODES beside the ends of the chains of knots.
+
+        Args:
+            at_s: (k,) times that want a node.
         """
         a = self.adjusted
         knots = a.problem.knots
-        step = max(round(NODE_S / STEP_S), -(-len(knots) // MOST_NODES))
         ends = [end for chain in knots.chains for end in (chain.first, chain.first + chain.count - 1)]
-        nodes = np.unique(np.append(np.arange(0, len(knots), step), ends))
+        wanted = np.unique(np.clip(np.searchsorted(knots.t_s, at_s - 0.5 * STEP_S), 0, len(knots) - 1))
+        wanted = wanted[:: -(-len(wanted) // MOST_WANTED) if len(wanted) else 1]
+        step = max(round(NODE_S / STEP_S), -(-len(knots) // MOST_NODES))
+        regular = np.arange(0, len(knots), step)
+        if len(wanted):
+            after = np.searchsorted(wanted, regular)
+            beside = np.abs(wanted[np.clip([after - 1, after], 0, len(wanted) - 1)] - regular).min(axis=0)
+            regular = regular[beside > NEAR * step]
+        nodes = np.unique(np.concatenate([regular, wanted, ends])).astype(np.int64)
         equations = normal_equations((a.observed, *_beside(a.problem)), knots, a.state)
         covariance = marginal_covariance(equations, a.state.layout.size, nodes, POSE)
         return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)

@@ -21,7 +21,7 @@ from furrowmap.core.estimation.standing import Standing
 from furrowmap.core.estimation.states import State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.trajectory.alignment import attitudes
+from furrowmap.core.trajectory.alignment import HALF_S, attitudes
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, HeadingLog, RecordedHeading
 from furrowmap.core.values import scratch
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
@@ -29,7 +29,7 @@ from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +43,10 @@ GAP_S: Final = 1.0
 """Positions further apart than this are not interpolated for the first guess."""
 CONTRADICTION: Final = 8.0
 """Misfit of the first guess beyond which measurements and positions are not of the same motion."""
+DRIFT_SHARE: Final = float(
+    np.sqrt(1.0 + (np.exp(-2.0 * HALF_S / DRIFT_CORRELATION_S) - 4.0 * np.exp(-HALF_S / DRIFT_CORRELATION_S)) / 3.0)
+)
+"""What is left of a slow error in second differences, beside what is left of white noise."""
 TRIED: Final = 1200
 """Knots on which other units and signs are tried."""
 _ALTERNATIVES: Final = (
@@ -253,7 +257,7 @@ def _guessed(problem: Problem, chain: Chain, track: InertialTrack) -> _Guess | N
     antenna = _interpolated(t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
     seen = np.where(without_positions(t_s, p.t_s)[:, None], np.nan, antenna)
     steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + STEP_S)
-    sigma = float(np.median(np.hypot(p.white_m, p.drift_m)[:, 0]))
+    sigma = float(np.median(np.hypot(p.white_m, DRIFT_SHARE * p.drift_m)[:, 0]))
     hint = problem.hints.of_chain(t_s, seen, p, problem.lever_m)
     found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2, hint)
     if found is None:

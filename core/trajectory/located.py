@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
@@ -65,7 +66,8 @@ class Located:
         inertial: figures of the IMU; None without one.
         aid: what the IMU of a machine on the ground adds to scan matching; None without one.
         with_lever: gives the trajectory with another lever arm; None where it does not come from GNSS.
-        pose_errors: gives the joint covariance of the errors of the poses; None where they do not come from an IMU.
+        pose_errors: gives the joint covariance of the errors of the poses, with nodes at some times among others; None
+            where they do not come from an IMU.
     """
 
     trajectory: Trajectory
@@ -77,7 +79,7 @@ class Located:
     inertial: InertialFigures | None = None
     aid: Aid | None = None
     with_lever: Callable[[tuple[float, float, float]], Trajectory] | None = None
-    pose_errors: Callable[[], PoseErrors] | None = None
+    pose_errors: Callable[[NDArray[np.float64]], PoseErrors] | None = None
 
 
 @dataclass(frozen=True)

@@ -278,6 +278,9 @@ class CameraSource(_Part, frozen=True):
             frame.
         shutter_delay_s: middle of the exposure after the time stated for an image.
         minus_gnss_s: clock of the camera minus that of the positions, if they differ by a constant.
+        aid: whether the images aid the trajectory.
+        control_points: surveyed points that images show.
+        control_pixels: CSV with their places in images; without it, plates of black and white are looked for.
     """
 
     table: str | None = None
@@ -299,6 +302,9 @@ class CameraSource(_Part, frozen=True):
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
     shutter_delay_s: float = 0.0
     minus_gnss_s: float = 0.0
+    aid: bool = True
+    control_points: str | None = None
+    control_pixels: str | None = None
 
     @property
     def mounting(self) -> Mounting:
@@ -439,6 +445,9 @@ EXAMPLES: Final = {
     "camera.rpy_deg": "[180.0, 0.0, -90.0]",
     "camera.shutter_delay_s": "0.0",
     "camera.minus_gnss_s": "0.0",
+    "camera.aid": "true",
+    "camera.control_points": '"control_points.csv"',
+    "camera.control_pixels": '"control_pixels.csv"',
     "parcels.file": '"parcels.geojson"',
     "parcels.net_inset_m": "[1.00, 0.11]",
     "parcels.treatments": '"treatments.csv"',

@@ -14,6 +14,7 @@ from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.trajectory.located import Located
@@ -43,6 +44,7 @@ class RunResult:
         strips: of a flight, in the order of time.
         strip_differences: between them; None where no ground was seen by two.
         strip_adjustment: of the poses by the strips; None where these were not adjusted.
+        image_aid: of the poses by images; None where these took no part.
     """
 
     session: Session
@@ -59,6 +61,7 @@ class RunResult:
     strips: tuple[Strip, ...] = ()
     strip_differences: StripDifferences | None = None
     strip_adjustment: StripAdjustment | None = None
+    image_aid: ImageAid | None = None
 
     @cached_property
     def zone(self) -> ZoneInfo:

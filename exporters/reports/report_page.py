@@ -39,6 +39,7 @@ from furrowmap.exporters.reports.drawings import (
     work_map,
 )
 from furrowmap.exporters.reports.flight_page import flight_sections
+from furrowmap.exporters.reports.image_section import image_sections
 from furrowmap.exporters.reports.page_parts import (
     alarm,
     escape,
@@ -103,6 +104,7 @@ def write_page(
         *_passes(work, found.zone),
         section("GNSS", _quality(poses, found.frame)),
         section("Accuracy and warnings", _accuracy(found)),
+        *image_sections(found.image_aid),
         *(flight_sections(rasters.strips, found) if rasters is not None and rasters.strips else ()),
         *_swaths(rasters.swaths if rasters is not None else None),
         *_views(work),

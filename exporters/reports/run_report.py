@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import local_time
+from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -68,9 +69,10 @@ def run_report(
         "accuracy": _accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
         "observability": _observability(found),
         "inertial": found.located.inertial,
-        "calibration": _calibration(found.boresight),
+        "calibration": _calibration(found.boresight, found.image_aid),
         "strips": [_strip(ground) for ground in rasters.strips] if rasters is not None else [],
         "strip_differences": found.strip_differences.plain() if found.strip_differences is not None else None,
+        "image_adjustment": found.image_aid.plain() if found.image_aid is not None else None,
         "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
         "clocks": _clocks(found),
         "warnings": found.notices,
@@ -79,11 +81,15 @@ def run_report(
     }
 
 
-def _calibration(found: Boresight | None) -> dict[str, Any] | None:
-    """What the recording shows of the scanner's mounting; None where it shows nothing."""
-    if found is None:
-        return None
-    lidar = {
+def _calibration(found: Boresight | None, aid: ImageAid | None) -> dict[str, Any] | None:
+    """What the recording shows of the mounting of scanner and camera; None where it shows nothing."""
+    shown = {"lidar": _of_scanner(found)} if found is not None else {}
+    return shown | ({"camera": aid.calibration()} if aid is not None else {}) or None
+
+
+def _of_scanner(found: Boresight) -> dict[str, Any]:
+    """The mounting of the scanner."""
+    return {
         "rpy_deg": [round(angle, 5) for angle in found.mounting.rpy_deg],
         "sigma_deg": [round(sigma, 5) for sigma in found.sigma_deg],
         "correction_deg": [round(angle, 5) for angle in found.correction_deg],
@@ -101,7 +107,6 @@ def _calibration(found: Boresight | None) -> dict[str, Any] | None:
             "not_observed": [name for name, seen in zip(NAMES, found.free.observed, strict=True) if not seen],
         },
     }
-    return {"lidar": lidar}
 
 
 def _strip(ground: StripGround) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_start import Imu
@@ -256,3 +257,12 @@ def test_pose_errors__have_the_sigmas_of_the_poses_and_nodes_at_the_ends_of_chai
     near = np.abs(poses.t_s - errors_of.t_s[1:-1, None]).argmin(axis=1)
     np.testing.assert_allclose(own[:, :3], poses.sigma[near, :3], rtol=0.05)
     np.testing.assert_allclose(np.degrees(own[:, 5]), poses.sigma[near, 5], rtol=0.05)
+
+
+def test_pose_errors__have_nodes_at_the_times_that_are_wanted() -> None:
+    flight = Flight(40.0, seed=6)
+    result = found(flight.noisy_track(), flight.noisy_imu())
+    wanted_s = BEGIN_S + np.array([10.33, 11.33, 12.9])
+    nodes_s = result.pose_errors(wanted_s).t_s
+    assert np.abs(nodes_s - wanted_s[:, None]).min(axis=1).max() <= 0.5 * STEP_S + 1e-6
+    assert len(nodes_s) < len(result.pose_errors().t_s) + 3

@@ -1,0 +1,63 @@
+"""Least squares with a prior whose errors go together so closely that their covariance has no usable inverse.
+
+Poses may be known to decimetres against the map and to a tenth of a millimetre against each other. The inverse of such
+a covariance loses the former to rounding. Unknowns ``x = root z`` with ``root rootᵀ`` the covariance are of variance 1
+before, and keep both.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+LEAST: Final = 1e-15
+"""Variances that are smaller in relation to the largest one are rounding errors of the covariance."""
+
+
+def root_of(spread: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(u, u) root of the joint covariance of independent unknowns and of correlated ones behind them.
+
+    Args:
+        spread: (f,) standard deviations of the former.
+        covariance: (c, c) of the latter.
+    """
+    fixed = len(spread)
+    scale = np.sqrt(np.diag(covariance))
+    variance, axes = np.linalg.eigh(covariance / scale[:, None] / scale)
+    variance = np.maximum(variance, LEAST * variance[-1])
+    out = np.zeros((fixed + len(covariance),) * 2)
+    out[np.arange(fixed), np.arange(fixed)] = spread
+    out[fixed:, fixed:] = scale[:, None] * axes * np.sqrt(variance)
+    return out
+
+
+def solved(
+    normal: FloatArray, right: FloatArray, root: FloatArray, at: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The step of the unknowns in units of the root, their covariance, and how much of each axis is still open.
+
+    Args:
+        normal: (u, u) normal matrix of the observations.
+        right: (u,) right side: what the observations want beyond `root @ at`.
+        root: (u, u) see :func:`root_of`.
+        at: (u,) unknowns in units of the root, at which the observations are linearised.
+
+    Returns:
+        The step (u,), the covariance (u, u) of `root @ z`, and the variances (u,) after, 1 before.
+
+    Raises:
+        LinAlgError: if the equations are singular.
+    """
+    whole = root.T @ normal @ root
+    whole = 0.5 * (whole + whole.T)
+    whole[np.diag_indices(len(whole))] += 1.0
+    factor = np.linalg.cholesky(whole)
+    step = scipy.linalg.cho_solve((factor, True), root.T @ right - at)
+    inverse = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
+    half = inverse @ root.T
+    return step, half.T @ half, (inverse**2).sum(axis=0)

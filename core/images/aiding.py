@@ -1,0 +1,304 @@
+"""A trajectory aided by the images of a camera: features, ties, control points, adjustment, and whether to trust it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.images.block_adjustment import (
+    NOTHING_KNOWN,
+    AdjustedBlock,
+    Block,
+    Known,
+    adjusted_block,
+    adjusted_poses,
+    meeting_angles,
+    triangulated,
+)
+from furrowmap.core.images.control_points import ControlPoints, control_views, joined_views
+from furrowmap.core.images.features import consecutive, feature_store, without
+from furrowmap.core.images.frame_poses import frame_poses
+from furrowmap.core.images.neighbours import overlapping
+from furrowmap.core.images.ties import Ties, thinned, tracks
+from furrowmap.core.readers.exif import image_size
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
+from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.images import Images
+from furrowmap.core.values.progress import Progress
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+LEAST_IMAGES: Final = 3
+LEAST_POINTS: Final = 100
+LEAST_RAD: Final = np.radians(2.0)
+"""Rays that meet at a smaller angle do not show where a point is."""
+MARGIN_S: Final = 0.5
+"""Images nearer to an end of the trajectory are left out: the delay of the shutter may lead out of it."""
+LEAST_USED: Final = 0.5
+"""Share of the observations that must fit the poses together."""
+MOST_NOISE_PX: Final = 2.0
+"""Matches with larger residuals are not of this camera or this trajectory."""
+MOST_TENSION: Final = 3.0
+"""Errors found in the poses, in standard deviations of what GNSS and IMU leave open, beyond which they contradict."""
+
+
+@dataclass(frozen=True)
+class ImageAid:
+    """What images made of a trajectory.
+
+    Attributes:
+        trajectory: adjusted.
+        images: how many are in the block.
+        adjusted: camera, errors of the poses, residuals.
+        before: errors of the poses as GNSS and IMU know them.
+        known: the control points that were used.
+        shift_m: (3,) mean of the exposures' places after the adjustment minus before.
+        shift_sigma_m: (3,) standard deviations of the place of the block as a whole.
+    """
+
+    trajectory: Trajectory
+    images: int
+    adjusted: AdjustedBlock
+    before: PoseErrors
+    known: Known
+    shift_m: tuple[float, ...]
+    shift_sigma_m: tuple[float, ...]
+
+    @property
+    def camera(self) -> Camera:
+        """The camera with the mounting and the shutter delay that were found."""
+        return self.adjusted.camera
+
+    @property
+    def _ties(self) -> NDArray[np.bool_]:
+        """(o,) the observations that are not of control points."""
+        out: NDArray[np.bool_] = ~np.isin(self.adjusted.ties.point, self.known.point)
+        return out
+
+    @property
+    def reprojection_px(self) -> float:
+        """RMS of the residuals of ties that were used, column and row together."""
+        chosen = self._ties & self.adjusted.used
+        return float(np.sqrt((self.adjusted.residual_px[chosen] ** 2).sum(axis=1).mean()))
+
+    def control_residuals(self) -> list[dict[str, Any]]:
+        """Adjusted minus surveyed place, and residuals, of each control point."""
+        a = self.adjusted
+        out = []
+        for name, point, xyz_m in zip(self.known.name, self.known.point.tolist(), self.known.xyz_m, strict=True):
+            own = a.ties.point == point
+            rms = float(np.sqrt((a.residual_px[own] ** 2).sum(axis=1).mean()))
+            off = np.round(a.xyz_m[point] - xyz_m, 4).tolist()
+            out.append({"name": name, "images": int(own.sum()), "residual_px": round(rms, 3), "off_m": off})
+        return out
+
+    def sigmas(self) -> tuple[FloatArray, FloatArray]:
+        """Medians over the nodes, before and after: easting, northing, height (m), roll, pitch, heading (rad)."""
+        t_s = np.clip(self.before.t_s, *self.trajectory.span_s)
+        nodes = self.trajectory.at(t_s).quaternion
+        seen = np.isfinite(nodes[:, 0])
+        rotation = np.zeros((len(nodes), 3, 3))
+        rotation[seen] = Rotation.from_quat(nodes[seen], scalar_first=True).as_matrix()
+        before, after = (np.median(e.sigma(rotation)[seen], axis=0) for e in (self.before, self.adjusted.found))
+        return before, after
+
+    def plain(self) -> dict[str, Any]:
+        """For `report.json`."""
+        a, (before, after) = self.adjusted, self.sigmas()
+        return {
+            "images": self.images,
+            "points": int(np.unique(a.ties.point[self._ties]).size),
+            "observations": int(self._ties.sum()),
+            "observations_used": int((self._ties & a.used).sum()),
+            "reprojection_rms_px": round(self.reprojection_px, 3),
+            "observation_sigma_px": round(a.sigma_px, 3),
+            "shift_m": np.round(self.shift_m, 4).tolist(),
+            "shift_sigma_m": np.round(self.shift_sigma_m, 4).tolist(),
+            "sigma_before_m": np.round(before[:3], 5).tolist(),
+            "sigma_after_m": np.round(after[:3], 5).tolist(),
+            "sigma_before_deg": np.round(np.degrees(before[3:]), 5).tolist(),
+            "sigma_after_deg": np.round(np.degrees(after[3:]), 5).tolist(),
+            "tension": round(a.tension, 3),
+            "control_points": self.control_residuals(),
+        }
+
+    def calibration(self) -> dict[str, Any]:
+        """The camera's mounting and shutter delay, for `report.json`."""
+        a = self.adjusted
+        return {
+            "rpy_deg": np.round(a.camera.rpy_deg, 5).tolist(),
+            "sigma_deg": np.round(a.sigma_deg, 5).tolist(),
+            "correction_deg": np.round(a.correction_deg, 5).tolist(),
+            "shutter_delay_s": round(a.camera.shutter_delay_s, 6),
+            "shutter_delay_sigma_s": round(a.delay_sigma_s, 6),
+        }
+
+
+def aided_by_images(
+    located: Located,
+    images: Images,
+    camera: Camera,
+    scale: float,
+    control: ControlPoints | None,
+    notices: list[Notice],
+    progress: Progress,
+) -> tuple[Located, ImageAid | None]:
+    """The trajectory adjusted by images; as it was, with a notice that says why, where they do not serve.
+
+    Args:
+        located: by GNSS and an IMU.
+        images: with the times stated for them.
+        camera: as stated.
+        scale: metres of the map for a metre on the ground.
+        control: surveyed points; None without.
+        notices: what goes wrong is added.
+        progress: is called with the stages.
+    """
+    if located.pose_errors is None:
+        notices.append(unused("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
+        return located, None
+    images = _usable(images, camera, located.trajectory, notices)
+    if len(images) < LEAST_IMAGES:
+        notices.append(unused(f"there are {len(images)} that can be read and have a pose"))
+        return located, None
+    exposed_s = images.t_s + camera.shutter_delay_s
+    block = Block(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
+    try:
+        ties = _ties(block, images, progress)
+        if isinstance(ties, str):
+            notices.append(unused(ties))
+            return located, None
+        progress("adjusting images", 0.0)
+        adjusted, known = adjusted_block(block, ties), NOTHING_KNOWN
+        if control is not None and _doubt(adjusted) is None:
+            adjusted, known = _with_control(block, adjusted, control, images, notices)
+    except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
+        notices.append(unused(f"the adjustment failed ({error})"))
+        return located, None
+    progress("adjusting images", 1.0)
+    doubt = _doubt(adjusted)
+    if doubt is not None:
+        notices.append(unused(doubt))
+        return located, None
+    aid = _aid(block, adjusted, known)
+    after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
+    return replace(located, trajectory=aid.trajectory, pose_errors=lambda _: after), aid
+
+
+def unused(why: str) -> Notice:
+    """The notice of images that do not aid the trajectory."""
+    return Notice("images-not-adjusted", f"The images do not aid the trajectory: {why}.")
+
+
+def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: list[Notice]) -> Images:
+    """The images that can be read, have the camera's size and were taken within the trajectory."""
+    begin_s, end_s = trajectory.span_s
+    exposed_s = images.t_s + camera.shutter_delay_s
+    posed = np.isfinite(frame_poses(trajectory, camera, images.t_s).xyz_m[:, 0])
+    posed &= (exposed_s > begin_s + MARGIN_S) & (exposed_s < end_s - MARGIN_S)
+    # Two of one time would be two poses at one place.
+    posed &= np.diff(images.t_s, prepend=-np.inf) > 0.0
+    fits = np.zeros(len(images), np.bool_)
+    for k in np.flatnonzero(posed).tolist():
+        fits[k] = image_size(images.paths[k]) == (camera.width, camera.height)
+    if not fits[posed].all():
+        first = images.paths[int(np.flatnonzero(posed & ~fits)[0])].name
+        text = (
+            f"{int((posed & ~fits).sum())} of {len(images)} images cannot be read or are not of {camera.width} × "
+            f"{camera.height} pixels, the first of them {first}: they take no part in the adjustment."
+        )
+        notices.append(Notice("images-unreadable", text))
+    chosen = np.flatnonzero(fits)
+    return Images(tuple(images.paths[k] for k in chosen.tolist()), images.t_s[chosen], images.lon_lat_h[chosen])
+
+
+def _ties(block: Block, images: Images, progress: Progress) -> Ties | str:
+    """Ties of the images, spread evenly over them; why there are none."""
+    poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
+    size = block.camera.width, block.camera.height
+    with feature_store(images.paths, block.camera) as store:
+        store.extract(progress)
+        following = consecutive(len(images))
+        store.match(following, progress)
+        first = _well_met(block, tracks(*store.found()))
+        if first.points < LEAST_POINTS:
+            return f"images that follow each other have {first.points} points in common"
+        depth = np.einsum(
+            "oi,oi->o",
+            poses.rotation[first.frame][:, :, 2],
+            triangulated(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
+        )
+        ahead = depth[depth > 0.0]
+        if len(ahead) < LEAST_POINTS:
+            return "the points that they have in common are not in front of the camera: its mounting is another"
+        store.match(without(overlapping(poses, block.camera, float(np.median(ahead))), following), progress)
+        ties = thinned(_well_met(block, tracks(*store.found())), size)
+    if ties.points < LEAST_POINTS:
+        return f"they have {ties.points} points in common"
+    return ties
+
+
+def _well_met(block: Block, ties: Ties) -> Ties:
+    """The ties whose rays meet at an angle that shows where the point is."""
+    if not len(ties):
+        return ties
+    poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
+    return ties.chosen((meeting_angles(poses, block.camera, ties) > LEAST_RAD)[ties.point])
+
+
+def _with_control(
+    block: Block, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
+) -> tuple[AdjustedBlock, Known]:
+    """The adjustment with control points; as it was where none is seen."""
+    views = control_views(control, block, adjusted, images.paths)
+    if views is None:
+        text = (
+            f"None of the {len(control.name)} control points is seen in two images: they take no part. Plates need "
+            "quadrants of black and white, 20 pixels wide or more; or state their places in `[camera] control_pixels`."
+        )
+        notices.append(Notice("control-points-unseen", text))
+        return adjusted, NOTHING_KNOWN
+    ties, known = joined_views(adjusted.ties, *views)
+    return adjusted_block(block, ties, known), known
+
+
+def _doubt(adjusted: AdjustedBlock) -> str | None:
+    """Why an adjustment is not to be used; None where it is."""
+    share = float(adjusted.used.mean())
+    if share < LEAST_USED or adjusted.sigma_px > MOST_NOISE_PX:
+        return (
+            f"their points do not fit its poses together ({share:.0%} of the observations, residuals of "
+            f"{adjusted.sigma_px:.1f} pixels). Check times, intrinsics and mounting in `[camera]`"
+        )
+    if adjusted.tension > MOST_TENSION:
+        return (
+            f"they contradict GNSS and IMU (errors {adjusted.tension:.1f} times as large as these leave open). Check "
+            "times, intrinsics and mounting in `[camera]`, and the coordinates of control points"
+        )
+    return None
+
+
+def _aid(block: Block, adjusted: AdjustedBlock, known: Known) -> ImageAid:
+    found, exposed_s = adjusted.found, adjusted_poses(block, adjusted).t_s
+    nodes = len(found.t_s)
+    # The mean over all exposures of what is interpolated between the nodes.
+    share = np.array([np.interp(exposed_s, found.t_s, unit).mean() for unit in np.eye(nodes)])
+    spread = found.covariance.reshape(nodes, 6, nodes, 6)[:, :3, :, :3]
+    variance = np.einsum("i,iajb,j->ab", share, spread, share)
+    shift = -(share @ found.value[:, :3])
+    return ImageAid(
+        without_errors(block.trajectory, block.errors, found),
+        len(block.t_s),
+        adjusted,
+        block.errors,
+        known,
+        tuple(shift.tolist()),
+        tuple(np.sqrt(np.diag(variance)).tolist()),
+    )

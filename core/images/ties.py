@@ -1,0 +1,130 @@
+"""Points that are seen in several images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+GRID: Final = (12, 9)
+"""Cells of an image over which ties are spread, in columns and rows."""
+PER_CELL: Final = 3
+"""Points of a cell that are enough: more add little, as their errors go together."""
+
+
+@dataclass(frozen=True)
+class Ties:
+    """Observations of points in images, those of a point one after another.
+
+    Attributes:
+        frame: (o,) number of the image.
+        point: (o,) number of the point, not decreasing, without gaps.
+        pixel: (o, 2) column and row; (0, 0) is the middle of the top left pixel.
+        sigma_px: (o,) standard deviations of column and row.
+    """
+
+    frame: IntArray
+    point: IntArray
+    pixel: FloatArray
+    sigma_px: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return int(self.point[-1]) + 1 if len(self.point) else 0
+
+    def chosen(self, which: NDArray[np.bool_]) -> Ties:
+        """Some of the observations (o,), of points that are still seen at least twice."""
+        seen = np.bincount(self.point[which], minlength=self.points)
+        keep = which & (seen[self.point] >= 2)
+        _, point = np.unique(self.point[keep], return_inverse=True)
+        return Ties(self.frame[keep], point.astype(np.int64), self.pixel[keep], self.sigma_px[keep])
+
+
+def tracks(keypoints: Mapping[int, FloatArray], matches: Mapping[tuple[int, int], IntArray]) -> Ties:
+    """The points that matched keypoints of several images belong to.
+
+    What is linked by matches is one point. A point that would be seen at two places of one image is left out: one of
+    its matches is wrong.
+
+    Args:
+        keypoints: (k, 3) column, row and standard deviation of both by image.
+        matches: (m, 2) numbers of keypoints, by two images.
+    """
+    frames = sorted(keypoints)
+    first = dict(zip(frames, np.cumsum([0, *(len(keypoints[f]) for f in frames)])[:-1].tolist(), strict=True))
+    if not matches:
+        none = np.zeros(0, np.int64)
+        return Ties(none, none, np.zeros((0, 2)), np.zeros(0))
+    links = np.concatenate([m + np.array([first[a], first[b]]) for (a, b), m in matches.items()]).astype(np.int64)
+    owner = np.repeat(np.array(frames, np.int64), [len(keypoints[f]) for f in frames])
+    root = _roots(links, len(owner))
+    used = np.flatnonzero(np.bincount(root, minlength=len(owner))[root] >= 2)
+    order = used[np.lexsort((owner[used], root[used]))]
+    twice = np.flatnonzero((np.diff(root[order]) == 0) & (np.diff(owner[order]) == 0))
+    order = order[~np.isin(root[order], root[order][twice])]
+    _, point = np.unique(root[order], return_inverse=True)
+    seen = np.concatenate([keypoints[f] for f in frames])[order]
+    return Ties(owner[order], point.astype(np.int64), np.ascontiguousarray(seen[:, :2]), seen[:, 2].copy())
+
+
+def thinned(ties: Ties, size: tuple[int, int]) -> Ties:
+    """Ties spread evenly over the images: of each cell the points that most images show, the sharpest of these.
+
+    Args:
+        ties: all of them.
+        size: width and height of the images.
+    """
+    views = np.bincount(ties.point, minlength=ties.points)
+    blur = np.bincount(ties.point, ties.sigma_px, minlength=ties.points) / views
+    order = np.lexsort((blur, -views))
+    begin = np.searchsorted(ties.point, np.arange(ties.points + 1))
+    place = np.clip((ties.pixel / np.array(size) * GRID).astype(np.int64), 0, np.array(GRID) - 1)
+    cell = (ties.frame * GRID[0] + place[:, 0]) * GRID[1] + place[:, 1]
+    return ties.chosen(_spread(order, begin, cell, PER_CELL)[ties.point])
+
+
+@numba.njit("boolean[::1](int64[::1], int64[::1], int64[::1], int64)", cache=True, nogil=True)
+def _spread(order, begin, cell, most):  # type: ignore[no-untyped-def]
+    """Which points are taken: each that is among the first `most` of any of the cells where it is seen."""
+    taken = np.zeros(len(order), np.bool_)
+    filled = np.zeros(cell.max() + 1 if len(cell) else 1, np.int64)
+    for p in order:
+        for o in range(begin[p], begin[p + 1]):
+            taken[p] |= filled[cell[o]] < most
+        if taken[p]:
+            for o in range(begin[p], begin[p + 1]):
+                filled[cell[o]] += 1
+    return taken
+
+
+@numba.njit("int64[::1](int64[:, ::1], int64)", cache=True, nogil=True)
+def _roots(links, count):  # type: ignore[no-untyped-def]
+    """Root of each of some things (count,) that links (m, 2) join: union-find with path halving."""
+    root = np.arange(count)
+    for k in range(len(links)):
+        a, b = links[k, 0], links[k, 1]
+        while root[a] != a:
+            root[a] = root[root[a]]
+            a = root[a]
+        while root[b] != b:
+            root[b] = root[root[b]]
+            b = root[b]
+        if a != b:
+            root[max(a, b)] = min(a, b)
+    for k in range(count):
+        a = k
+        while root[a] != a:
+            a = root[a]
+        root[k] = a
+    return root

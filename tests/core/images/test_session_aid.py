@@ -1,0 +1,97 @@
+"""When images aid a trajectory, and what is said where they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furrowmap.core.images.aiding import aided_by_images
+from furrowmap.core.images.control_points import ControlPoints, control_views
+from furrowmap.core.images.frame_poses import frame_poses
+from furrowmap.core.images.neighbours import overlapping
+from furrowmap.core.images.session_aid import read_pixels
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.trajectory.pose_errors import PoseErrors
+from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.images import Images
+from furrowmap.core.values.progress import silent
+from tests.core.images.test_block_adjustment import NODES_S, SCALE, STATED, T_S, Flight, flown, true_camera
+
+pytest.importorskip("pycolmap")
+PIL = pytest.importorskip("PIL.Image")
+
+
+def located() -> Located:
+    zero = PoseErrors(NODES_S, np.zeros((len(NODES_S), 6)), np.eye(6 * len(NODES_S)))
+    return Located(flown(), "imu", {}, (), pose_errors=lambda _: zero)
+
+
+def told(images: Images, place: Located) -> str:
+    notices: list[Notice] = []
+    after, aid = aided_by_images(place, images, STATED, SCALE, None, notices, silent)
+    assert aid is None
+    assert after is place
+    return " | ".join(f"{notice.code}: {notice.text}" for notice in notices)
+
+
+def test_blank_damaged_and_small_images__leave_the_trajectory_as_it_was(tmp_path: Path) -> None:
+    paths = []
+    for k in range(5):
+        paths.append(tmp_path / f"{k} blank.jpg")
+        PIL.new("RGB", (800, 600), (90, 120, 60)).save(paths[-1])
+    images = Images.sorted(paths, T_S[:5])
+    assert "images-not-adjusted: The images do not aid the trajectory: images that follow" in told(images, located())
+    paths[0].write_bytes(b"\xff\xd8 no image")
+    PIL.new("RGB", (400, 300)).save(paths[1])
+    said = told(Images.sorted(paths[:4], T_S[:4]), located())
+    assert "images-unreadable: 2 of 4 images cannot be read or are not of 800 × 600 pixels" in said
+    assert "there are 2 that can be read" in said
+    assert "how the errors of its poses go together" in told(images, replace(located(), pose_errors=None))
+    assert "there are 0 that" in told(Images.sorted(paths, T_S[:5] + 900.0), located())
+
+
+def test_pairs__are_images_of_the_same_ground() -> None:
+    """Lines 4.8 m apart, images 2 m apart, 9 m of ground in an image: neighbours on both lines, not the far ends."""
+    pairs = overlapping(frame_poses(flown(), true_camera(), T_S, SCALE), true_camera(), 5.6)
+    assert {(k, k + 1) for k in range(8)} <= set(pairs)
+    assert (0, 9) not in pairs
+    assert any(b - a > 12 for a, b in pairs)
+
+
+def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
+    table = tmp_path / "pixels.csv"
+    table.write_text("file,name,u,v\nimages/a.jpg,C1,10.5,20\nb.jpg,C2,3,4\n")
+    assert read_pixels(table, ("C2", "C1")) == (("a.jpg", 1, 10.5, 20.0), ("b.jpg", 0, 3.0, 4.0))
+    for text, why in (
+        ("file,name\na,b\n", "no columns u, v"),
+        ("file,name,u,v\na,C9,1,2\n", "line 2 names 'C9'"),
+        ("file,name,u,v\na,C1,1,x\n", "line 2 has no numbers"),
+    ):
+        table.write_text(text)
+        with pytest.raises(InputError, match=why) as refused:
+            read_pixels(table, ("C1",))
+        assert refused.value.code == "control-pixels-unreadable"
+
+
+def test_views_of_control_points__that_disagree_are_left_out() -> None:
+    from furrowmap.core.images.block_adjustment import adjusted_block
+
+    flight = Flight(5)
+    adjusted = adjusted_block(flight.block, flight.ties)
+    many = int(np.argmax(np.bincount(flight.ties.point)))
+    own = np.flatnonzero(flight.ties.point == many)
+    paths = [Path(f"{k}.jpg") for k in range(len(T_S))]
+    rows = [(f"{flight.ties.frame[k]}.jpg", 0, *flight.ties.pixel[k].tolist()) for k in own]
+    wrong = (rows[0][0], 0, rows[0][2] + 40.0, rows[0][3])
+    points = ControlPoints(("C1", "C2"), flight.soil[[many, 0]], np.full((2, 3), np.nan), (wrong, *rows[1:]))
+    views = control_views(points, flight.block, adjusted, paths)
+    assert views is not None
+    ties, known = views
+    assert known.name == ("C1",)
+    assert len(ties) == len(own) - 1
+    assert (known.sigma_m == 0.005).all()
+    alone = replace(points, seen=(rows[0],))
+    assert control_views(alone, flight.block, adjusted, paths) is None
