@@ -136,7 +136,8 @@ def _grey(path: Path) -> NDArray[np.uint8] | None:
         pixels = read_pixels(path, 1)
     except ValueError:
         return None
-    return np.round(pixels @ LUMA).astype(np.uint8)
+    grey: NDArray[np.uint8] = np.round(pixels @ LUMA).astype(np.uint8)
+    return grey
 
 
 def _agreeing(block: Block, adjusted: AdjustedBlock, ties: Ties) -> NDArray[np.bool_]:
