@@ -27,6 +27,8 @@ GAP_M: Final = 0.6
 TURN_DEG: Final = 20.0
 """Greatest angle between the directions of neighbouring voxels of a line."""
 LEAST_LENGTH_M: Final = 0.6
+LEAST_WIRE_M: Final = 2.0
+"""Of a line that is not upright: on plants far from a scanner the points of one laser are short lines."""
 SLENDERNESS: Final = 5.0
 """Least ratio of the length of a line to its width."""
 AROUND_M: Final = 0.35
@@ -147,6 +149,8 @@ def _line(xyz_m: FloatArray, members: IntArray, axis_m: float, calm: NDArray[np.
     value, _ = np.linalg.eigh(np.cov((own - middle).T, bias=True))
     length = float(s.max() - s.min())
     if length < LEAST_LENGTH_M or length < SLENDERNESS * math.sqrt(12.0 * max(value[1], 0.0)) * 0.5:
+        return None
+    if length < LEAST_WIRE_M and abs(direction[2]) < UPRIGHT:
         return None
     path = _course(own, s - s.min(), step)
     purity = len(own) / (len(own) + float(disturbed[first : last + 1].sum()))
