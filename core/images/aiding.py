@@ -178,7 +178,7 @@ def aided_by_images(
         progress("adjusting images", 0.0)
         adjusted, known = adjusted_block(block, ties), NOTHING_KNOWN
         if control is not None and _doubt(adjusted) is None:
-            adjusted, known = _with_control(block, adjusted, control, images, notices)
+            adjusted, known = with_control(block, adjusted, control, images, notices)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
         notices.append(unused(f"the adjustment failed ({error})"))
         return located, None
@@ -253,7 +253,7 @@ def _well_met(block: Block, ties: Ties) -> Ties:
     return ties.chosen((meeting_angles(poses, block.camera, ties) > LEAST_RAD)[ties.point])
 
 
-def _with_control(
+def with_control(
     block: Block, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
 ) -> tuple[AdjustedBlock, Known]:
     """The adjustment with control points; as it was where none is seen."""

@@ -65,8 +65,8 @@ def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
     report = json.loads((folder / "result" / "report.json").read_text(encoding="utf-8"))
     assert list(report) == [
         "furrowmap", "schema", "session_file", "verdict", "session", "inputs", "figures", "coordinates", "accuracy",
-        "observability", "inertial", "calibration", "strips", "strip_differences", "strip_adjustment", "clocks",
-        "warnings", "timings", "products", "colours",
+        "observability", "inertial", "calibration", "strips", "strip_differences", "image_adjustment",
+        "strip_adjustment", "clocks", "warnings", "timings", "products", "colours",
     ]  # fmt: skip
     layers = dict(pyogrio.list_layers(folder / "result" / "field.gpkg"))
     assert {"trajectory", "passes", "coverage", "overlaps", "misses", "tool_path", "events"} <= layers.keys()

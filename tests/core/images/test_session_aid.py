@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.images.aiding import aided_by_images
+from furrowmap.core.images.aiding import aided_by_images, with_control
+from furrowmap.core.images.block_adjustment import NOTHING_KNOWN, adjusted_block
 from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
@@ -77,8 +78,6 @@ def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
 
 
 def test_views_of_control_points__that_disagree_are_left_out() -> None:
-    from furrowmap.core.images.block_adjustment import adjusted_block
-
     flight = Flight(5)
     adjusted = adjusted_block(flight.block, flight.ties)
     many = int(np.argmax(np.bincount(flight.ties.point)))
@@ -95,3 +94,7 @@ def test_views_of_control_points__that_disagree_are_left_out() -> None:
     assert (known.sigma_m == 0.005).all()
     alone = replace(points, seen=(rows[0],))
     assert control_views(alone, flight.block, adjusted, paths) is None
+    notices: list[Notice] = []
+    images = Images.sorted(paths, T_S)
+    assert with_control(flight.block, adjusted, alone, images, notices) == (adjusted, NOTHING_KNOWN)
+    assert [notice.code for notice in notices] == ["control-points-unseen"]
