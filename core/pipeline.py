@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -84,7 +84,7 @@ class PointSink(Protocol):
 class FrameSink(Protocol):
     """Takes the frames of a run's camera, before the points are placed."""
 
-    def see(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         """The frames that have a pose, and the local origin of the points' coordinates."""
         ...
 
@@ -121,7 +121,7 @@ def run(
     sink: PointSink,
     progress: Progress = silent,
     checkpoint: Checkpoint | None = None,
-    eyes: FrameSink | None = None,
+    frame_sink: FrameSink | None = None,
 ) -> RunResult:
     """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
 
@@ -132,7 +132,7 @@ def run(
         sink: takes the points.
         progress: is called with each stage and its share.
         checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
-        eyes: takes the frames of the camera, where the session has one and some frames have a pose.
+        frame_sink: takes the frames of the camera, where the session has one and some frames have a pose.
 
     Raises:
         FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
@@ -140,7 +140,6 @@ def run(
     session, frame, watch = opened.session, opened.frame, _StopWatch()
     if not session.recording.lidar:
         return _run_without_scans(opened, progress)
-    show = _shown(opened, eyes)
     positions = opened.positions()
     guess, survey = _first_guess(opened, positions, progress)
     watch.lap("positions")
@@ -159,7 +158,8 @@ def run(
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
-    image_notices += show(located.trajectory, placer.origin_m, aid.camera if aid is not None else None)
+    camera = aid.camera if aid is not None else None
+    image_notices += _give_frames(opened, located.trajectory, placer.origin_m, camera, frame_sink)
     sink.begin(frame, placer.origin_m)
     moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
@@ -178,25 +178,24 @@ def run(
     return replace(found, image_aid=aid, **vars(flown))
 
 
-def _shown(opened: OpenSession, eyes: FrameSink | None) -> Callable[[Trajectory, _Origin, Camera | None], list[Notice]]:
-    """Read which images there are; what is given shows those with a pose to `eyes`, and returns notices about them."""
+def _give_frames(
+    opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, found: Camera | None, sink: FrameSink | None
+) -> list[Notice]:
+    """Hand the frames that have a pose to `sink`; the camera is `found`, else as stated. Notices about the images."""
     notices: list[Notice] = []
-    camera, images = opened.session.camera, None
-    if camera is not None and eyes is not None and find_spec("PIL") is None:
-        text = "The images are not used: Pillow is not installed. Install the extra: pip install furrowmap[photo]"
-        notices.append(Notice("images-unused", text))
-    elif camera is not None and eyes is not None:
-        images = opened.images(notices)
-
-    def show(trajectory: Trajectory, origin_m: _Origin, found: Camera | None) -> list[Notice]:
-        if camera is not None and eyes is not None and images:
-            scale = ground_scale(opened.frame, trajectory)
-            frames = frames_along(images, found or camera_of(camera), trajectory, scale, notices)
-            if frames is not None:
-                eyes.see(frames, origin_m)
+    camera = opened.session.camera
+    if camera is None or sink is None:
         return notices
-
-    return show
+    if find_spec("PIL") is None:
+        text = "The images are not used: Pillow is not installed. Install the extra: pip install furrowmap[photo]"
+        return [Notice("images-unused", text)]
+    images = opened.images(notices)
+    if images:
+        scale = ground_scale(opened.frame, trajectory)
+        frames = frames_along(images, found or camera_of(camera), trajectory, scale, notices)
+        if frames is not None:
+            sink.take(frames, origin_m)
+    return notices
 
 
 def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry | None, list[Notice]]:

@@ -23,10 +23,16 @@ LABELS = (
     QT_TRANSLATE_NOOP("Legends", "missed along the boundary"),
     QT_TRANSLATE_NOOP("Legends", "headland"),
     QT_TRANSLATE_NOOP("Legends", "body of the field"),
+    QT_TRANSLATE_NOOP("Legends", "horizontal plane"),
+    QT_TRANSLATE_NOOP("Legends", "vertical plane"),
+    QT_TRANSLATE_NOOP("Legends", "pole, post or trunk"),
+    QT_TRANSLATE_NOOP("Legends", "wire or rail"),
+    QT_TRANSLATE_NOOP("Legends", "fence"),
+    QT_TRANSLATE_NOOP("Legends", "wall"),
     QT_TRANSLATE_NOOP("Legends", "other"),
     QT_TRANSLATE_NOOP("Legends", "unknown"),
 )
-"""Labels of the categories in the styles that `field.gpkg` contains."""
+"""Labels of the categories in the styles of products."""
 BANDS = {
     "change": QT_TRANSLATE_NOOP("Legends", "Height change (m)"),
     "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),

@@ -142,7 +142,11 @@ def test_report__has_biases_and_no_advice_for_tractors(result: furrowmap.Result)
     inertial = result.report["inertial"]
     assert inertial["rate_bias_dps"] == pytest.approx([-0.056, -0.014, -0.083], abs=0.005)
     assert inertial["force_bias_mps2"] == pytest.approx([-0.097, 0.098, -0.119], abs=0.003)
-    assert {warning["code"] for warning in result.report["warnings"]} == {"images-missing", "boresight-off"}
+    assert {warning["code"] for warning in result.report["warnings"]} == {
+        "images-missing",
+        "images-not-adjusted",
+        "boresight-off",
+    }
     assert set(result.trajectory["heading_from"]) == {"imu"}
 
 

@@ -106,7 +106,7 @@ def _write(clouds: Clouds, frames: Frames, colours: RunColours, target: Path, pr
         if origin_m is None:
             east, north, up = (np.floor(records["xyz_m"][0] / 1000.0) * 1000.0).tolist()
             origin_m = east, north, up
-            colours.see(frames, origin_m)
+            colours.take(frames, origin_m)
         colours.add_points(records["xyz_m"] - origin_m, records["classification"])
     if origin_m is None:
         raise no_points_error(clouds, None)

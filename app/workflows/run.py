@@ -138,7 +138,7 @@ def _write_products(
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
     timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
     content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
-    content["colours"] = made.painted.plain() if made.painted is not None else None
+    content["colours"] = made.colours.plain() if made.colours is not None else None
     if made.parcels is not None:
         content["parcels"] = made.parcels.account
     write_item(staging / ITEM, write_report(staging / REPORT, content))
@@ -154,7 +154,7 @@ class _Made:
     rasters: RasterFigures | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     parcels: WrittenParcels | None = None
-    painted: ColourFigures | None = None
+    colours: ColourFigures | None = None
 
 
 def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
@@ -184,10 +184,10 @@ def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, p
         colours.write_orthophoto(staging, origin, progress)
         # Seconds of the parcels beyond those of the cloud, and of the surfaces beyond those of both.
         seconds = {"cloud": written - begin, "surfaces": surfaced - measured}
-        painted = colours.figures()
-        if painted is not None:
-            found = replace(found, notices=(*found.notices, *painted.notices))
-        made = _Made(found, inputs, summary, rasters.result(), seconds, painted=painted)
+        coloured = colours.figures()
+        if coloured is not None:
+            found = replace(found, notices=(*found.notices, *coloured.notices))
+        made = _Made(found, inputs, summary, rasters.result(), seconds, colours=coloured)
         if parcels is None:
             return made
         noticed = replace(found, notices=(*found.notices, *parcels.result().notices))

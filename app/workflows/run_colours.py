@@ -96,7 +96,7 @@ class RunColours:
         """Whether there are frames."""
         return self._maker is not None or self.colours is not None
 
-    def see(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         """Take the frames of the run."""
         maker, self._origin_m = ColourMaker(frames, origin_m), origin_m
         self._maker = maker

@@ -455,11 +455,14 @@
   <message><source>differential</source><translation>ディファレンシャル</translation></message>
   <message><source>drives backwards</source><translation>後退</translation></message>
   <message><source>drives forward</source><translation>前進</translation></message>
+  <message><source>fence</source><translation>柵</translation></message>
   <message><source>headland</source><translation>枕地</translation></message>
+  <message><source>horizontal plane</source><translation>水平面</translation></message>
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
   <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
   <message><source>other</source><translation>その他</translation></message>
   <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
+  <message><source>pole, post or trunk</source><translation>柱、杭、幹</translation></message>
   <message><source>positions end</source><translation>測位の途切れ</translation></message>
   <message><source>single</source><translation>単独測位</translation></message>
   <message><source>stop</source><translation>停止</translation></message>
@@ -468,6 +471,9 @@
   <message><source>tool lowered</source><translation>作業機を下ろした</translation></message>
   <message><source>tool up</source><translation>作業機 上</translation></message>
   <message><source>unknown</source><translation>不明</translation></message>
+  <message><source>vertical plane</source><translation>鉛直面</translation></message>
+  <message><source>wall</source><translation>壁</translation></message>
+  <message><source>wire or rail</source><translation>電線、レール</translation></message>
 </context>
 <context>
   <name>Options</name>

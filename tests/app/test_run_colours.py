@@ -38,7 +38,7 @@ def coloured(frames: Frames) -> tuple[Columns, ColourFigures]:
     classes[::10] = PointClass.VEHICLE
     with RunColours() as colours:
         assert not colours.has_frames
-        colours.see(frames, ORIGIN_M)
+        colours.take(frames, ORIGIN_M)
         scan = Scan.__new__(Scan)  # its points alone matter
         colours.add(PlacedScan(scan, whole, classes))
         colours.finish(lambda *_: None)
@@ -81,5 +81,5 @@ def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_dat
 
     opened: OpenSession = open_session(shared_data / "uav_wheat" / "session.toml")
     monkeypatch.setattr(pipeline, "find_spec", lambda _: None)
-    notices = pipeline._shown(opened, RunColours())(None, ORIGIN_M)  # type: ignore[arg-type]
+    notices = pipeline._give_frames(opened, None, ORIGIN_M, None, RunColours())  # type: ignore[arg-type]
     assert [notice.code for notice in notices] == ["images-unused"]

@@ -115,13 +115,13 @@ def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.
         read_points(tmp_path / "points.csv", CRS(6677))
     (tmp_path / "field.geojson").write_text("{" + " " * 99 + "}")
     with refusal("boundary-unreadable", "too large for the boundary of a field"):
-        boundary.read_boundary(tmp_path / "field.geojson")
+        boundary.read_fields(tmp_path / "field.geojson")
 
 
 def test_boundary__without_a_crs(tmp_path: Path) -> None:
     geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1, 1)]).to_file(tmp_path / "a.shp")
     with refusal("boundary-unreadable", "it states no CRS"):
-        boundary.read_boundary(tmp_path / "a.shp")
+        boundary.read_fields(tmp_path / "a.shp")
 
 
 def test_survey__in_no_known_encoding_and_without_a_whole_point(tmp_path: Path) -> None:

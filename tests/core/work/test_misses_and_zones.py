@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers.boundary import read_boundary
+from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
@@ -182,7 +182,8 @@ def test_lifting_on_a_straight_way__is_no_turn() -> None:
 @pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])
 def test_sample__misses_and_zones_lie_in_the_field_beside_the_ground_worked(shared_data: Path, name: str) -> None:
     truth = sample(shared_data / name)
-    field = boundary_on_map(read_boundary(truth.boundary_file), truth.frame)
+    (outline,) = read_fields(truth.boundary_file)
+    field = boundary_on_map(outline.outline, truth.frame)
     ground = worked_ground(truth.trajectory, truth.states, truth.session.implement, truth.frame, field)
     for place in (*ground.misses, *ground.zones):
         assert field.buffer(1e-6).covers(place.ground)
