@@ -36,6 +36,8 @@ from furrowmap.core.values.trajectory import Trajectory
 FloatArray = NDArray[np.float64]
 
 LEAST_IMAGES: Final = 3
+LEAST_CONTROL: Final = 3
+"""Control points that place a block without the positions."""
 LEAST_POINTS: Final = 100
 LEAST_RAD: Final = np.radians(2.0)
 """Rays that meet at a smaller angle do not show where a point is."""
@@ -189,7 +191,15 @@ def aided_by_images(
         return located, None
     aid = _aid(block, adjusted, known)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
-    return replace(located, trajectory=aid.trajectory, pose_errors=lambda _: after), aid
+    told = notices_beside(located.notices, known)
+    return replace(located, trajectory=aid.trajectory, notices=told, pose_errors=lambda _: after), aid
+
+
+def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, ...]:
+    """Notices about a trajectory; where control points place it, not that it is only as good as its positions."""
+    if len(set(known.name)) < LEAST_CONTROL:
+        return notices
+    return tuple(notice for notice in notices if notice.code != "gnss-quality")
 
 
 def unused(why: str) -> Notice:

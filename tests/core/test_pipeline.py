@@ -77,6 +77,7 @@ def test_clocks_without_overlap_are_an_error_with_both_spans_and_the_offset(sess
         run(open_session(session), Counting())
     assert "lidar_minus_gnss_s = 0.0" in caught.value.remedy
     assert "32400" in caught.value.what
+    assert caught.value.what.endswith("do not overlap in time.")
 
 
 def test_a_log_in_gps_time_is_found_out_and_its_cure_works(session: Path) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.images.aiding import aided_by_images, with_control
-from furrowmap.core.images.block_adjustment import NOTHING_KNOWN, adjusted_block
+from furrowmap.core.images.aiding import aided_by_images, notices_beside, with_control
+from furrowmap.core.images.block_adjustment import NOTHING_KNOWN, Known, adjusted_block
 from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
@@ -98,3 +98,15 @@ def test_views_of_control_points__that_disagree_are_left_out() -> None:
     images = Images.sorted(paths, T_S)
     assert with_control(flight.block, adjusted, alone, images, notices) == (adjusted, NOTHING_KNOWN)
     assert [notice.code for notice in notices] == ["control-points-unseen"]
+
+
+@pytest.mark.parametrize(
+    ("names", "kept"), [((), True), (("C1", "C2"), True), (("C1", "C1", "C1"), True), (("C1", "C2", "C3"), False)]
+)
+def test_quality_of_positions__is_not_that_of_a_cloud_that_control_points_place(
+    names: tuple[str, ...], kept: bool
+) -> None:
+    n = len(names)
+    known = Known(np.arange(n), np.zeros((n, 3)), np.full((n, 3), 0.005), names)
+    quality, other = Notice("gnss-quality", "float"), Notice("epochs-missing", "some")
+    assert notices_beside((quality, other), known) == ((quality, other) if kept else (other,))
