@@ -45,7 +45,7 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
                 code="missing-column",
             )
         rows = complete_rows(source, lines, (names, separator), (time, *ANGLES), notices)
-    t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s))
+    t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s)) if len(rows) else rows[:, 0]
     if len(rows) < 2 or not bool(np.all(np.diff(t_s) > 0)):
         raise InputError(
             f"{path}: {len(rows)} rows, whose times do not increase from each to the next.",

@@ -194,6 +194,7 @@ def test_file__is_read_by_its_columns(tmp_path: Path) -> None:
         ("time_unix_s,roll_deg,pitch_deg\n1,2,3\n", "missing-column"),
         (HEAD + "1,0,0,0\n1,0,0,0\n", "time-disorder"),
         (HEAD.replace("unix", "gps") + "0,0,0,0\n1e-320,0,0,0\n", "time-disorder"),
+        (HEAD.replace("unix", "gps"), "time-disorder"),
         (HEAD + "1,0,0,0\n2,x,0,0\n", "not-a-number"),
         (HEAD + "1,0,0,0\n2,9000,0,0\n", "value-out-of-range"),
     ],
