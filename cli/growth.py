@@ -11,11 +11,10 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import classes_of, widths_of
-from furrowmap.cli.tables import file_size, table
+from furrowmap.cli.tables import file_size, parcel_table, table
 from furrowmap.core.values.errors import printable
 
 SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
-MOST_ROWS = 60
 
 
 @click.command(
@@ -83,14 +82,10 @@ def growth(
 
 
 def _words(account: dict[str, Any], folder: Path) -> str:
-    rows = [[printable(str(row["id"])), *(_number(row[name]) for name in SHOWN)] for row in account["parcels"]]
-    lines = [["id", *SHOWN], *rows[:MOST_ROWS]]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    shown = "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in lines)
-    more = f"\n… {len(rows) - MOST_ROWS} more in growth.csv" if len(rows) > MOST_ROWS else ""
+    shown = parcel_table(account["parcels"], SHOWN, "growth.csv")
     days = [(each["day"], _alignment(each)) for each in account["flights"]]
     files = [(printable(name), file_size(folder / name)) for name in account["products"]]
-    return f"{table(days)}\n{shown}{more}\n{printable(str(folder))}:\n{table(files)}"
+    return f"{table(days)}\n{shown}\n{printable(str(folder))}:\n{table(files)}"
 
 
 def _alignment(flight: dict[str, Any]) -> str:
@@ -100,7 +95,3 @@ def _alignment(flight: dict[str, Any]) -> str:
         return "reference"
     tilt = f", tilt {found['tilt_east']:+.1e} east, {found['tilt_north']:+.1e} north" if found["tilted"] else ""
     return f"soil {1000 * found['offset_m']:+.1f} ± {1000 * found['offset_sigma_m']:.1f} mm{tilt}"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"

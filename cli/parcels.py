@@ -11,12 +11,10 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import classes_of, widths_of
-from furrowmap.cli.tables import file_size, table
+from furrowmap.cli.tables import file_size, parcel_table, table
 from furrowmap.core.values.errors import printable
 
 SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
-MOST_ROWS = 60
-PARCEL_TABLE = "parcels.csv"
 
 
 @click.command(
@@ -103,14 +101,6 @@ def parcels(
 
 
 def _words(account: dict[str, Any], folder: Path) -> str:
-    rows = [[printable(str(row["id"])), *(_number(row[name]) for name in SHOWN)] for row in account["parcels"]]
-    lines = [["id", *SHOWN], *rows[:MOST_ROWS]]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    shown = "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in lines)
-    more = f"\n… {len(rows) - MOST_ROWS} more in {PARCEL_TABLE}" if len(rows) > MOST_ROWS else ""
+    shown = parcel_table(account["parcels"], SHOWN, "parcels.csv")
     files = [(printable(name), file_size(folder / name)) for name in account["products"]]
-    return f"{shown}{more}\n{printable(str(folder))}:\n{table(files)}"
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+    return f"{shown}\n{printable(str(folder))}:\n{table(files)}"

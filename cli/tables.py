@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import printable
 
+MOST_PARCELS: Final = 60
+"""Parcels that the terminal shows."""
 _UNITS: Final = {
     "m2": "m²",
     "m3": "m³",
@@ -37,6 +39,25 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
         lines.append(f"  {name:<{width}}  {first}".rstrip())
         lines.extend(f"  {'':<{width}}  {line}" for line in more)
     return "\n".join(lines)
+
+
+def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whole: str) -> str:
+    """Some columns of a table of parcels, right-aligned under their names.
+
+    Args:
+        rows: a row for each parcel, with `id`.
+        columns: names of the numbers to show.
+        whole: the file with all rows and columns, named where rows are left out.
+    """
+    lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]
+    shown = lines[: 1 + MOST_PARCELS]
+    widths = [max(len(line[k]) for line in shown) for k in range(len(lines[0]))]
+    text = "\n".join("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in shown)
+    return f"{text}\n… {len(rows) - MOST_PARCELS} more in {whole}" if len(rows) > MOST_PARCELS else text
+
+
+def _short(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
 
 
 def _figure(name: str, value: Any) -> tuple[str, str]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from furrowmap.core.images.frames import Frames, frames_along
+from furrowmap.core.images.session_aid import aided_session
 from furrowmap.core.pipeline import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
@@ -41,7 +42,8 @@ def colour(
     """Write a cloud in the colours of the images of a session, as COPC with point format 7.
 
     Each point takes the colour of the best image that sees it; points that none sees, of the machine, and noise are 0.
-    The poses of the images are those of the session's trajectory from GNSS and IMU, or of its `[trajectory]`.
+    The poses of the images are those of the session's trajectory from GNSS, IMU and the images themselves, with the
+    camera's mounting that these show, or of its `[trajectory]`.
 
     Args:
         cloud: LAS, LAZ or COPC file; it is taken to the session's CRS, its heights are taken as they are.
@@ -63,7 +65,7 @@ def colour(
     expect_pillow()
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
-    frames = _frames(opened, notices)
+    frames = _frames(opened, notices, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
     with scratch_in(target.parent), RunColours() as colours:
         figures = _write(clouds, frames, colours, target, progress)
@@ -71,7 +73,7 @@ def colour(
     return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))
 
 
-def _frames(opened: OpenSession, notices: list[Notice]) -> Frames:
+def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:
     """The frames of the session's camera.
 
     Raises:
@@ -85,10 +87,12 @@ def _frames(opened: OpenSession, notices: list[Notice]) -> Frames:
             "State the camera and its images there.",
             code="no-camera",
         )
-    images, positions = opened.images(notices), opened.positions()
-    located = locate(positions, opened.session, opened.frame, companions(opened))
+    images = opened.images(notices)
+    located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
-    frames = frames_along(images, camera_of(camera), located.trajectory, scale, notices) if len(images) else None
+    located, aid = aided_session(opened, located, scale, notices, progress)
+    used = aid.camera if aid is not None else camera_of(camera)
+    frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
     if frames is None:
         raise InputError(
             f"{opened.file}: none of {len(images)} images has a pose.",

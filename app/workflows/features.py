@@ -21,13 +21,13 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.surfaces.cloth import require_cloth
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, REPORT
-from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, refuse_occupied
+from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.feature_layers import feature_layers, write_features
 from furrowmap.workflows.clean import write_records
 from furrowmap.workflows.cloud_inputs import input_records, input_rows
@@ -90,7 +90,7 @@ def features(
         OSError: if the folder cannot be written to.
     """
     folder = Path(out)
-    _refuse_occupied(folder, overwrite=overwrite)
+    refuse_occupied(folder, FEATURE_PRODUCTS, CLOUD, overwrite=overwrite)
     if settings.ground == "csf":
         require_cloth()
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
@@ -179,22 +179,3 @@ def _sparse(cell_m: float) -> list[Notice]:
         "Large planes and the ground can."
     )
     return [Notice("features-sparse", text)]
-
-
-def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    """Refuse a folder that holds products.
-
-    Raises:
-        RefusedError: if it holds features that may not be replaced, or the products of a run.
-    """
-    if not folder.is_dir():
-        return
-    recover(folder)
-    if (folder / REPORT).exists():
-        raise RefusedError(
-            f"{folder} contains the products of a run.",
-            "Its cloud.copc.laz would be replaced.",
-            "Choose another folder with -o.",
-            code="output-is-run",
-        )
-    refuse_products(folder, FEATURE_PRODUCTS, overwrite=overwrite)

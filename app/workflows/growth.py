@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pyproj import CRS, Transformer
+from pyproj import CRS
 
 from furrowmap.core.crops.measured_growth import MeasuredGrowth, measured_growth, soil_changes
 from furrowmap.core.crops.parcel_points import ParcelPoints
@@ -20,7 +20,7 @@ from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.soil_change import FEWEST_COMMON, SoilChange
 from furrowmap.core.crops.treatments import day_of
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.geodesy.local_time import local_time, zone_at
+from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, UsageError
@@ -202,13 +202,13 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
     Raises:
         InputError: if they have none.
     """
-    geographic = part.crs.to_2d().geodetic_crs
+    place = parcels[0].net.centroid
     for batch in part.batches():
         known = batch.t_s[np.isfinite(batch.t_s)] if batch.t_s is not None else np.zeros(0)
-        if len(known) and geographic is not None and not part.week_times:
-            degrees = Transformer.from_crs(part.crs.to_2d(), geographic.to_2d(), always_xy=True)
-            lon, lat = degrees.transform(parcels[0].net.centroid.x, parcels[0].net.centroid.y)
-            return local_time(float(known[0]), zone_at(lon, lat)).date()
+        if len(known) and not part.week_times:
+            day = local_day(float(known[0]), part.crs, (place.x, place.y))
+            if day is not None:
+                return day
         if batch.t_s is None:
             break
     raise InputError(

@@ -19,6 +19,7 @@ from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.session.opened import OpenSession
@@ -270,7 +271,8 @@ def write_parcels(
             progress("measuring parcels", len(found) / len(points.parcels))
         if heights.write(folder / CROP_HEIGHT, crs, origin):
             (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
-    day = dt.datetime.fromtimestamp(origin.span_s[0], dt.UTC).date() if origin.span_s is not None else None
+    place = points.parcels[0].net.centroid
+    day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
     treated, notices = _treated([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     layer = parcel_layer(found)

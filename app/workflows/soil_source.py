@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -94,7 +95,7 @@ def soil_source(
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
             raster = _gridded(_clouds(path, target), Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
-                yield SoilRaster(path, opened.dataset, opened.change, opened.unit_m)
+                yield replace(opened, path=path)
     else:
         with open_soil_raster(path, target, box_m) as opened:
             yield opened

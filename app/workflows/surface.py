@@ -18,11 +18,11 @@ from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.result_folder import REPORT, SURFACE_PRODUCTS, SURFACES_REPORT
-from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.files.result_folder import DSM, SURFACE_PRODUCTS, SURFACES_REPORT, refuse_occupied
+from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.workflows.cloud_inputs import area_records, input_records, input_rows
 from furrowmap.workflows.cloud_rasters import CloudRasters
 
@@ -65,7 +65,7 @@ def surface(
         OSError: if the folder cannot be written to.
     """
     folder = Path(out)
-    _refuse_occupied(folder, overwrite=overwrite)
+    refuse_occupied(folder, SURFACE_PRODUCTS, DSM, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
     # Without a limit GDAL caches up to a twentieth of the memory.
@@ -152,22 +152,3 @@ def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
         "by point density), a box (--bbox), or remove points that lie far from the others."
     )
     return [Notice("cells-mostly-empty", text)]
-
-
-def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    """Refuse a folder that holds products.
-
-    Raises:
-        RefusedError: if it holds surfaces that may not be replaced, or the products of a run.
-    """
-    if not folder.is_dir():
-        return
-    recover(folder)
-    if (folder / REPORT).exists():
-        raise RefusedError(
-            f"{folder} contains the products of a run.",
-            "Its dsm.tif would be replaced.",
-            "Choose another folder with -o.",
-            code="output-is-run",
-        )
-    refuse_products(folder, SURFACE_PRODUCTS, overwrite=overwrite)

@@ -6,6 +6,8 @@ import datetime as dt
 from typing import Final
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from pyproj import CRS, Transformer
+
 HOUR_DEG: Final = 15.0
 
 
@@ -27,6 +29,21 @@ def zone_at(lon_deg: float, lat_deg: float) -> ZoneInfo:
 def local_time(t_s: float, zone: ZoneInfo) -> dt.datetime:
     """The local time of a UTC time in seconds since 1970, to the millisecond."""
     return dt.datetime.fromtimestamp(round(t_s, 3), tz=dt.UTC).astimezone(zone)
+
+
+def local_day(t_s: float, crs: CRS, xy_m: tuple[float, float]) -> dt.date | None:
+    """The day that calendars show at a UTC time at a place on a map; None where its CRS has no geographic base.
+
+    Args:
+        t_s: UTC.
+        crs: of the map.
+        xy_m: easting and northing.
+    """
+    base = crs.to_2d().geodetic_crs
+    if base is None:
+        return None
+    lon, lat = Transformer.from_crs(crs.to_2d(), base.to_2d(), always_xy=True).transform(*xy_m)
+    return local_time(t_s, zone_at(lon, lat)).date()
 
 
 def clock_words(t_s: float, zone: ZoneInfo) -> str:

@@ -65,7 +65,11 @@ def read_table(path: Path) -> SurveyTable:
     separator = max(_SEPARATORS, key=head.count)
     if separator not in head:
         raise ValueError("its first line has no comma, semicolon or tab")
-    rows = list(csv.reader(StringIO("\n".join(line for _, line in lines)), delimiter=separator, skipinitialspace=True))
+    text = StringIO("\n".join(line for _, line in lines))
+    try:
+        rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
+    except csv.Error as error:  # such as a cell without an end
+        raise ValueError(f"it is no table of cells ({error})") from None
     names = [column_name(name) for name in rows[0]]
     body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
     columns = {name: [row[k] for row in body] for k, name in enumerate(names) if name}

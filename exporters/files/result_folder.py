@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
@@ -14,10 +14,10 @@ import msgspec
 import numpy as np
 import shapely
 
-from furrowmap.core.values.errors import FurrowmapError, InputError
+from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.file_names import inside
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.staging import recover
+from furrowmap.exporters.files.staging import recover, refuse_products
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -160,6 +160,31 @@ _Report = msgspec.defstruct(
     ],
 )  # fmt: skip
 """The keys of `report.json` that exports and farm maps need."""
+
+
+def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overwrite: bool) -> None:
+    """Finish what an earlier process left in a folder, and check that products may go there, before the work.
+
+    Args:
+        folder: that need not exist.
+        products: their names.
+        shared: the product that a run has under the same name.
+        overwrite: whether products of these names may be replaced; those of a run may not.
+
+    Raises:
+        RefusedError: if the folder holds such products, or those of a run.
+    """
+    if not folder.is_dir():
+        return
+    recover(folder)
+    if (folder / REPORT).exists():
+        raise RefusedError(
+            f"{folder} contains the products of a run.",
+            f"Its {shared} would be replaced.",
+            "Choose another folder with -o.",
+            code="output-is-run",
+        )
+    refuse_products(folder, products, overwrite=overwrite)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.cli.tables import figures, table
+from furrowmap.cli.tables import MOST_PARCELS, figures, parcel_table, table
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,12 @@ def test_figure__has_its_unit_behind_it(name: str, value: Any, label: str, words
 
 def test_table__aligns_values_and_their_further_lines() -> None:
     assert table([("a", "1"), ("longer", "2\n3")]) == "  a       1\n  longer  2\n          3"
+
+
+def test_parcels__are_aligned_and_the_rest_is_counted() -> None:
+    rows = [{"id": f"P{k}", "height_m": None if k == 1 else 0.123456, "note": "x"} for k in range(MOST_PARCELS + 2)]
+    lines = parcel_table(rows, ["height_m"], "parcels.csv").splitlines()
+    assert lines[:3] == [" id  height_m", " P0    0.1235", " P1          "]
+    assert lines[-1] == "… 2 more in parcels.csv"
+    assert len(lines) == MOST_PARCELS + 2
+    assert "more" not in parcel_table(rows[:3], ["height_m"], "parcels.csv")

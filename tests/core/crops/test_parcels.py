@@ -164,7 +164,9 @@ def test_what_is_no_set_of_parcels__is_refused(tmp_path: Path, features: list[ob
         ("<kml><Placemark><Polygon>", "no element found"),
         ("<?xml version='1.0'?><!DOCTYPE k [<!ENTITY e 'x'>]><kml>&e;</kml>", "document type"),
         ("<OGRVRTDataSource/>", "neither"),
+        ("id,e_m,n_m\n" + "1" * 140_000 + ",0,0\n", "larger than field limit"),
     ],
+    ids=lambda value: value[:40],
 )
 def test_damaged_texts__are_told(tmp_path: Path, text: str, says: str) -> None:
     (tmp_path / "p.csv").write_text(text)

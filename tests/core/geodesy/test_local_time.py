@@ -8,8 +8,9 @@ from zoneinfo import ZoneInfo, available_timezones
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pyproj import CRS
 
-from furrowmap.core.geodesy.local_time import clock_words, local_time, zone_at, zone_words
+from furrowmap.core.geodesy.local_time import clock_words, local_day, local_time, zone_at, zone_words
 
 JUNE_S = dt.datetime(2026, 6, 11, 16, 23, 5, 250_000, tzinfo=dt.UTC).timestamp()
 JANUARY_S = dt.datetime(2026, 1, 11, 23, 23, 5, tzinfo=dt.UTC).timestamp()
@@ -45,3 +46,10 @@ def test_words__name_the_zone_and_its_offset_of_that_day() -> None:
     copenhagen = ZoneInfo("Europe/Copenhagen")
     assert zone_words(JUNE_S, copenhagen) == "Europe/Copenhagen, UTC+02:00"
     assert zone_words(JANUARY_S, copenhagen) == "Europe/Copenhagen, UTC+01:00"
+
+
+def test_day__is_that_of_the_place() -> None:
+    """Half past seven in the evening of 10 June in UTC is the morning of the 11th in Japan (140 E, 36 N)."""
+    t_s = dt.datetime(2026, 6, 10, 19, 30, tzinfo=dt.UTC).timestamp()
+    assert local_day(t_s, CRS("EPSG:6677"), (0.0, 0.0)) == dt.date(2026, 6, 11)
+    assert local_day(t_s, CRS("EPSG:25832"), (500_000.0, 6_100_000.0)) == dt.date(2026, 6, 10)
