@@ -10,7 +10,7 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import box_of, classes_of
+from furrowmap.cli.point_options import bbox_option, box_of, classes_of, classes_option, crs_option, dst_crs_option
 from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
@@ -49,15 +49,10 @@ SIZE = click.FloatRange(0, min_open=True)
     show_default=True,
     help="Ground classification method; auto uses the ground class of the input if there is one, else smrf.",
 )
-@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
-@click.option(
-    "--class",
-    "classes",
-    metavar="N,N",
-    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@bbox_option
+@classes_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
 @common_options
 def canopy(

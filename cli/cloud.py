@@ -10,7 +10,16 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import box_of, classes_of
+from furrowmap.cli.point_options import (
+    bbox_crs_option,
+    bbox_option,
+    box_of,
+    classes_of,
+    crs_option,
+    dst_crs_option,
+    every_option,
+    within_option,
+)
 from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
@@ -42,20 +51,18 @@ from furrowmap.core.values.errors import printable
 @click.option(
     "--without-class", metavar="N,N", help="Leave out these classes; 64,65 are the machine in furrowmap's own clouds."
 )
-@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
+@every_option
 @click.option(
     "--voxel",
     type=click.FloatRange(0.001, 10),
     metavar="METRES",
     help="Voxel size; keep the point nearest to the centre of each voxel.",
 )
-@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
-@click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
-@click.option(
-    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@bbox_option
+@bbox_crs_option
+@within_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace an existing output file.")
 @common_options
 def cloud(

@@ -10,7 +10,15 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import box_of
+from furrowmap.cli.point_options import (
+    bbox_crs_option,
+    bbox_option,
+    box_of,
+    crs_option,
+    dst_crs_option,
+    every_option,
+    within_option,
+)
 from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
@@ -34,14 +42,12 @@ from furrowmap.core.values.errors import printable
     metavar="METRES",
     help="Voxel size, the smallest detail [default: the point spacing, 0.05 to 0.4].",
 )
-@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
-@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
-@click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
-@click.option(
-    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@every_option
+@bbox_option
+@bbox_crs_option
+@within_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace existing features in DIR.")
 @common_options
 def features(

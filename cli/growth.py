@@ -10,7 +10,15 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import classes_of, widths_of
+from furrowmap.cli.point_options import (
+    classes_of,
+    classes_option,
+    crs_option,
+    dst_crs_option,
+    net_inset_option,
+    net_option,
+    widths_of,
+)
 from furrowmap.cli.tables import file_size, parcel_table, table
 from furrowmap.core.values.errors import printable
 
@@ -31,20 +39,11 @@ SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
     metavar="DATE",
     help="Day of the flight, once for each CLOUD [default: that of its points].",
 )
-@click.option(
-    "--net-inset",
-    metavar="ENDS,SIDES",
-    help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
-)
-@click.option("--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset.")
-@click.option(
-    "--class",
-    "classes",
-    metavar="N,N",
-    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@net_inset_option
+@net_option
+@classes_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
 @common_options
 def growth(

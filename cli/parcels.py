@@ -10,7 +10,15 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import classes_of, widths_of
+from furrowmap.cli.point_options import (
+    classes_of,
+    classes_option,
+    crs_option,
+    dst_crs_option,
+    net_inset_option,
+    net_option,
+    widths_of,
+)
 from furrowmap.cli.tables import file_size, parcel_table, table
 from furrowmap.core.values.errors import printable
 
@@ -24,12 +32,8 @@ SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "poin
 @click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
 @click.argument("parcels_file", metavar="PARCELS", type=FILE)
 @click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
-@click.option(
-    "--net-inset",
-    metavar="ENDS,SIDES",
-    help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
-)
-@click.option("--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset.")
+@net_inset_option
+@net_option
 @click.option(
     "--method",
     type=click.Choice(["canopy-top", "christiansen2017"]),
@@ -48,14 +52,9 @@ SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "poin
 @click.option("--treatments", metavar="FILE", help="CSV or spreadsheet with what each parcel or treatment was given.")
 @click.option("--day", metavar="DATE", help="Day up to which doses are summed [default: that of the points].")
 @click.option("--compare", is_flag=True, help="Compute the published method beside the default one.")
-@click.option(
-    "--class",
-    "classes",
-    metavar="N,N",
-    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@classes_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
 @common_options
 def parcels(

@@ -1,13 +1,41 @@
-"""Parsing of --bbox, of lists of classes and of pairs of widths."""
+"""Options of several commands that choose points and parcels, and the parsing of their values."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
+import click
+
+from furrowmap.cli.options import FILE
 from furrowmap.core.values.errors import UsageError
 
 CLASSES: Final = frozenset(range(256))
+
+bbox_option = click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
+bbox_crs_option = click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
+within_option = click.option(
+    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
+)
+classes_option = click.option(
+    "--class",
+    "classes",
+    metavar="N,N",
+    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
+)
+every_option = click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
+crs_option = click.option("--crs", metavar="CRS", help="CRS of input files without one.")
+dst_crs_option = click.option(
+    "--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input]."
+)
+net_inset_option = click.option(
+    "--net-inset",
+    metavar="ENDS,SIDES",
+    help="Width in metres of the strip between gross and net parcel off each end, and off each side [default: none].",
+)
+net_option = click.option(
+    "--net", type=FILE, metavar="FILE", help="Net parcels with the same identifiers, instead of an inset."
+)
 
 
 def box_of(text: str | None) -> tuple[float, float, float, float] | None:

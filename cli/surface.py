@@ -10,7 +10,17 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import box_of, classes_of
+from furrowmap.cli.point_options import (
+    bbox_crs_option,
+    bbox_option,
+    box_of,
+    classes_of,
+    classes_option,
+    crs_option,
+    dst_crs_option,
+    every_option,
+    within_option,
+)
 from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.values.errors import printable
 
@@ -34,14 +44,9 @@ from furrowmap.core.values.errors import printable
     show_default=True,
     help="Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.",
 )
-@click.option("--bbox", metavar="W,S,E,N", help="Keep points in this box, in the CRS of the output.")
-@click.option("--bbox-crs", metavar="CRS", help="CRS of --bbox, if it differs.")
-@click.option(
-    "--class",
-    "classes",
-    metavar="N,N",
-    help="Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].",
-)
+@bbox_option
+@bbox_crs_option
+@classes_option
 @click.option(
     "--ground-method",
     type=click.Choice(["auto", "class", "smrf", "csf", "none"]),
@@ -56,7 +61,7 @@ from furrowmap.core.values.errors import printable
     show_default=True,
     help="Outlier detection method; outliers are left out.",
 )
-@click.option("--every", type=click.IntRange(1), default=1, metavar="N", help="Keep every N-th point.")
+@every_option
 @click.option(
     "--fill",
     type=click.FloatRange(0),
@@ -70,11 +75,9 @@ from furrowmap.core.values.errors import printable
     metavar="DEGREES",
     help="Direction of tillage, clockwise from grid north; removes tillage marks from the random roughness.",
 )
-@click.option(
-    "--within", type=FILE, metavar="POLYGONS", help="Keep points in these polygons: a vector file, or a CSV of corners."
-)
-@click.option("--crs", metavar="CRS", help="CRS of input files without one.")
-@click.option("--dst-crs", metavar="CRS", help="CRS of the output, in metres [default: that of the input].")
+@within_option
+@crs_option
+@dst_crs_option
 @click.option("--overwrite", is_flag=True, help="Replace existing surfaces in DIR.")
 @common_options
 def surface(
