@@ -33,7 +33,6 @@ from furrowmap.core.pointclouds.run_notices import (
     session_notices,
 )
 from furrowmap.core.readers.reader import ClockReading, GivesTrack, Reader
-from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
@@ -192,7 +191,7 @@ def _give_frames(
     images = opened.images(notices)
     if images:
         scale = ground_scale(opened.frame, trajectory)
-        frames = frames_along(images, found or camera_of(camera), trajectory, scale, notices)
+        frames = frames_along(images, found or opened.camera(), trajectory, scale, notices)
         if frames is not None:
             sink.take(frames, origin_m)
     return notices

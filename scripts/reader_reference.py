@@ -14,6 +14,7 @@ GIVES: Final = {
     "track": "positions",
     "inertial": "IMU",
     "attitude": "attitudes",
+    "images": "images",
     "poses": "poses",
     "states": "implement states",
 }

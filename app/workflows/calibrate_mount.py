@@ -23,6 +23,7 @@ from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.file import load_session
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.images import Images
@@ -143,6 +144,8 @@ def _camera(session_file: Path) -> Camera:
             "State width, height, fx, fy, cx, cy and the distortion there, or leave --camera out.",
             code="no-camera",
         )
+    if table.topic is not None and not table.has_intrinsics:
+        return open_session(session_file).camera()
     return camera_of(table)
 
 

@@ -15,7 +15,6 @@ from furrowmap.core.pipeline import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.exif import expect_pillow
-from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.errors import InputError, Notice
@@ -65,9 +64,9 @@ def colour(
     expect_pillow()
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
-    frames = _frames(opened, notices, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
     with scratch_in(target.parent), RunColours() as colours:
+        frames = _frames(opened, notices, progress)
         figures = _write(clouds, frames, colours, target, progress)
     told = [*notices, *clouds.notices, *figures.notices]
     return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))
@@ -91,7 +90,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
     located, aid = aided_session(opened, located, scale, notices, progress)
-    used = aid.camera if aid is not None else camera_of(camera)
+    used = aid.camera if aid is not None else opened.camera()
     frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
     if frames is None:
         raise InputError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.trajectory.pose_errors import PoseErrors
+from furrowmap.core.values.images import ImageFile
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Views:
 
 
 def control_views(
-    points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[Path]
+    points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
 ) -> tuple[Ties, Known] | None:
     """Views of surveyed points as ties, and what is known of these; None where no point is seen twice.
 
@@ -91,14 +91,14 @@ def control_views(
     return chosen, Known(np.arange(len(number)), points.xyz_m[number], sigma, tuple(points.name[k] for k in number))
 
 
-def _stated(points: ControlPoints, paths: Sequence[Path]) -> Views:
+def _stated(points: ControlPoints, paths: Sequence[ImageFile]) -> Views:
     frames = {path.name: k for k, path in enumerate(paths)}
     rows = [(frames[name], k, u, v) for name, k, u, v in points.seen if name in frames]
     table = np.array(rows, np.float64).reshape(-1, 4)
     return Views(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
 
 
-def _found(points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[Path]) -> Views:
+def _found(points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[ImageFile]) -> Views:
     """Look for the plates where the adjusted poses expect them."""
     poses, camera = adjusted_poses(block, adjusted), adjusted.camera
     reach_m = SIGMAS * float(np.sqrt(_shift_variance(adjusted.found).max())) + SIGMAS * SIGMA_M
@@ -130,7 +130,7 @@ def _shift_variance(found: PoseErrors) -> FloatArray:
     return variances
 
 
-def _grey(path: Path) -> NDArray[np.uint8] | None:
+def _grey(path: ImageFile) -> NDArray[np.uint8] | None:
     """Grey levels (rows, columns) of an image; None if it cannot be read."""
     try:
         pixels = read_pixels(path, 1)

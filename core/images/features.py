@@ -15,7 +15,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.exif import write_image
 from furrowmap.core.values.camera import COLMAP_MIDDLE, Camera
+from furrowmap.core.values.images import RAW, ImageFile, StoredImage
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.threads import threads
 
@@ -42,7 +44,7 @@ class FeatureStore:
         camera: that took them.
     """
 
-    def __init__(self, folder: Path, paths: Sequence[Path], camera: Camera) -> None:
+    def __init__(self, folder: Path, paths: Sequence[ImageFile], camera: Camera) -> None:
         import pycolmap
 
         # What is wrong with an image shows in its features; errors are raised.
@@ -53,9 +55,8 @@ class FeatureStore:
         self._images = folder / "images"
         self._images.mkdir()
         # COLMAP's lists of pairs have no names with spaces.
-        self._names = [f"{k:07d}{path.suffix}" for k, path in enumerate(paths)]
-        for name, path in zip(self._names, paths, strict=True):
-            _linked(path.resolve(), self._images / name)
+        self._names = [f"{k:07d}{'.tif' if path.suffix == RAW else path.suffix}" for k, path in enumerate(paths)]
+        self._paths = paths
 
     def extract(self, progress: Progress) -> None:
         """Find the features of all images; reports the stage "finding features"."""
@@ -71,15 +72,20 @@ class FeatureStore:
         reader.camera_params = ",".join(map(repr, params))
         for begin in range(0, len(self._names), BATCH):
             progress("finding features", begin / len(self._names))
+            names = self._names[begin : begin + BATCH]
+            for name, path in zip(names, self._paths[begin : begin + BATCH], strict=True):
+                _put(path, self._images / name)
             self._colmap.extract_features(
                 self._database,
                 self._images,
-                image_names=self._names[begin : begin + BATCH],
+                image_names=names,
                 camera_mode=self._colmap.CameraMode.SINGLE if begin == 0 else self._colmap.CameraMode.AUTO,
                 reader_options=reader,
                 extraction_options=options,
                 device=self._colmap.Device.cpu,
             )
+            for name in names:
+                (self._images / name).unlink()
         progress("finding features", 1.0)
 
     def match(self, pairs: Sequence[Pair], progress: Progress) -> None:
@@ -121,18 +127,21 @@ class FeatureStore:
 
 
 @contextmanager
-def feature_store(paths: Sequence[Path], camera: Camera) -> Iterator[FeatureStore]:
+def feature_store(paths: Sequence[ImageFile], camera: Camera) -> Iterator[FeatureStore]:
     """A store in a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
         yield FeatureStore(Path(folder), paths, camera)
 
 
-def _linked(path: Path, name: Path) -> None:
-    """Make a link to a file, or a copy where the system allows no links."""
+def _put(image: ImageFile, name: Path) -> None:
+    """Make a link to a file, or a copy where the system allows no links; write an image of a recording."""
+    if isinstance(image, StoredImage):
+        write_image(image, name)
+        return
     try:
-        name.symlink_to(path)
+        name.symlink_to(image.resolve())
     except OSError:
-        shutil.copyfile(path, name)
+        shutil.copyfile(image, name)
 
 
 def _measured(keypoints: NDArray[np.float32]) -> FloatArray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from furrowmap.core.images.frame_poses import FramePoses, frame_poses
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.images import Images
+from furrowmap.core.values.images import ImageFile, Images
 from furrowmap.core.values.trajectory import Trajectory
 
 
@@ -22,12 +21,12 @@ class Frames:
     """Images of one camera in the order of time, each with a pose.
 
     Attributes:
-        paths: of the files.
+        paths: of the files, or the images themselves.
         camera: that took them.
         poses: of its optical frame in the map frame.
     """
 
-    paths: tuple[Path, ...]
+    paths: tuple[ImageFile, ...]
     camera: Camera
     poses: FramePoses
 

@@ -12,7 +12,6 @@ from furrowmap.core.checking.surveyed_points import read_points
 from furrowmap.core.images.aiding import ImageAid, aided_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.readers.survey_table import SurveyTable, read_table
-from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.errors import InputError, Notice
@@ -45,7 +44,7 @@ def aided_session(
         notices.append(unused('the extra is not installed: pip install "furrowmap[photo]"'))
         return located, None
     control = _control(opened)
-    return aided_by_images(located, opened.images(notices), camera_of(source), scale, control, notices, progress)
+    return aided_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
 
 
 def _control(opened: OpenSession) -> ControlPoints | None:

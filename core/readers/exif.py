@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import io
 import warnings
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -12,8 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.raw_pixels import raw_pixels
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.images import Images
+from furrowmap.core.values.images import ImageFile, Images, StoredImage
 
 TAKEN, OFFSET, SUBSECOND = 0x9003, 0x9011, 0x9291
 """EXIF DateTimeOriginal, OffsetTimeOriginal, SubSecTimeOriginal."""
@@ -63,22 +65,20 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
     return Images.sorted([path for path, _, _ in taken], times, places)
 
 
-def read_pixels(path: Path, reduction: int) -> NDArray[np.uint8]:
+def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
     """The pixels (height, width, 3) of an image as they are stored, red, green, blue; not turned as EXIF may say.
 
     Args:
-        path: of a JPEG, TIFF or PNG file.
+        path: of a JPEG, TIFF or PNG file, or an image of a recording.
         reduction: a pixel is the mean of so many by so many; a rest at the right and at the bottom is cut off.
 
     Raises:
         ValueError: if it is no image, is damaged or cut, or has too many pixels.
     """
-    from PIL import Image
-
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as image:
+            with _opened(path) as image:
                 size = image.size
                 pixels = _reduced(image.convert("RGB"), reduction) if size[0] * size[1] <= MOST_PIXELS else None
     except Exception as error:  # noqa: BLE001 (as above)
@@ -88,22 +88,48 @@ def read_pixels(path: Path, reduction: int) -> NDArray[np.uint8]:
     return pixels
 
 
-def image_size(path: Path) -> tuple[int, int] | None:
+def image_size(path: ImageFile) -> tuple[int, int] | None:
     """Width and height of an image by its header; None if it cannot be read.
 
     Raises:
         InputError: if Pillow is not installed.
     """
     expect_pillow()
-    from PIL import Image
-
+    if isinstance(path, StoredImage) and path.layout is not None:
+        return path.layout.width, path.layout.height
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with Image.open(path, formats=FORMATS) as image:
+            with _opened(path) as image:
                 return int(image.width), int(image.height)
     except Exception:  # noqa: BLE001 (as above)
         return None
+
+
+def write_image(image: StoredImage, path: Path) -> None:
+    """Write an image of a recording as a file: JPEG and PNG as they are, others as TIFF.
+
+    Raises:
+        ValueError: if it is damaged.
+        OSError: if it cannot be written.
+    """
+    if image.layout is None:
+        path.write_bytes(image.data)
+        return
+    from PIL import Image
+
+    Image.fromarray(raw_pixels(image.data, image.layout)).save(path, "TIFF")
+
+
+def _opened(path: ImageFile) -> Any:
+    """An image by Pillow, to be used in a `with`."""
+    from PIL import Image
+
+    if not isinstance(path, StoredImage):
+        return Image.open(path, formats=FORMATS)
+    if path.layout is None:
+        return Image.open(io.BytesIO(path.data), formats=FORMATS)
+    return Image.fromarray(raw_pixels(path.data, path.layout))
 
 
 def _reduced(image: Any, reduction: int) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 """The interface of readers, and how the reader of a file is found.
 
 The reader of a sensor or format is one class with `format`, `title`, `recognise` and `inspect`, and `scans`, `track`,
-`poses` or `states` for the data that it provides. Readers are found through the entry-point group
+`poses`, `images` or `states` for the data that it provides. Readers are found through the entry-point group
 ``furrowmap.readers``, in furrowmap itself and in any other installed package.
 """
 
@@ -17,8 +17,10 @@ from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.values.attitude import AttitudeTrack
+from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Clock, Scan
@@ -42,7 +44,8 @@ class ReadOptions:
         task: id or name of the task to read, for task data with several.
         columns: what the columns of a CSV are: name → (quantity, unit, scale); empty for names that say it.
         topic: name of the topic to read, for bags with several of a kind.
-        glance_s: one scan in this many seconds is sufficient; a reader may yield more if skipping saves no time.
+        glance_s: one scan or image in this many seconds is sufficient; of scans a reader may yield more if skipping
+            saves no time.
     """
 
     model: str | None = None
@@ -194,6 +197,23 @@ class AttitudeReader(Reader, GivesAttitude, Protocol):
 
 class InertialReader(Reader, GivesInertial, Protocol):
     """A reader of inertial measurements."""
+
+
+@runtime_checkable
+class GivesImages(Protocol):
+    """A reader of the images of a camera."""
+
+    def images(self) -> Images:
+        """All images of all files."""
+        ...
+
+    def camera(self) -> Camera:
+        """The camera's size and intrinsics as recorded beside the images."""
+        ...
+
+
+class ImageReader(Reader, GivesImages, Protocol):
+    """A reader of images."""
 
 
 @runtime_checkable

@@ -9,13 +9,12 @@ from typing import Final
 
 from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.image_table import read_image_table
-from furrowmap.core.values.camera import DISTORTION, Camera
+from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
 
-_PINHOLE: Final = ("fx", "fy", "cx", "cy")
 _WILD: Final = frozenset("*?[")
 
 
@@ -34,11 +33,16 @@ def camera_of(source: CameraSource) -> Camera:
         except ValueError as error:
             raise ValueError(f"camera.model: {error}") from None
     else:
-        missing = [f"camera.{name}" for name in _PINHOLE if getattr(source, name) is None]
+        missing = [f"camera.{name}" for name in PINHOLE if getattr(source, name) is None]
         if missing:
             raise ValueError(f"{', '.join(missing)} (pixels) missing; or state camera.model and camera.params")
-        numbers: dict[str, float] = {name: getattr(source, name) for name in (*_PINHOLE, *DISTORTION)}
+        numbers: dict[str, float] = {name: getattr(source, name) for name in (*PINHOLE, *DISTORTION)}
         camera = Camera(*size, **numbers)  # type: ignore[arg-type]
+    return mounted(camera, source)
+
+
+def mounted(camera: Camera, source: CameraSource) -> Camera:
+    """A camera as the table `[camera]` says it is mounted and delayed."""
     return replace(camera, xyz_m=source.xyz_m, rpy_deg=source.rpy_deg, shutter_delay_s=source.shutter_delay_s)
 
 
@@ -48,8 +52,14 @@ def camera_faults(source: CameraSource | None) -> Iterator[str]:
         return
     if source.table is None and not source.files:
         yield "[camera] names no images: set camera.table or camera.files"
+    if source.topic is not None and not source.files:
+        yield "camera.topic is of bags: name them in camera.files"
+    if source.every_s and source.topic is None:
+        yield "camera.every_s thins the images of camera.topic, which is missing"
     if source.control_pixels is not None and source.control_points is None:
         yield "camera.control_pixels needs camera.control_points, the surveyed places of the same points"
+    if source.topic is not None and not source.has_intrinsics:
+        return
     try:
         camera_of(source)
     except ValueError as error:
@@ -102,7 +112,7 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
 
 
 def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -> Images:
-    """The images of a session in the order of time, by the clock of the positions.
+    """The images of a session that are files, in the order of time, by the clock of the positions.
 
     Args:
         session_file: path of the session file.
@@ -118,7 +128,7 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
         parts.append(read_image_table(table, folder, notices))
     elif source.table is not None:
         notices.append(_missing(source.table))
-    if source.files:
+    if source.files and source.topic is None:
         parts.append(exif_images(camera_files(session_file, source, notices), notices))
     return joined(parts).earlier_by(source.minus_gnss_s)
 

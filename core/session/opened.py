@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final, Protocol, cast
 
@@ -13,20 +14,23 @@ from furrowmap.core.readers.reader import (
     AttitudeReader,
     ClockReading,
     GivesAttitude,
+    GivesImages,
     GivesInertial,
     GivesPoses,
     GivesScans,
     GivesTrack,
+    ImageReader,
     InertialReader,
     Reader,
     ReadOptions,
     open_recording,
 )
-from furrowmap.core.session.camera import camera_table, images_of
+from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.file import load_session
+from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
-from furrowmap.core.values.images import Images
+from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.parcel import SOIL_METHODS
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
@@ -39,6 +43,7 @@ _GIVES: Final = {
     GivesPoses: "trajectory",
     GivesInertial: "inertial measurements",
     GivesAttitude: "attitudes",
+    GivesImages: "images",
 }
 
 
@@ -58,6 +63,7 @@ class Inputs:
         mount: attitude of a moving mount.
         boundary: boundary of the field.
         images: table of the camera's images.
+        camera: recordings with its images.
         control_points: surveyed points that images show.
         control_pixels: their places in images.
         parcels: parcels of a trial.
@@ -76,6 +82,7 @@ class Inputs:
     mount: Path | None = None
     boundary: Path | None = None
     images: Path | None = None
+    camera: tuple[Path, ...] = ()
     control_points: Path | None = None
     control_pixels: Path | None = None
     parcels: Path | None = None
@@ -110,6 +117,7 @@ class Inputs:
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
             images=camera_table(session_file, camera),
+            camera=several(camera.files if camera is not None and camera.topic is not None else ()),
             control_points=one(camera.control_points if camera is not None else None),
             control_pixels=one(camera.control_pixels if camera is not None else None),
             parcels=one(parcels.file if parcels is not None else None),
@@ -133,6 +141,7 @@ class Inputs:
                     *self.positions,
                     *self.inertial,
                     *self.attitude,
+                    *self.camera,
                     *(path for path in single if path is not None),
                 ]
             )
@@ -260,8 +269,39 @@ class OpenSession:
         Raises:
             InputError: if a file cannot be read.
         """
-        assert self.session.camera is not None
-        return images_of(self.file, self.session.camera, notices)
+        camera = self.session.camera
+        assert camera is not None
+        files = images_of(self.file, camera, notices)
+        if camera.topic is None:
+            return files
+        images, told = self._recorded
+        notices += [notice for notice in told if notice not in notices]
+        return joined([files, images.earlier_by(camera.minus_gnss_s)])
+
+    def camera(self) -> Camera:
+        """The camera: as stated, else as the recording of its images says.
+
+        Raises:
+            InputError: if neither states its intrinsics.
+        """
+        camera = self.session.camera
+        assert camera is not None
+        stated = camera.topic is None or camera.has_intrinsics
+        return camera_of(camera) if stated else mounted(self._image_reader().camera(), camera)
+
+    @cached_property
+    def _recorded(self) -> tuple[Images, list[Notice]]:
+        """The images of a recording, read once: their bytes stay in a scratch file."""
+        reader = self._image_reader()
+        return reader.images(), reader.notices
+
+    def _image_reader(self) -> ImageReader:
+        camera = self.session.camera
+        assert camera is not None
+        options = ReadOptions(topic=camera.topic, glance_s=camera.every_s or None)
+        reader = open_recording(self.inputs.camera, options)
+        _expect(reader, GivesImages, self.inputs.camera[0], "camera.files")
+        return cast("ImageReader", reader)
 
     def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
         """The laser scans.

@@ -13,6 +13,8 @@ from furrowmap.core.values.mounting import Mounting
 
 FloatArray = NDArray[np.float64]
 
+PINHOLE: Final = ("fx", "fy", "cx", "cy")
+"""Names of focal lengths and principal point."""
 DISTORTION: Final = ("k1", "k2", "k3", "p1", "p2")
 """Names of the distortion coefficients, as OpenCV has them."""
 WIDEST: Final = 20.0

@@ -1,29 +1,77 @@
-"""Images of a camera, with their times."""
+"""Images of a camera, with their times: files, or images in a recording."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+RAW: Final = ".raw"
+"""End of the names of raw images."""
+
+
+@dataclass(frozen=True)
+class RawLayout:
+    """How the bytes of an image without a file format lie.
+
+    Attributes:
+        width, height: in pixels.
+        step: bytes of a row.
+        encoding: as ROS names it.
+        big_endian: byte order of values with two bytes.
+    """
+
+    width: int
+    height: int
+    step: int
+    encoding: str
+    big_endian: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """An image of a recording, in a scratch file.
+
+    Attributes:
+        name: of it, in tables and messages.
+        data: its bytes: a JPEG or PNG file, or raw.
+        layout: of raw bytes; None for a file.
+    """
+
+    name: str
+    data: memoryview
+    layout: RawLayout | None = None
+
+    @property
+    def suffix(self) -> str:
+        """The end of the name, from the dot."""
+        return Path(self.name).suffix
+
+    def __str__(self) -> str:
+        return self.name
+
+
+ImageFile = Path | StoredImage
+
 
 @dataclass(frozen=True)
 class Images:
-    """Image files in the order of time.
+    """Images in the order of time.
 
     Attributes:
-        paths: of the files.
+        paths: of the files, or the images themselves where they are in a recording.
         t_s: (n,) UTC that is stated for each, not decreasing.
         lon_lat_h: (n, 3) float64 longitude and latitude in degrees and height in metres, as the files state them; nan
             where they do not.
     """
 
-    paths: tuple[Path, ...]
+    paths: tuple[ImageFile, ...]
     t_s: FloatArray
     lon_lat_h: FloatArray
 
@@ -38,7 +86,7 @@ class Images:
         return len(self.paths)
 
     @classmethod
-    def sorted(cls, paths: Sequence[Path], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> Images:
+    def sorted(cls, paths: Sequence[ImageFile], t_s: FloatArray, lon_lat_h: FloatArray | None = None) -> Images:
         """Images in any order; without `lon_lat_h` (n, 3) their positions are unknown."""
         place = np.full((len(paths), 3), np.nan) if lon_lat_h is None else lon_lat_h.reshape(-1, 3)
         order = np.argsort(t_s, kind="stable")

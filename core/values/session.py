@@ -267,7 +267,9 @@ class CameraSource(_Part, frozen=True):
 
     Attributes:
         table: CSV with the file and the time of each image.
-        files: images whose times are in their EXIF data; names may have `*` and `?`.
+        files: images whose times are in their EXIF data; names may have `*` and `?`. With `topic`, ROS bags.
+        topic: of the images in these bags; `width` to `params` may be missing where it has a CameraInfo beside it.
+        every_s: images of the topic nearer than this to the one before are left out.
         width, height: of the images, in pixels.
         fx, fy, cx, cy: focal lengths and principal point in pixels; (0, 0) is the middle of the top left pixel.
         k1, k2, k3, p1, p2: Brown distortion, as in OpenCV.
@@ -285,6 +287,8 @@ class CameraSource(_Part, frozen=True):
 
     table: str | None = None
     files: tuple[str, ...] = ()
+    topic: str | None = None
+    every_s: Annotated[float, Meta(ge=0.0)] = 0.0
     width: Annotated[int, Meta(ge=1)] | None = None
     height: Annotated[int, Meta(ge=1)] | None = None
     fx: _Positive | None = None
@@ -305,6 +309,12 @@ class CameraSource(_Part, frozen=True):
     aid: bool = True
     control_points: str | None = None
     control_pixels: str | None = None
+
+    @property
+    def has_intrinsics(self) -> bool:
+        """Whether its size or any of its intrinsics is stated."""
+        pinhole = (self.fx, self.fy, self.cx, self.cy)
+        return any(value is not None for value in (self.width, self.height, *pinhole, self.model))
 
     @property
     def mounting(self) -> Mounting:
@@ -428,6 +438,8 @@ EXAMPLES: Final = {
     "trajectory.week": "2422",
     "camera.table": '"images.csv"',
     "camera.files": '["images/*.jpg"]',
+    "camera.topic": '"/camera/image_raw"',
+    "camera.every_s": "0.5",
     "camera.width": "800",
     "camera.height": "600",
     "camera.fx": "661.4",

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from PIL import Image
 
-from furrowmap.core.readers.exif import exif_images, read_pixels
+from furrowmap.core.readers.exif import exif_images, image_size, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.values.errors import InputError
+from tests.core.readers.image_bags import filmed
+from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
 from tests.fuzz.trials import Entry
 
 
@@ -44,7 +47,27 @@ def read_photo(path: Path) -> None:
         raise InputError(str(error), "It is counted.", "The others are used.", code="images-not-decoded") from None
 
 
+def bags(folder: Path) -> list[dict[str, bytes]]:
+    """Bags of ROS 1 and 2 with raw and packed images."""
+    first = write_bag1(folder / "images.bag", filmed("jpeg", store=ROS1))
+    second = write_bag2(folder / "images", filmed("bayer_rggb8"))
+    return [{path.name: path.read_bytes()} for path in (first, next(second.glob("*.mcap")))]
+
+
+def read_bag(path: Path) -> None:
+    """Images, camera and pixels, as a session with `camera.topic` does."""
+    reader: Any = Recognised.of(path).open()
+    images = reader.images()
+    for image in images.paths:
+        try:
+            read_pixels(image, 1)
+        except ValueError:
+            image_size(image)
+    reader.camera()
+
+
 IMAGES: Final = (
+    Entry("rosbag-images", bags, read_bag, trials=60),
     Entry("image-table", lambda _: [{"images.csv": table()}], read_table, trials=100),
     Entry("exif-jpeg", lambda _: [{"a.jpg": photo("JPEG")}], read_photo, trials=100),
     Entry("exif-tiff", lambda _: [{"a.tif": photo("TIFF")}], read_photo, trials=100),

@@ -1,4 +1,4 @@
-"""ROS bags: laser scans from packets or point clouds, GNSS positions, and inertial measurements."""
+"""ROS bags: laser scans from packets or point clouds, GNSS positions, inertial measurements, and images."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, 
 from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
 from furrowmap.core.readers.rosbag.messages import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
     IMU,
     LASER_SCAN,
     NAV_SAT_FIX,
@@ -24,9 +27,11 @@ from furrowmap.core.readers.rosbag.messages import (
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
 from furrowmap.core.values.attitude import AttitudeTrack
+from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.scan import Clock, Scan
 
@@ -35,6 +40,7 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.inertial import ImuLog
     from furrowmap.core.readers.rosbag.lines import LineScans
     from furrowmap.core.readers.rosbag.packets import PacketScans
+    from furrowmap.core.readers.rosbag.pictures import ImageLog
     from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
 T = TypeVar("T")
@@ -110,6 +116,43 @@ class _RosBag(FileReader):
         self._add_notices(*notices)
         return track
 
+    def images(self) -> Images:
+        """The images of the topic that `options` name, else of that with the most messages; their bytes are on disk.
+
+        Raises:
+            InputError: if the bag has none that can be decoded.
+            OSError: if the disk has no room for them.
+        """
+        chosen, log = self._images(kept=True)
+        if log.left_out:
+            every_s = self.options.glance_s
+            self._note("images-left-out", chosen, f"{log.left_out} images are left out: one in {every_s:g} s is used.")
+        return log.images()
+
+    def camera(self) -> Camera:
+        """The camera of these images by its CameraInfo messages.
+
+        Raises:
+            InputError: if the bag has none for these images, or of a camera that is not supported.
+        """
+        from furrowmap.core.readers.rosbag.pictures import camera_of_info, info_topic
+
+        chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
+        name = info_topic(chosen.name, [topic.name for topic in self._found() if topic.type == CAMERA_INFO])
+        why = "no CameraInfo messages"
+        if name is not None:
+            info = self._choose("the camera's intrinsics", CAMERA_INFO, wanted=name)
+            try:
+                return next(self._read(info, lambda content, _: camera_of_info(content, chosen.name)))
+            except ValueError as error:
+                why = f"{name} does not serve, because {error}"
+        raise InputError(
+            f"{self._source(chosen)}: {why}.",
+            "The intrinsics of the camera are not known.",
+            "State width, height, fx, fy, cx, cy and the distortion under [camera].",
+            code="no-intrinsics",
+        )
+
     def inspect(self) -> Inspection:
         """Read the whole first bag and report what it contains.
 
@@ -128,7 +171,9 @@ class _RosBag(FileReader):
             "topics": {topic.name: _topic_facts(topic) for topic in topics},
         }
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
-        looks = (("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts))
+        looks = [("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts)]
+        if any(topic.type in (IMAGE, COMPRESSED_IMAGE) for topic in topics):
+            looks.append(("images", self._image_facts))
         for name, look_into in looks:
             try:
                 found, clock = look_into()
@@ -258,6 +303,15 @@ class _RosBag(FileReader):
         self._add_notices(*notices)
         return track, chosen, log
 
+    def _images(self, *, kept: bool) -> tuple[_Topic, ImageLog]:
+        from furrowmap.core.readers.rosbag.pictures import ImageLog
+
+        chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
+        log = ImageLog(self.options.glance_s or 0.0, kept=kept)
+        for _ in self._read(chosen, log.add):
+            pass
+        return chosen, log
+
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
         """`take` applied to each message of a topic; those that cannot be decoded are skipped and counted."""
         files = BagFiles(self.paths)
@@ -320,6 +374,22 @@ class _RosBag(FileReader):
         stamps = "times in the sentences" if chosen.type == SENTENCE else "time stamps of the positions by their driver"
         note = f"{stamps}; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
+
+    def _image_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        from furrowmap.core.readers.facts import timing_facts
+
+        chosen, log = self._images(kept=False)
+        facts: dict[str, Any] = {"topic": chosen.name, "images": len(log), "encoding": log.encoding, "size": log.size}
+        try:
+            camera = self.camera()
+        except InputError:
+            facts["intrinsics"] = "none"
+        else:
+            names = (*PINHOLE, *DISTORTION)
+            facts["intrinsics"] = {name: round(getattr(camera, name), 6) for name in names}
+            facts["size"] = facts["size"] or f"{camera.width} × {camera.height}"
+        note = f"time stamps of the images by their driver; received {log.delay_s():.3f} s later (median)"
+        return facts | timing_facts(log.t_s), ClockReading(Clock.RECORDER, float(log.t_s[0]), float(log.t_s[-1]), note)
 
     def _source(self, topic: _Topic) -> str:
         return f"{self.paths[0]}, {topic.name}"

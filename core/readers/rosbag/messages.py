@@ -25,6 +25,9 @@ LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
 IMU: Final = "sensor_msgs/msg/Imu"
+IMAGE: Final = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
 
 FIXED_SIGMA_M: Final = 0.10
 """Largest horizontal standard deviation of an RTK fix in a NavSatFix with ground-based augmentation: integer

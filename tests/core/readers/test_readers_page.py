@@ -22,7 +22,8 @@ def test_page__is_what_the_script_writes() -> None:
 def test_page__has_every_reader() -> None:
     ours = [reader for reader in readers() if reader.__module__.startswith("furrowmap.")]
     for reader in ours:
-        gives = [hasattr(reader, method) for method in ("scans", "track", "inertial", "attitude", "poses", "states")]
+        methods = ("scans", "track", "inertial", "attitude", "images", "poses", "states")
+        gives = [hasattr(reader, method) for method in methods]
         row = f"| `{reader.format}` | {reader.title} | {' | '.join('yes' if given else '–' for given in gives)} |"
         assert row in PAGE.splitlines()
 
