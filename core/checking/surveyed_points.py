@@ -178,6 +178,8 @@ def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
         table = geopandas.read_file(path, engine="pyogrio")
     except Exception as error:  # noqa: BLE001 GDAL's and pandas' errors have no family of their own
         raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
+    if not isinstance(table, geopandas.GeoDataFrame):
+        raise _unreadable(path, "holds a table without geometries as its first layer")
     shapes = np.asarray(table.geometry.array, object)
     if not len(shapes) or not all(isinstance(shape, shapely.Point) for shape in shapes):
         raise _unreadable(path, "holds other geometries than points in its first layer")

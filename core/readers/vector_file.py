@@ -116,6 +116,8 @@ def _by_gdal(path: Path) -> Polygons:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a ring that is not closed is closed
         table = geopandas.read_file(path, engine="pyogrio")
+    if not isinstance(table, geopandas.GeoDataFrame):
+        raise ValueError("its first layer is a table without geometries")  # noqa: TRY004 of the file, not of a type
     kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in table.geometry], bool)
     if kept.any() and table.crs is None:
         raise ValueError("it states no CRS")

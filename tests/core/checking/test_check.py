@@ -20,7 +20,8 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.checking.check import check_product
 from furrowmap.core.checking.positional_accuracy import Component
 from furrowmap.core.checking.surveyed_points import SurveyOptions, read_points
-from furrowmap.core.values.errors import FurrowmapError, RefusedError
+from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 
 E, N = 22_900.0, 11_600.0
 SIDE_M = 24.0
@@ -281,6 +282,15 @@ def test_points__of_a_geopackage_bring_their_crs_and_heights(tmp_path: Path) -> 
     table.to_crs("EPSG:6677+3855").to_file(tmp_path / "q.gpkg", engine="pyogrio")
     with pytest.raises(RefusedError, match="EGM2008"):
         read_points(tmp_path / "q.gpkg", CRS("EPSG:6677+6695"))
+
+
+def test_points__of_a_geopackage_without_geometries_are_refused(tmp_path: Path) -> None:
+    pyogrio, pandas = pytest.importorskip("pyogrio"), pytest.importorskip("pandas")
+    pyogrio.write_dataframe(pandas.DataFrame({"e_m": [1.0], "n_m": [2.0], "h_m": [3.0]}), tmp_path / "p.gpkg")
+    with pytest.raises(InputError, match="a table without geometries"):
+        read_points(tmp_path / "p.gpkg", CRS("EPSG:6677"))
+    with pytest.raises(InputError, match="a table without geometries"):
+        read_parcels(tmp_path / "p.gpkg", CRS("EPSG:6677"))
 
 
 def table(head: str, rows: list[tuple[str, ...]], separator: str = ",") -> str:
