@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numba
@@ -80,7 +80,7 @@ def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_
     near = columns(xyz_m[linear], gap_m)
     along = direction[linear][near.order].astype(np.float64)
     a, b = _links(near.xyz_m, near.starts, gap_m, *near.across, along, 0.8 * axis_m, math.cos(math.radians(TURN_DEG)))
-    count, label = connected_components(
+    _, label = connected_components(
         coo_array((np.ones(len(a), bool), (a, b)), shape=(len(linear),) * 2), directed=False
     )
     label_of = np.empty(len(linear), np.int64)
@@ -88,17 +88,34 @@ def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_
     of_line = np.full(len(xyz_m), -1, np.int64)
     of_line[linear] = label_of
     _absorb(xyz_m, linear, label_of, direction, axis_m, of_line)
-    order = np.argsort(of_line, kind="stable")
-    cuts = np.searchsorted(of_line[order], np.arange(count + 1))
     every = columns(xyz_m, max(AROUND_M, 4.0 * cell_m))
     calm = np.zeros(len(xyz_m), bool)
     calm[linear] = True
-    found = (
-        _line(xyz_m, order[begin:end], axis_m, calm, every)
-        for begin, end in pairwise(cuts.tolist())
-        if end - begin >= 4
-    )
+    around = _Around(every, calm[every.order], of_line[every.order])
+    found = (_line(xyz_m, number, members, axis_m, around) for number, members in _long(xyz_m, of_line))
     return [line for line in found if line is not None]
+
+
+@dataclass(frozen=True)
+class _Around:
+    """All voxels, sorted; whether each is linear, and the number of its line."""
+
+    every: Columns
+    calm: NDArray[np.bool_]
+    of_line: IntArray
+
+
+def _long(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Number and members of each line of at least four voxels whose box is as long as a line must be."""
+    order = np.argsort(of_line, kind="stable")
+    order = order[np.searchsorted(of_line[order], 0) :]
+    begin = np.flatnonzero(np.diff(of_line[order], prepend=-1))
+    end = np.append(begin[1:], len(order))
+    sorted_m = xyz_m[order]
+    across = np.maximum.reduceat(sorted_m, begin) - np.minimum.reduceat(sorted_m, begin)
+    kept = (end - begin >= 4) & (np.linalg.norm(across, axis=1) >= LEAST_LENGTH_M)
+    for first, last in zip(begin[kept].tolist(), end[kept].tolist(), strict=True):
+        yield int(of_line[order[first]]), order[first:last]
 
 
 def _absorb(
@@ -115,7 +132,7 @@ def _absorb(
     of_line[rest[taken]] = label[near.order][nearest[taken]]
 
 
-def _line(xyz_m: FloatArray, members: IntArray, axis_m: float, calm: NDArray[np.bool_], every: Columns) -> Line | None:
+def _line(xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, around: _Around) -> Line | None:
     own = xyz_m[members]
     centre = own.mean(axis=0)
     _, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
@@ -123,9 +140,12 @@ def _line(xyz_m: FloatArray, members: IntArray, axis_m: float, calm: NDArray[np.
     if direction[2] < -0.3 or (abs(direction[2]) <= 0.3 and direction[0] < 0.0):
         direction = -direction
     s = (own - centre) @ direction
+    if np.ptp(s) < (LEAST_LENGTH_M if abs(direction[2]) >= UPRIGHT else LEAST_WIRE_M):
+        return None
     step = max(0.2, 2.0 * axis_m)
     slot = np.floor((s - s.min()) / step).astype(np.int64)
     in_slot = np.bincount(slot)
+    every = around.every
     others = _disturbing(
         own,
         every.xyz_m,
@@ -133,8 +153,9 @@ def _line(xyz_m: FloatArray, members: IntArray, axis_m: float, calm: NDArray[np.
         every.side_m,
         *every.across,
         every.corner_m,
-        calm[every.order],
-        np.isin(every.order, members),
+        around.calm,
+        around.of_line,
+        number,
     )
     disturbed = np.bincount(slot, others, len(in_slot))
     pure = in_slot / np.maximum(in_slot + disturbed, 1e-9) >= PURITY
@@ -232,7 +253,7 @@ def _nearest_axis(at, xyz, starts, reach, across, rows, direction, axis_m):  # t
 
 
 @numba.njit(cache=True, nogil=True)
-def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, mine):  # type: ignore[no-untyped-def]
+def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, of_line, number):  # type: ignore[no-untyped-def]
     """Number of points around each of a line's own that are neither its own nor linear, each shared among those."""
     out = np.zeros(len(own))
     for i in range(len(own)):
@@ -248,7 +269,7 @@ def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, mine):  # t
                         break
                     a, b = xyz[j, 0] - x, xyz[j, 1] - y
                     if a * a + b * b + c * c <= reach * reach:
-                        if mine[j]:
+                        if of_line[j] == number:
                             ours += 1
                         elif not calm[j]:
                             others += 1

@@ -18,7 +18,7 @@ from scipy.ndimage import binary_dilation, uniform_filter
 from scipy.spatial import cKDTree
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
-from furrowmap.core.features.neighbours import columns, first_above
+from furrowmap.core.features.neighbours import Columns, columns, first_above
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -121,7 +121,7 @@ def planes(
     by_region = np.argsort(region, kind="stable")
     cuts = np.searchsorted(region[by_region], np.arange(region.max() + 2))
     for begin, end in pairwise(cuts.tolist()):
-        plane = _plane(xyz_m, near.order[by_region[begin:end]], cell_m, tolerance_m, fill)
+        plane = _plane(xyz_m, near, by_region[begin:end], cell_m, tolerance_m, fill)
         if plane is not None:
             found.append(plane)
     found.sort(key=lambda plane: -plane.area_m2)
@@ -129,10 +129,15 @@ def planes(
 
 
 def _plane(
-    xyz_m: FloatArray, members: IntArray, cell_m: float, tolerance_m: float, fill: tuple[float, float]
+    xyz_m: FloatArray,
+    sorted_m: Columns,
+    region: IntArray,
+    cell_m: float,
+    tolerance_m: float,
+    fill: tuple[float, float],
 ) -> Plane | None:
-    """The plane of a region; None where it is small, narrow, or one of many surfaces in the slab."""
-    own = xyz_m[members]
+    """The plane of a region of sorted voxels; None where it is small, narrow, or too open or filled."""
+    own = xyz_m[sorted_m.order[region]]
     centre = own.mean(axis=0)
     value, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
     if math.sqrt(12.0 * max(value[1], 0.0)) < LEAST_WIDTH_M:
@@ -151,10 +156,14 @@ def _plane(
     if area < LEAST_AREA_M2 or not fill[0] <= share < fill[1]:
         return None
     low, high = own.min(axis=0) - SLAB_M, own.max(axis=0) + SLAB_M
-    around = np.flatnonzero(np.all((xyz_m >= low) & (xyz_m <= high), axis=1))
+    corner_m = sorted_m.corner_m
+    in_slab = _in_slab(
+        sorted_m.xyz_m, sorted_m.starts, sorted_m.side_m, *sorted_m.across,
+        low - corner_m, high - corner_m, centre - corner_m, normal, SLAB_M,
+    )  # fmt: skip
+    around = np.sort(sorted_m.order[in_slab])
     flat, away = flat_in(centre, normal, xyz_m[around])
-    slab = np.abs(away) <= SLAB_M
-    around, flat, on = around[slab], flat[slab], np.abs(away[slab]) <= tolerance_m
+    on = np.abs(away) <= tolerance_m
     cell = np.clip(np.floor((flat - corner) / side).astype(np.int64) + RIM, 0, across + 2 * RIM - 1)
     filled = np.pad(filled, RIM)
     over = filled[cell[:, 0], cell[:, 1]]
@@ -168,6 +177,34 @@ def _side(flat: FloatArray, cell_m: float) -> float:
     some = flat if len(flat) <= MOST_MEASURED else flat[:: len(flat) // MOST_MEASURED]
     fourth = np.asarray(cKDTree(flat).query(some, [min(5, len(flat))])[0], np.float64)
     return min(max(1.5 * float(np.median(fourth)), 2.0 * cell_m), 3.0 * cell_m)
+
+
+@numba.njit(cache=True, nogil=True)
+def _in_slab(xyz, starts, side, across, rows, low, high, centre, normal, slab_m):  # type: ignore[no-untyped-def]
+    """The sorted points in a box and within a distance of a plane."""
+    out = np.empty(1024, np.int64)
+    held = 0
+    first, last = max(int(low[0] // side), 0), min(int(high[0] // side), across - 1)
+    least, most = max(int(low[1] // side), 0), min(int(high[1] // side), rows - 1)
+    for column in range(first, last + 1):
+        for row in range(least, most + 1):
+            begin, end = starts[column * rows + row], starts[column * rows + row + 1]
+            for j in range(first_above(xyz, begin, end, low[2]), end):
+                x, y, z = xyz[j, 0], xyz[j, 1], xyz[j, 2]
+                if z > high[2]:
+                    break
+                if x < low[0] or x > high[0] or y < low[1] or y > high[1]:
+                    continue
+                away = (x - centre[0]) * normal[0] + (y - centre[1]) * normal[1] + (z - centre[2]) * normal[2]
+                if abs(away) > slab_m:
+                    continue
+                if held == len(out):
+                    more = np.empty(2 * held, np.int64)
+                    more[:held] = out
+                    out = more
+                out[held] = j
+                held += 1
+    return out[:held].copy()
 
 
 @numba.njit(cache=True, nogil=True)
