@@ -127,12 +127,12 @@ def classify(tile: Tile) -> Classified:
     )
 
 
-def shapes(xyz_m: FloatArray, radius_m: float) -> Eigenfeatures:
-    """Eigenfeatures of the voxels (n, 3) of one tile within a radius."""
+def shapes(xyz_m: FloatArray, radius_m: float, places_m: FloatArray | None = None) -> Eigenfeatures:
+    """Eigenfeatures of the voxels (n, 3) of one tile within a radius of each, or of places (k, 3) among them."""
     if not len(xyz_m):
         nothing = np.zeros((0, 3), np.float32)
         return Eigenfeatures(nothing, nothing, nothing, np.zeros(0, np.int32))
-    shape, count = of_columns(columns(xyz_m, radius_m))
+    shape, count = of_columns(columns(xyz_m, radius_m), places_m)
     return Eigenfeatures(shape[:, :3], shape[:, 3:6], shape[:, 6:], count)
 
 
@@ -194,12 +194,15 @@ def _plane_evidence(own: NDArray[np.uint8], found: list[Plane]) -> FloatArray:
 
 def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[Line], list[Plane], FloatArray]:
     """Lines, open vertical planes of them, and the linearity (n,) of the voxels (n, 3)."""
-    near, wide = shapes(xyz_m, 5.0 * cell_m), shapes(xyz_m, 10.0 * cell_m)
+    coarse = voxels(xyz_m, 2.0 * cell_m)
+    near = shapes(xyz_m, 5.0 * cell_m, coarse.mean_m).at(coarse.of_point)
+    wide = shapes(xyz_m, 10.0 * cell_m, coarse.mean_m).at(coarse.of_point)
+    widest = shapes(xyz_m, 12.0 * cell_m, coarse.mean_m).at(coarse.of_point)
     longer = np.nan_to_num(wide.linearity) > np.nan_to_num(near.linearity)
     linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
     direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)
     bars = lines(xyz_m, linearity, direction, cell_m)
-    open_planes = planes(xyz_m, shapes(xyz_m, 12.0 * cell_m), cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, FILL))
+    open_planes = planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, FILL))
     fences = []
     for plane in open_planes:
         flat, _ = plane.flat(xyz_m[plane.members])

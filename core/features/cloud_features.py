@@ -32,7 +32,7 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import RecordArray, Square
+from furrowmap.core.values.record_spool import RecordArray, Square, square_keys
 from furrowmap.core.values.threads import threads
 
 FloatArray = NDArray[np.float64]
@@ -43,8 +43,12 @@ CELLS_M: Final = (0.05, 0.4)
 """Limits of the size of voxels."""
 CLASSED_SHARE: Final = 0.01
 """Least share of ground points in a cloud whose ground is classified."""
-MARGIN_VOXELS: Final = 60.0
-TILE_POINTS: Final = 1_000_000
+MARGIN_M: Final = 2.0
+MARGIN_VOXELS: Final = 24.0
+"""Least margin of a tile: a wire of the least length that begins at its border, and twice the widest neighbourhood."""
+TILE_POINTS: Final = 2_000_000
+OWN_CELL_M: Final = 0.5
+"""A plant is that of the tile with points in the cell of its top."""
 
 
 @dataclass
@@ -167,7 +171,7 @@ def with_features(
 def _tile(spool: SquareSpool, block: list[Square], cell_m: float, coloured: bool) -> tuple[RecordArray, Found]:
     """The points of a block with their classes, and its features."""
     own = spool.read_squares(block)
-    margin = MARGIN_VOXELS * cell_m
+    margin = max(MARGIN_M, MARGIN_VOXELS * cell_m)
     low, high = own["xyz_m"][:, :2].min(axis=0) - margin, own["xyz_m"][:, :2].max(axis=0) + margin
     parts = [own[~(own["noise"] | own["machine"])]]
     for square in squares_around(block, margin, spool.side_m):
@@ -236,5 +240,5 @@ def _moved(plane: PlanePiece, corner: FloatArray) -> PlanePiece:
 
 def _inside(place: FloatArray, own: FloatArray) -> BoolArray:
     """Which places lie in a cell with points of the tile's own."""
-    cells = {tuple(cell) for cell in np.unique(np.floor(own[:, :2] / 0.5).astype(np.int64), axis=0).tolist()}
-    return np.array([tuple(np.floor(at[:2] / 0.5).astype(int).tolist()) in cells for at in place], bool)
+    cells = np.unique(square_keys(*np.floor(own[:, :2].T / OWN_CELL_M)))
+    return np.isin(square_keys(*np.floor(place[:, :2].T / OWN_CELL_M)), cells)

@@ -88,50 +88,59 @@ def eigenfeatures(xyz_m: ArrayLike, radius_m: float) -> Eigenfeatures:
     return Eigenfeatures(out[:, :3], out[:, 3:6], out[:, 6:], count)
 
 
-def of_columns(sorted_points: Columns) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Eigenvalues, normal and direction (n, 9), and number (n,) of the neighbours within the side of a column."""
+def of_columns(
+    sorted_points: Columns, places_m: FloatArray | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Eigenvalues, normal and direction (n, 9), and number (n,) of the points within the side of a column.
+
+    Args:
+        sorted_points: the points.
+        places_m: (n, 3) around which they are searched, within the columns; None for around each point.
+    """
+    order, places = sorted_points.order, sorted_points.xyz_m
+    if places_m is not None:
+        order, places = np.arange(len(places_m)), places_m - sorted_points.corner_m
     shape: tuple[NDArray[np.float32], NDArray[np.int32]] = _shapes(
-        sorted_points.xyz_m, sorted_points.order, sorted_points.starts, sorted_points.side_m, *sorted_points.across
+        places, order, sorted_points.xyz_m, sorted_points.starts, sorted_points.side_m, *sorted_points.across
     )
     return shape
 
 
 @numba.njit(cache=True, nogil=True)
-def _shapes(xyz, order, starts, radius, across, rows):  # type: ignore[no-untyped-def]
-    n = len(xyz)
+def _shapes(places, order, xyz, starts, radius, across, rows):  # type: ignore[no-untyped-def]
+    n = len(places)
     out = np.full((n, 9), np.nan, np.float32)
     count = np.zeros(n, np.int32)
     moments = np.empty(9)
     square = radius * radius
-    for at in range(across * rows):
-        column, row = at // rows, at % rows
-        for i in range(starts[at], starts[at + 1]):
-            x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-            k, sx, sy, sz, xx, yy, zz, xy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for beside in range(max(column - 1, 0), min(column + 2, across)):
-                for near in range(max(row - 1, 0), min(row + 2, rows)):
-                    begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
-                    for j in range(first_above(xyz, begin, end, z - radius), end):
-                        c = xyz[j, 2] - z
-                        if c > radius:
-                            break
-                        a, b = xyz[j, 0] - x, xyz[j, 1] - y
-                        if a * a + b * b + c * c <= square:
-                            k += 1
-                            sx += a
-                            sy += b
-                            sz += c
-                            xx += a * a
-                            yy += b * b
-                            zz += c * c
-                            xy += a * b
-                            xz += a * c
-                            yz += b * c
-            count[order[i]] = k
-            if k >= 3:
-                moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
-                moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
-                eigen(moments, k, out[order[i]])
+    for i in range(n):
+        x, y, z = places[i, 0], places[i, 1], places[i, 2]
+        column, row = int(x // radius), int(y // radius)
+        k, sx, sy, sz, xx, yy, zz, xy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for beside in range(max(column - 1, 0), min(column + 2, across)):
+            for near in range(max(row - 1, 0), min(row + 2, rows)):
+                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
+                for j in range(first_above(xyz, begin, end, z - radius), end):
+                    c = xyz[j, 2] - z
+                    if c > radius:
+                        break
+                    a, b = xyz[j, 0] - x, xyz[j, 1] - y
+                    if a * a + b * b + c * c <= square:
+                        k += 1
+                        sx += a
+                        sy += b
+                        sz += c
+                        xx += a * a
+                        yy += b * b
+                        zz += c * c
+                        xy += a * b
+                        xz += a * c
+                        yz += b * c
+        count[order[i]] = k
+        if k >= 3:
+            moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
+            moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
+            eigen(moments, k, out[order[i]])
     return out, count
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, uniform_filter
@@ -53,8 +54,23 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
 
 def _medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
     """Median of the values in each cell; nan in those without any."""
-    order = np.lexsort([values, cell])
-    there, first, count = np.unique(cell[order], return_index=True, return_counts=True)
-    out = np.full(int(np.prod(shape)), np.nan)
-    out[there] = 0.5 * (values[order][first + (count - 1) // 2] + values[order][first + count // 2])
-    return out.reshape(shape)
+    out: FloatArray = _medians_of(cell, values, int(np.prod(shape))).reshape(shape)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _medians_of(cell, values, cells):  # type: ignore[no-untyped-def]
+    starts = np.zeros(cells + 1, np.int64)
+    for i in range(len(cell)):
+        starts[cell[i] + 1] += 1
+    for k in range(cells):
+        starts[k + 1] += starts[k]
+    place, by_cell = starts[:-1].copy(), np.empty(len(cell))
+    for i in range(len(cell)):
+        by_cell[place[cell[i]]] = values[i]
+        place[cell[i]] += 1
+    out = np.full(cells, np.nan)
+    for k in range(cells):
+        if starts[k + 1] > starts[k]:
+            out[k] = np.median(by_cell[starts[k] : starts[k + 1]])
+    return out

@@ -7,8 +7,8 @@ ISPRS Archives XXXVI-5, 248-253, with the fit of the whole region as the second 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numba
@@ -71,7 +71,7 @@ def axes_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit axes of a plane: the first level, the second at right angles to it, upwards."""
     level = math.hypot(normal[0], normal[1])
     first = np.array([-normal[1], normal[0], 0.0]) / level if level > 1e-9 else np.array([1.0, 0.0, 0.0])
-    second = np.cross(normal, first)
+    second = np.array([-normal[2] * first[1], normal[2] * first[0], normal[0] * first[1] - normal[1] * first[0]])
     return first, second if second[2] >= 0.0 else -second
 
 
@@ -118,31 +118,57 @@ def planes(
         FEWEST,
     )
     found = []
-    by_region = np.argsort(region, kind="stable")
-    cuts = np.searchsorted(region[by_region], np.arange(region.max() + 2))
-    for begin, end in pairwise(cuts.tolist()):
-        plane = _plane(xyz_m, near, by_region[begin:end], cell_m, tolerance_m, fill)
+    for members, fit in _fits(near.xyz_m + near.corner_m, region):
+        plane = _plane(xyz_m, near, members, fit, (cell_m, tolerance_m), fill)
         if plane is not None:
             found.append(plane)
     found.sort(key=lambda plane: -plane.area_m2)
     return found
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """The plane through the voxels of a region."""
+
+    centre_m: FloatArray
+    normal: FloatArray
+    rms_m: float
+
+
+def _fits(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntArray, _Fit]]:
+    """Members among the sorted voxels, and fit, of each region that is wide enough for a plane."""
+    order = np.argsort(region, kind="stable")
+    order = order[np.searchsorted(region[order], 0) :]
+    if not len(order):
+        return
+    begin = np.flatnonzero(np.diff(region[order], prepend=-1))
+    count = np.diff(begin, append=len(order))
+    own = sorted_m[order]
+    centre = np.add.reduceat(own, begin) / count[:, None]
+    away = own - np.repeat(centre, count, axis=0)
+    products = np.stack([away[:, j] * away[:, k] for j in range(3) for k in range(3)], axis=1)
+    value, vector = np.linalg.eigh((np.add.reduceat(products, begin) / count[:, None]).reshape(-1, 3, 3))
+    for k in np.flatnonzero(np.sqrt(12.0 * np.maximum(value[:, 1], 0.0)) >= LEAST_WIDTH_M).tolist():
+        normal = vector[k, :, 0] * (1.0 if vector[k, 2, 0] >= 0.0 else -1.0)
+        rms = math.sqrt(max(float(value[k, 0]), 0.0))
+        yield order[begin[k] : begin[k] + count[k]], _Fit(centre[k], normal, rms)
+
+
 def _plane(
     xyz_m: FloatArray,
     sorted_m: Columns,
     region: IntArray,
-    cell_m: float,
-    tolerance_m: float,
+    fit: _Fit,
+    scale_m: tuple[float, float],
     fill: tuple[float, float],
 ) -> Plane | None:
-    """The plane of a region of sorted voxels; None where it is small, narrow, or too open or filled."""
+    """The plane of a region of sorted voxels; None where it is small, or too open or filled.
+
+    `scale_m` are the size of the voxels and the tolerance.
+    """
+    cell_m, tolerance_m = scale_m
     own = xyz_m[sorted_m.order[region]]
-    centre = own.mean(axis=0)
-    value, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
-    if math.sqrt(12.0 * max(value[1], 0.0)) < LEAST_WIDTH_M:
-        return None
-    normal = vector[:, 0] * (1.0 if vector[2, 0] >= 0.0 else -1.0)
+    centre, normal = fit.centre_m, fit.normal
     flat, _ = flat_in(centre, normal, own)
     side = _side(flat, cell_m)
     corner = flat.min(axis=0)
@@ -169,7 +195,7 @@ def _plane(
     over = filled[cell[:, 0], cell[:, 1]]
     purity = int(np.count_nonzero(on & over)) / max(int(np.count_nonzero(over)), 1)
     near = binary_dilation(filled, iterations=RIM)[cell[:, 0], cell[:, 1]]
-    return Plane(around[on & near], centre, normal, math.sqrt(max(value[0], 0.0)), purity, area)
+    return Plane(around[on & near], centre, normal, fit.rms_m, purity, area)
 
 
 def _side(flat: FloatArray, cell_m: float) -> float:
