@@ -48,10 +48,10 @@ class WithMount(click.Command):
 @click.option("--camera", type=FILE, metavar="SESSION", help="Take the intrinsics from [camera] of a session file.")
 @click.option(
     "--board-rpy",
-    type=(float, float, float),
-    default=(0.0, 0.0, 0.0),
-    metavar="R P Y",
-    help="Roll, pitch, yaw of the board's axes in the vehicle frame, in degrees, in the first frame.",
+    default="0,0,0",
+    show_default=True,
+    metavar="ROLL,PITCH,YAW",
+    help="Angles of the board's axes in the vehicle frame, in degrees, in the first frame.",
 )
 @click.option(
     "--board-on",
@@ -81,7 +81,7 @@ def mount(
             _board(board, square_m),
             output,
             camera=camera,
-            board_rpy_deg=options["board_rpy"],
+            board_rpy_deg=_board_angles(options["board_rpy"]),
             board_on=options["board_on"],
             overwrite=options["overwrite"],
             progress=progress,
@@ -113,6 +113,26 @@ def _board(text: str, square_m: float) -> Board:
             code="bad-board",
         )
     return furrowmap.Board(int(numbers[1]), int(numbers[2]), square_m)
+
+
+def _board_angles(text: str) -> tuple[float, float, float]:
+    """The angles of a text such as `180,0,90`.
+
+    Raises:
+        UsageError: if it is none.
+    """
+    try:
+        roll, pitch, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        roll = pitch = yaw = math.nan
+    if not all(map(math.isfinite, (roll, pitch, yaw))):
+        raise UsageError(
+            f"--board-rpy {text!r} is not ROLL,PITCH,YAW.",
+            "Nothing was done.",
+            "Give three comma-separated numbers in degrees, such as 180,0,90.",
+            code="usage",
+        )
+    return roll, pitch, yaw
 
 
 @click.command(

@@ -25,6 +25,7 @@ COMMANDS: Final = (
     "run",
     "surface",
     "cloud",
+    "colour",
     "features",
     "parcels",
     "growth",

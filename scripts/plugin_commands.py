@@ -13,11 +13,15 @@ from typing import Any
 
 import click
 
+from furrowmap.cli.calibrate import WithMount, mount
 from furrowmap.cli.main import COMMANDS, furrowmap
 
 FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands.json"
-NOT_IN_QGIS = {"qgis install", "worker"}
-"""What installs the plugin, and what the plugin starts."""
+NOT_IN_QGIS = {
+    "qgis install": "it installs the plugin that would run it",
+    "worker": "the plugin starts it and speaks its protocol",
+}
+"""Commands that are no algorithms, and why."""
 OF_THE_CONSOLE = {"--json", "--quiet", "--verbose", "--log-file", "--debug"}
 UNITS = {"METRES": "m", "M": "m", "SECONDS": "s", "DEGREES": "°"}
 LEAST = 0.0001
@@ -31,6 +35,8 @@ def commands() -> Iterator[tuple[str, click.Command]]:
         assert command is not None
         below = command.commands if isinstance(command, click.Group) else {}
         named = {f"{name} {word}": each for word, each in below.items()} or {name: command}
+        if isinstance(command, WithMount):
+            named[f"{name} {mount.name}"] = mount
         yield from ((words, each) for words, each in named.items() if words not in NOT_IN_QGIS)
 
 

@@ -6,6 +6,7 @@
   <message><source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source><translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation></message>
   <message><source>A surface or terrain model (GeoTIFF), or a cloud of bare soil.</source><translation>地表モデルまたは地形モデル（GeoTIFF）、または裸地の点群。</translation></message>
   <message><source>A surface through the bare soil around the parcels (default), or a plane around each.</source><translation>区画の周囲の裸地を通る曲面（既定）、または区画ごとの平面。</translation></message>
+  <message><source>A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for all in its folder, with their times in EXIF data.</source><translation>画像とその時刻の表（CSV：file、time_unix_s）、または画像の一つ。画像を選ぶと同じフォルダの全画像を意味し、時刻は EXIF から読みます。</translation></message>
   <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>Add results to the farm map</source><translation>実行結果を農場マップに追加</translation></message>
   <message><source>Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is changed.</source><translation>実行結果を農場マップ（GeoPackage または PostGIS データベース）に追加します。農場マップがなければ作成します。すでに含まれているセッションは新しい結果で置き換えます。一つでも失敗した場合は何も変更しません。</translation></message>
@@ -14,9 +15,12 @@
   <message><source>Allow damaged</source><translation>破損したファイルを許可</translation></message>
   <message><source>Allow large</source><translation>大きなファイルを許可</translation></message>
   <message><source>Analyse the response of a trial</source><translation>試験の応答を解析</translation></message>
+  <message><source>Angles of the board's axes in the vehicle frame, in degrees, in the first frame.</source><translation>最初の画像における、車両座標系での板の軸の角度（度）。</translation></message>
   <message><source>Another log of the same drive, or a trajectory.</source><translation>同じ走行の別のログ、または軌跡。</translation></message>
   <message><source>Antenna offset (m)</source><translation>アンテナのオフセット（m）</translation></message>
   <message><source>Areas that figures are of, instead of cells.</source><translation>セルの代わりに、値を求める領域。</translation></message>
+  <message><source>Attitude of a mount from images of a chessboard</source><translation>チェスボードの画像から取付部の姿勢を求める</translation></message>
+  <message><source>Attitude of the mount</source><translation>取付部の姿勢</translation></message>
   <message><source>Average overlapping sessions instead of using the latest.</source><translation>重なる部分に最新のセッションではなく平均を使います。</translation></message>
   <message><source>Azimuth</source><translation>方位角</translation></message>
   <message><source>Base station (RINEX)</source><translation>基準局（RINEX）</translation></message>
@@ -25,6 +29,7 @@
   <message><source>Blocks</source><translation>ブロック</translation></message>
   <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
   <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
+  <message><source>COPC file to write.</source><translation>書き出す COPC ファイル。</translation></message>
   <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
   <message><source>CRS of a new farm map, such as EPSG:6677 [default: the first session's].</source><translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation></message>
   <message><source>CRS of clouds without one</source><translation>CRS のない点群に使う CRS</translation></message>
@@ -58,6 +63,8 @@
   <message><source>Classifies LAS, LAZ or COPC point clouds of any source by the shape and colour around each point: ground, horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群を、各点の周囲の形状と色によって地表面、水平面、鉛直面、線状地物、植生に分類します。分類した点群と、面（屋根、壁）、線（柱、電線、柵）、植物のレイヤを書き出します。メモリ使用量は範囲の広さによりません。</translation></message>
   <message><source>Clean point cloud</source><translation>クリーニング後の点群</translation></message>
   <message><source>Clean point clouds</source><translation>点群を整える</translation></message>
+  <message><source>Colour a point cloud by images</source><translation>画像で点群に色を付ける</translation></message>
+  <message><source>Coloured point cloud</source><translation>色付き点群</translation></message>
   <message><source>Column of the dose</source><translation>施用量の列</translation></message>
   <message><source>Column of the dose [default: the first such as n_kg_ha].</source><translation>施用量の列。省略時は n_kg_ha のような最初の列。</translation></message>
   <message><source>Column of the measure</source><translation>応答する量の列</translation></message>
@@ -70,6 +77,7 @@
   <message><source>Compute the published method beside the default one.</source><translation>公表された方法も既定の方法とあわせて計算します。</translation></message>
   <message><source>Compute the published method, too</source><translation>公表された方法も計算</translation></message>
   <message><source>Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群からラスタを計算します。表層モデル（DSM）、地形モデル（DTM）、地上高、陰影、傾斜、粗度、水のたまる窪地です。メモリ使用量は面積によりません。</translation></message>
+  <message><source>Computes the attitude of a mount that moves against the vehicle, such as one on dampers, from images of a chessboard: the camera is on the mount and the board on the vehicle, or the other way round. A session names the table under [mount] attitude.</source><translation>ダンパーなどで車両に対して動く取付部の姿勢を、チェスボードの画像から計算します。カメラを取付部に、板を車両に置くか、その逆にします。セッションでは [mount] attitude にこの表を指定します。</translation></message>
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
   <message><source>Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which has to be installed. A session names the result as its GNSS log.</source><translation>RINEX ファイルから、基準局に対する移動局の位置を計算します。RTKLIB のプログラム rnx2rtkp がインストールされている必要があります。結果はセッションで GNSS ログとして指定します。</translation></message>
@@ -137,12 +145,19 @@
   <message><source>Height of a layer of the profile.</source><translation>垂直分布の層の高さ。</translation></message>
   <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
   <message><source>Highest return from the ground</source><translation>地面とみなす反射の最大の高さ</translation></message>
+  <message><source>Images</source><translation>画像</translation></message>
+  <message><source>Images with the board</source><translation>板が写っている画像の数</translation></message>
+  <message><source>Inner corners of the chessboard</source><translation>チェスボードの内側の角の数</translation></message>
+  <message><source>Inner corners of the chessboard, such as 9x6.</source><translation>チェスボードの内側の角の数。例：9x6。</translation></message>
   <message><source>Inspect recordings</source><translation>記録を調べる</translation></message>
   <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
+  <message><source>Its [camera] has the intrinsics. Without it they are estimated from the images.</source><translation>[camera] に内部パラメータがあるもの。指定しなければ画像から推定します。</translation></message>
+  <message><source>Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.</source><translation>[camera] で画像を指定したもの。位置と姿勢は GNSS と IMU から求めます。スキャンは読みません。</translation></message>
   <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
   <message><source>Keep points in this box, in the CRS of the output.</source><translation>この領域内の点を使います。</translation></message>
   <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
   <message><source>Known point</source><translation>既知点</translation></message>
+  <message><source>LAS, LAZ or COPC file.</source><translation>LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files in one CRS.</source><translation>同じ座標参照系の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files of two days or more.</source><translation>2 日以上の LAS、LAZ、COPC ファイル。</translation></message>
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
@@ -157,6 +172,7 @@
   <message><source>Leave out these classes; 64,65 are the machine in furrowmap's own clouds.</source><translation>これらのクラスを除外します。furrowmap の点群では 64,65 が車両と作業機です。</translation></message>
   <message><source>Length of a plot</source><translation>試験区の長さ</translation></message>
   <message><source>Length of a plot along the base line [default: what the two corners leave].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
+  <message><source>Length of a square's sides.</source><translation>正方形の一辺の長さ。</translation></message>
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
@@ -222,6 +238,7 @@
   <message><source>Plots along the base line.</source><translation>基線に沿った試験区の数。</translation></message>
   <message><source>Plots beside each other.</source><translation>横に並ぶ試験区の数。</translation></message>
   <message><source>Plots, as .gpkg or .geojson.</source><translation>試験区（.gpkg または .geojson）。</translation></message>
+  <message><source>Point cloud</source><translation>点群</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
   <message><source>Polygons instead of cells</source><translation>セルの代わりのポリゴン</translation></message>
@@ -254,6 +271,7 @@
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
   <message><source>Returns up to this height above the ground are from the ground; in forests 2 is usual.</source><translation>地面からこの高さまでの反射を地面とみなします。森林では 2 m が一般的です。</translation></message>
+  <message><source>Roll, pitch and yaw of the board</source><translation>板のロール、ピッチ、ヨー</translation></message>
   <message><source>Rover (RINEX)</source><translation>移動局（RINEX）</translation></message>
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
@@ -262,10 +280,12 @@
   <message><source>Session file</source><translation>セッションファイル</translation></message>
   <message><source>Session file to write [default: session.toml beside RECORDING].</source><translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation></message>
   <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
+  <message><source>Session with the intrinsics</source><translation>内部パラメータのあるセッション</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the directions of its axes in words. A drawing shows them from the side and from above. The recordings are not read.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
+  <message><source>Side of a square</source><translation>正方形の一辺</translation></message>
   <message><source>Side of the base line on which the rows lie, looking along it.</source><translation>基線の進行方向に向かって、行が並ぶ側。</translation></message>
   <message><source>Side of the cells</source><translation>セルの一辺</translation></message>
   <message><source>Side of the square cells that figures are of.</source><translation>値を求める正方形のセルの一辺。</translation></message>
@@ -282,6 +302,7 @@
   <message><source>Surveyed points</source><translation>測量点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
+  <message><source>Table of roll, pitch and yaw over time.</source><translation>ロール、ピッチ、ヨーの時系列の表。</translation></message>
   <message><source>Table of the areas</source><translation>領域の表</translation></message>
   <message><source>Table of the growth</source><translation>生育量の表</translation></message>
   <message><source>Table of the parcels</source><translation>区画の表</translation></message>
@@ -290,6 +311,7 @@
   <message><source>Task</source><translation>作業</translation></message>
   <message><source>Task data</source><translation>作業データ</translation></message>
   <message><source>The .pos file [default: name of ROVER with .pos].</source><translation>出力する .pos ファイル（既定は ROVER の名前に .pos を付けたもの）。</translation></message>
+  <message><source>The board is on the</source><translation>板のある場所</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
@@ -306,6 +328,7 @@
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
   <message><source>Voxel size, the smallest detail [default: the point spacing, 0.05 to 0.4].</source><translation>ボクセルの大きさ（識別できる最小の細部）。既定値は点間隔（0.05～0.4）。</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>
+  <message><source>Where the board is; the camera is on the other [default: body].</source><translation>板のある場所。カメラはもう一方にあります（既定は body）。</translation></message>
   <message><source>Whether every second run of numbers goes back.</source><translation>番号を一列おきに折り返すかどうか。</translation></message>
   <message><source>Whether numbers run along rows (from column to column) or along columns.</source><translation>番号を行に沿って（列から列へ）進めるか、列に沿って進めるか。</translation></message>
   <message><source>Whether rows or columns are blocks (replicates).</source><translation>行または列をブロック（反復）とするかどうか。</translation></message>
@@ -321,6 +344,7 @@
   <message><source>Write passes, overlaps and misses to this GeoPackage.</source><translation>行程、重複、作業残しを書き出す GeoPackage。</translation></message>
   <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
   <message><source>Write the estimates into the session file</source><translation>推定値をセッションファイルに書き込む</translation></message>
+  <message><source>Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point takes the colour of the best image that sees it; points that no image sees are black.</source><translation>任意の LAS、LAZ、COPC 点群に、セッションの画像の色を付けて書き出します。各点は、その点が最もよく見える画像の色になります。どの画像にも写っていない点は黒です。</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
   <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
@@ -599,17 +623,22 @@
 </context>
 <context>
   <name>Stages</name>
+  <message><source>adjusting images</source><translation>画像を調整しています</translation></message>
   <message><source>cleaning clouds</source><translation>点群のクリーニング</translation></message>
   <message><source>exporting</source><translation>エクスポート</translation></message>
   <message><source>filling gaps</source><translation>欠損の補間</translation></message>
+  <message><source>finding features</source><translation>特徴点を抽出しています</translation></message>
   <message><source>hashing inputs</source><translation>入力ファイルのハッシュ計算</translation></message>
   <message><source>looking at scans</source><translation>スキャンの確認</translation></message>
   <message><source>looking for noise</source><translation>ノイズの検出</translation></message>
+  <message><source>looking for the board</source><translation>板を探しています</translation></message>
   <message><source>making surfaces</source><translation>サーフェスの作成</translation></message>
+  <message><source>matching images</source><translation>画像を対応付けています</translation></message>
   <message><source>matching scans</source><translation>スキャンマッチング</translation></message>
   <message><source>measuring density</source><translation>点密度の測定</translation></message>
   <message><source>placing points</source><translation>点の配置</translation></message>
   <message><source>reading clouds</source><translation>点群の読み込み</translation></message>
+  <message><source>reading images</source><translation>画像を読んでいます</translation></message>
   <message><source>reading positions</source><translation>測位の読み込み</translation></message>
   <message><source>reading results</source><translation>実行結果の読み込み</translation></message>
   <message><source>reading scans</source><translation>スキャンの読み込み</translation></message>

@@ -25,6 +25,9 @@ SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughnes
 SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
 FEATURE_FIGURES = ("planes_horizontal", "planes_vertical", "poles", "wires", "fences", "plants")
+MOUNT_FIGURES = ("frames", "sigma_deg", "rms_px")
+BOARDS = "frames_with_board"
+COLOUR_FIGURES = ("images", "points_coloured", "points_not_seen")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 MET = "The output MET reports whether it is met."
 LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
@@ -189,6 +192,46 @@ ALGORITHMS = (
         "on average the ground is level, and ground scanned twice coincides.",
         basic={**SESSION, "--write": parameter("WRITE", "Write the estimates into the session file")},
         outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
+    ),
+    Algorithm(
+        "calibrate mount",
+        "Attitude of a mount from images of a chessboard",
+        "session",
+        "Computes the attitude of a mount that moves against the vehicle, such as one on dampers, from images of a "
+        "chessboard: the camera is on the mount and the board on the vehicle, or the other way round. A session "
+        "names the table under [mount] attitude.",
+        basic={
+            "frames": parameter(
+                "FRAMES",
+                "Images",
+                "A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for "
+                "all in its folder, with their times in EXIF data.",
+                filter="Images (*.csv *.jpg *.jpeg *.png *.tif *.tiff)",
+                folder_of="*.[!c]*",
+            ),
+            "--board": parameter("BOARD", "Inner corners of the chessboard"),
+            "--square-m": parameter("SQUARE", "Side of a square", unit="m"),
+            "--output": parameter(
+                "OUTPUT",
+                "Attitude of the mount",
+                "Table of roll, pitch and yaw over time.",
+                required=True,
+                filter="CSV (*.csv)",
+            ),
+        },
+        advanced={
+            "--camera": parameter(
+                "CAMERA",
+                "Session with the intrinsics",
+                "Its [camera] has the intrinsics. Without it they are estimated from the images.",
+                kind="file",
+                filter="TOML (*.toml)",
+            ),
+            "--board-rpy": parameter("BOARD_RPY", "Roll, pitch and yaw of the board", count=3),
+            "--board-on": parameter("BOARD_ON", "The board is on the"),
+            **OVERWRITE,
+        },
+        outputs=(*numbers(MOUNT_FIGURES), Output("WITH_BOARD", "number", "Images with the board", item(BOARDS))),
     ),
     Algorithm(
         "simulate",
@@ -392,6 +435,32 @@ ALGORITHMS = (
         opens=True,
         layers=lambda answer: [answer["output"]],
         layer_group="Clean point cloud",
+    ),
+    Algorithm(
+        "colour",
+        "Colour a point cloud by images",
+        "surfaces",
+        "Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point "
+        "takes the colour of the best image that sees it; points that no image sees are black.",
+        basic={
+            "cloud": parameter(
+                "CLOUD", "Point cloud", "LAS, LAZ or COPC file.", filter="Point clouds (*.las *.laz *.copc.laz)"
+            ),
+            "session": parameter(
+                "SESSION",
+                "Session file",
+                "Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.",
+                filter="TOML (*.toml)",
+            ),
+            "--output": parameter(
+                "OUTPUT", "Coloured point cloud", required=True, filter="COPC point cloud (*.copc.laz)"
+            ),
+        },
+        advanced=OVERWRITE,
+        outputs=numbers(COLOUR_FIGURES, "figures"),
+        opens=True,
+        layers=lambda answer: [answer["output"]],
+        layer_group="Coloured point cloud",
     ),
     Algorithm(
         "features",

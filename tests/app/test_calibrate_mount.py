@@ -129,7 +129,7 @@ def test_command__estimates_the_camera_where_none_is_stated(
 ) -> None:
     out = tmp_path / "mount.csv"
     words = ["calibrate", "mount", str(frames), "--board", "9x6", "--square-m", "0.03", "-o", str(out)]
-    assert command_line([*words, "--board-rpy", "180", "0", "90"]) == 0
+    assert command_line([*words, "--board-rpy", "180,0,90"]) == 0
     told = capfd.readouterr()
     assert "5 of 6 frames show the board" in told.out
     assert "camera-estimated" in told.err or "The camera was estimated" in told.err
@@ -193,3 +193,10 @@ def test_mount__without_a_pivot_is_taken_frame_by_frame() -> None:
     found = board_poses(shown, even, (CAMERA.width, CAMERA.height), CAMERA)
     assert found.has_pivot
     assert found.rotation == pytest.approx(turns, abs=1e-6)
+
+
+@pytest.mark.parametrize("angles", ["180,0", "a,b,c", "nan,0,0"])
+def test_command__refuses_angles_that_are_not_three_numbers(angles: str, capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", "mount", "frames", "--board", "9x6", "--square-m", "0.03", "--board-rpy", angles]
+    assert command_line(words) == 2
+    assert "is not ROLL,PITCH,YAW" in capfd.readouterr().err

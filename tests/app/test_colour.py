@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import laspy
@@ -10,6 +11,7 @@ import pytest
 from pyproj import CRS
 
 import furrowmap
+from furrowmap.cli.main import command_line
 from furrowmap.core.values.errors import InputError, RefusedError
 from tests.core.images.scenes import CAMERA, HEIGHT_M, behind_board, cloud, frames_above, texture
 
@@ -76,6 +78,22 @@ def test_cloud__has_the_colours_of_what_the_images_show(folder: Path) -> None:
     with pytest.raises(RefusedError) as refused:
         furrowmap.colour(folder / "cloud.laz", folder / "session.toml", out)
     assert refused.value.code == "output-exists"
+
+
+def test_command__writes_what_the_function_writes(
+    folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "coloured.copc.laz"
+    words = ["colour", str(folder / "cloud.laz"), str(folder / "session.toml"), "-o", str(out)]
+    assert command_line([*words, "--json"]) == 0
+    answer = json.loads(capfd.readouterr().out)
+    by_function = furrowmap.colour(folder / "cloud.laz", folder / "session.toml", tmp_path / "same.copc.laz")
+    assert answer["figures"] == by_function["figures"]
+    assert np.array_equal(laspy.read(out).points.array, laspy.read(tmp_path / "same.copc.laz").points.array)
+    assert command_line(words) == 4, "the file exists"
+    capfd.readouterr()
+    assert command_line([*words, "--overwrite"]) == 0
+    assert "points coloured" in capfd.readouterr().out
 
 
 def test_cloud__without_a_camera_or_images_is_refused(folder: Path) -> None:

@@ -224,6 +224,15 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             "check", PRODUCT=cloud, POINTS=folder / "points.csv", VERTICAL=1.0, TABLE=folder / "errors.csv", SIGMA=0.01
         ),
         "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
+        "calibrate_mount": run(
+            "calibrate_mount",
+            FRAMES=folder / "drive.csv",
+            BOARD="9x6",
+            SQUARE=0.03,
+            BOARD_RPY="180,0,90",
+            OUTPUT=folder / "mount.csv",
+        ),
+        "colour": run("colour", CLOUD=cloud, SESSION=folder / "session.toml", OUTPUT=folder / "coloured.copc.laz"),
         "cancel": {**run("simulate", OUTPUT=folder / "cancelled"), "cancel_after_s": 0.3},
     }
 
@@ -295,7 +304,8 @@ def by_hand(folder: Path) -> Path:
 
 
 def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
-    assert set(answers["logged"]) == {"calibrate", "gnss_solve", "growth", "crashing", "foreign", "broken"}
+    refused = {"calibrate", "calibrate_mount", "colour"}
+    assert set(answers["logged"]) == refused | {"gnss_solve", "growth", "crashing", "foreign", "broken"}
     assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
 
@@ -399,6 +409,13 @@ def test_features__are_classes_and_layers(answers: dict[str, Any], folder: Path)
     classified = laspy.read(folder / "features" / "cloud.copc.laz")
     assert (np.asarray(classified.classification) == 2).mean() > 0.5, "a field is ground"
     assert answers["features"]["outputs"]["FEATURES"] == str(folder / "features" / "features.gpkg")
+
+
+def test_images__need_an_extra_that_the_worker_does_not_have(answers: dict[str, Any]) -> None:
+    for name, lacking in (("calibrate_mount", "OpenCV"), ("colour", "Pillow")):
+        what, _, remedy = answers[name]["error"].splitlines()
+        assert what == f"{lacking} is not installed."
+        assert "furrowmap[photo]" in remedy
 
 
 def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], folder: Path) -> None:

@@ -5,18 +5,35 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
-from plugin_commands import FILE, content  # noqa: E402
+from plugin_commands import FILE, NOT_IN_QGIS, content  # noqa: E402
 
+from furrowmap.cli.calibrate import WithMount, mount  # noqa: E402
+from furrowmap.cli.main import COMMANDS as NAMES  # noqa: E402
+from furrowmap.cli.main import furrowmap  # noqa: E402
 from furrowmap.plugin.processing.algorithms import ALGORITHMS  # noqa: E402
 from furrowmap.plugin.processing.description import COMMANDS  # noqa: E402
 
 
 def test_commands__are_those_of_the_command_line() -> None:
     assert FILE.read_text(encoding="utf-8") == content(), "run scripts/plugin_commands.py, then plugin_strings.py"
+
+
+def test_every_command__is_an_algorithm_or_stands_in_a_list_with_its_reason() -> None:
+    words = set()
+    for name in NAMES:
+        command = furrowmap.get_command(click.Context(furrowmap), name)
+        words |= {f"{name} {below}" for below in command.commands} if isinstance(command, click.Group) else {name}
+        words |= {f"{name} {mount.name}"} if isinstance(command, WithMount) else set()
+    assert {"calibrate mount", "colour", "farm add", "gnss solve"} <= words
+    offered = [algorithm.command for algorithm in ALGORITHMS]
+    assert sorted(offered) == sorted(words - set(NOT_IN_QGIS))
+    assert set(NOT_IN_QGIS) < words
+    assert all(len(reason) > 10 for reason in NOT_IN_QGIS.values())
 
 
 def test_algorithms__name_only_options_of_their_command() -> None:
