@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from furrowmap.workflows.preview import preview as preview
     from furrowmap.workflows.propose import ProposedSession as ProposedSession
     from furrowmap.workflows.propose import propose_session as propose_session
+    from furrowmap.workflows.report import write_report_page as write_report_page
     from furrowmap.workflows.response import ResponseSettings as ResponseSettings
     from furrowmap.workflows.response import response as response
     from furrowmap.workflows.run import run as run
@@ -176,6 +177,7 @@ _HOMES = {
     "remove_from_farm_map": "workflows.farm",
     "response": "workflows.response",
     "run": "workflows.run",
+    "write_report_page": "workflows.report",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",
     "SolveSettings": "workflows.solve_gnss",

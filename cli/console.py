@@ -13,6 +13,8 @@ from typing import Any
 import click
 
 from furrowmap.cli.interruption import INTERRUPTION
+from furrowmap.core.languages.choice import language_of_user
+from furrowmap.core.languages.translation import translated, translated_error, translated_notice
 from furrowmap.core.values.errors import FurrowmapError, Notice, printable
 from furrowmap.core.values.progress import Progress
 from furrowmap.process import reporting_compilation
@@ -49,7 +51,9 @@ class Console:
 
     def warn(self, notice: Notice) -> None:
         """Write a warning."""
-        click.secho(f"warning: {printable(notice.text)}", err=True, fg="yellow", color=colour())
+        language = language_of_user()
+        told = f"{translated('warning:', language)} {printable(translated_notice(notice, language).text)}"
+        click.secho(told, err=True, fg="yellow", color=colour())
 
     def warn_of(self, account: Mapping[str, Any]) -> None:
         """Write the warnings in the report of finished work."""
@@ -125,15 +129,16 @@ def put_json(value: object) -> None:
 
 def put_error(error: FurrowmapError) -> None:
     """Write `error` to standard error."""
-    what, *rest = error.lines
+    what, *rest = translated_error(error, language_of_user())
     click.secho(what, err=True, fg="red", color=colour())
     for line in rest:
         click.echo(line, err=True)
 
 
 def error_value(error: FurrowmapError) -> dict[str, str]:
-    """`error` for JSON."""
-    return {"code": error.code, "what": error.what, "meaning": error.meaning, "remedy": error.remedy}
+    """`error` for JSON, in the language of the user."""
+    what, meaning, remedy = translated_error(error, language_of_user())
+    return {"code": error.code, "what": what, "meaning": meaning, "remedy": remedy}
 
 
 def colour() -> bool | None:

@@ -11,12 +11,15 @@ import traceback
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
+from itertools import pairwise
 from typing import Any, Final, NoReturn
 
 import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
+from furrowmap.core.languages.catalogue import LANGUAGES
+from furrowmap.core.languages.choice import using_language
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 
 COMMANDS: Final = (
@@ -34,6 +37,7 @@ COMMANDS: Final = (
     "plots",
     "response",
     "export",
+    "report",
     "farm",
     "calibrate",
     "crs",
@@ -150,17 +154,25 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
     for stream in (sys.stdout, sys.stderr):
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
     try:
-        status, error = attempt(arguments, interruption)
-        if error is not None:
-            put_error(error)
-            if "--json" in arguments:
-                put_json({"error": error_value(error)})
+        with using_language(asked_language(arguments)):
+            status, error = attempt(arguments, interruption)
+            if error is not None:
+                put_error(error)
+                if "--json" in arguments:
+                    put_json({"error": error_value(error)})
         sys.stdout.flush()
     except BrokenPipeError:
         # The reader closed the pipe. Python flushes again at exit, which must not fail a second time.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     return status
+
+
+def asked_language(arguments: Sequence[str]) -> str | None:
+    """The language that the arguments ask for; None without one, and for one that the command will refuse."""
+    joined = [argument.removeprefix("--lang=") for argument in arguments if argument.startswith("--lang=")]
+    apart = [after for option, after in pairwise(arguments) if option == "--lang"]
+    return next((language for language in (*apart, *joined) if language in LANGUAGES), None)
 
 
 def attempt(

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
+from furrowmap.core.languages.catalogue import LANGUAGES
 from furrowmap.core.values.allowances import ALL, allowing
 from furrowmap.core.values.threads import using_threads
 from furrowmap.process import prepare_process
@@ -32,6 +33,12 @@ def common_options(command: Callable[..., None]) -> Callable[..., None]:
         metavar="N",
         help="Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].",
     )
+    @click.option(
+        "--lang",
+        "language",
+        type=click.Choice(LANGUAGES),
+        help="Language of errors, warnings and reports [default: FURROWMAP_LANG, else en].",
+    )
     @click.option("--allow-large", is_flag=True, help="Unpack files however large their content is.")
     @click.option("--allow-damaged", is_flag=True, help="Use clouds without the parts that are damaged.")
     @click.option("--debug", is_flag=True, help="Print a traceback on error.")
@@ -43,12 +50,13 @@ def common_options(command: Callable[..., None]) -> Callable[..., None]:
         verbose: int,
         log_file: Path | None,
         threads: int | None,
+        language: str | None,
         allow_large: bool,
         allow_damaged: bool,
         debug: bool,
         **arguments: Any,
     ) -> None:
-        del debug  # read in main, where errors are handled
+        del debug, language  # read in main, where errors are handled
         _start_log(verbose, log_file)
         prepare_process()
         allowed = [what for what, given in zip(ALL, (allow_large, allow_damaged), strict=True) if given]

@@ -35,7 +35,9 @@ import msgspec
 
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.cli.main import attempt
+from furrowmap.cli.main import asked_language, attempt
+from furrowmap.core.languages.choice import language_of_user, using_language
+from furrowmap.core.languages.translation import translated_notice
 from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
 from furrowmap.core.values.progress import Progress
 from furrowmap.process import prepare_process, reporting_compilation
@@ -84,15 +86,18 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     send = _Sender(answers)
     send("hello", protocol=PROTOCOL, version=version("furrowmap"), pid=os.getpid())
     error: FurrowmapError | None
+    arguments: list[str] = []
     try:
         arguments = _arguments(orders.readline(_LONGEST_LINE))
     except UsageError as raised:
         status, error = raised.exit_status, raised
     else:
         threading.Thread(target=_heed, args=(orders,), daemon=True).start()
-        status, error = attempt(arguments, INTERRUPTION, WorkerConsole(send=send))
+        with using_language(asked_language(arguments)):
+            status, error = attempt(arguments, INTERRUPTION, WorkerConsole(send=send))
     if error is not None:
-        send("error", **error_value(error))
+        with using_language(asked_language(arguments)):
+            send("error", **error_value(error))
     send("done", status=status)
     return status
 
@@ -121,7 +126,8 @@ class WorkerConsole(Console):
 
     def warn(self, notice: Notice) -> None:
         """Send a warning."""
-        self.send("warning", code=notice.code, text=notice.text)
+        told = translated_notice(notice, language_of_user())
+        self.send("warning", code=told.code, text=told.text)
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there is no progress bar)

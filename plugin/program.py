@@ -32,6 +32,7 @@ def process_environment():
     environment = QProcessEnvironment()
     for name, value in worker_environment(dict(os.environ), own_prefix(QgsApplication.prefixPath())).items():
         environment.insert(name, value)
+    environment.insert("FURROWMAP_LANG", "ja" if (QgsApplication.locale() or "").startswith("ja") else "en")
     return environment
 
 

@@ -35,6 +35,15 @@ Helpers: TypeAlias = dict[str, tuple[ast.FunctionDef, Words]]
 """Functions with a parameter `code`, by name, each with the assignments of its file."""
 
 
+class Call(NamedTuple):
+    """A call that makes an error or a notice: its code, the expressions of its texts, and what names in them can be."""
+
+    code: str
+    texts: list[ast.expr]
+    words: Words
+    error: bool
+
+
 class Message(NamedTuple):
     """A code and the text of its message."""
 
@@ -66,6 +75,15 @@ def page() -> str:
 
 def found() -> Iterator[Message]:
     """Every message in the source."""
+    for call in calls():
+        texts = [_text(text, call.words) for text in call.texts]
+        yield Message(
+            call.code, texts[0] if call.error else _first(texts[0]), texts[2] if call.error else "", call.error
+        )
+
+
+def calls() -> Iterator[Call]:
+    """Every call in the source that makes an error or a notice."""
     for part in PARTS:
         for folder in sorted({file.parent for file in (CHECKOUT / part).rglob("*.py")}):
             trees = [ast.parse(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.py"))]
@@ -85,7 +103,7 @@ def _helpers(tree: ast.Module) -> Helpers:
     }
 
 
-def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Message]:
+def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Call]:
     """The messages of a block of statements, each with the assignments before it."""
     words = dict(outer)
     for statement in block:
@@ -105,7 +123,7 @@ def _found(block: list[ast.stmt], outer: Words, helpers: Helpers) -> Iterator[Me
             words |= {name: words.get(name, []) + values for name, values in _assigned(statement).items()}
 
 
-def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -> Iterator[Message]:
+def _helped(call: ast.Call, helper: ast.FunctionDef, own: Words, words: Words) -> Iterator[Call]:
     """The messages of a helper for the arguments of a call."""
     names = [argument.arg for argument in helper.args.args if argument.arg not in ("self", "cls")]
     given = dict(zip(names, call.args, strict=False)) | {k.arg: k.value for k in call.keywords if k.arg}
@@ -142,17 +160,17 @@ def _name(call: ast.Call) -> str:
     return call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
 
 
-def _messages(call: ast.Call, words: Words, given: str = "") -> Iterator[Message]:
+def _messages(call: ast.Call, words: Words, given: str = "") -> Iterator[Call]:
     """The messages of a call; `given` is the code passed to the helper that contains it."""
     arguments = call.args
     code = next((keyword.value for keyword in call.keywords if keyword.arg == CODE), None)
     if _name(call) == NOTICE and arguments:
         text = arguments[1] if len(arguments) > 1 else next((k.value for k in call.keywords if k.arg == "text"), None)
-        for each in _codes(arguments[0], given):
-            yield Message(each, _first(_text(text, words)), "", error=False)
+        for each in _codes(arguments[0], given) if text is not None else ():
+            yield Call(each, [text], words, error=False)
     elif code is not None and len(arguments) >= 3:
         for each in _codes(code, given):
-            yield Message(each, _text(arguments[0], words), _text(arguments[2], words), error=True)
+            yield Call(each, arguments[:3], words, error=True)
 
 
 def _codes(node: ast.expr, given: str) -> list[str]:

@@ -20,9 +20,10 @@ FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands
 NOT_IN_QGIS = {
     "qgis install": "it installs the plugin that would run it",
     "worker": "the plugin starts it and speaks its protocol",
+    "report": "the dock opens the report, which a run writes in the language of QGIS",
 }
 """Commands that are no algorithms, and why."""
-OF_THE_CONSOLE = {"--json", "--quiet", "--verbose", "--log-file", "--debug"}
+OF_THE_CONSOLE = {"--json", "--quiet", "--verbose", "--log-file", "--lang", "--debug"}
 UNITS = {"METRES": "m", "M": "m", "SECONDS": "s", "DEGREES": "°"}
 LEAST = 0.0001
 """The minimum in QGIS of a number that has to be positive: a QGIS parameter always allows its minimum."""

@@ -38,6 +38,7 @@ ROOMS = {
     "geodesy": ["values"],
     "readers": ["values"],
     "areas": ["readers", "values"],
+    "languages": ["values"],
     "session": ["geodesy", "readers", "values"],
     "trajectory": ["estimation", "geodesy", "readers", "values"],
     "surfaces": ["values"],

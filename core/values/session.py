@@ -355,14 +355,26 @@ class Run(_Part, frozen=True):
     threads: Annotated[int, Meta(ge=1)] | None = None
 
 
+class Report(_Part, frozen=True):
+    """`[report]`: how the report page is written.
+
+    Attributes:
+        language: "en" or "ja"; `--lang` on the command line overrides it; default: FURROWMAP_LANG, else "en".
+        area_unit: "ha", "10a" (areas in ares, work rates per 10 a) or "acre".
+    """
+
+    language: Literal["en", "ja"] | None = None
+    area_unit: Literal["ha", "10a", "acre"] = "ha"
+
+
 class Session(_Part, frozen=True):
     """The content of a session file.
 
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, run: the
-            tables.
+        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, run,
+            report: the tables.
     """
 
     furrowmap: int
@@ -379,6 +391,7 @@ class Session(_Part, frozen=True):
     trajectory: TrajectorySource | None = None
     parcels: Parcels | None = None
     run: Run = Run()
+    report: Report = Report()
     camera: CameraSource | None = None
 
 
@@ -468,5 +481,7 @@ EXAMPLES: Final = {
     "run.standing": "true",
     "run.fixes": '["fixed", "float"]',
     "run.threads": "2",
+    "report.language": '"ja"',
+    "report.area_unit": '"10a"',
 }
 """An example value for every key."""

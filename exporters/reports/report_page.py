@@ -17,6 +17,7 @@ from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.local_time import clock_words, local_time, zone_words
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
+from furrowmap.core.languages.choice import language_of_user
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.point_classes import PointClass
@@ -29,6 +30,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.png import data_uri
 from furrowmap.exporters.rasters.relief import Relief, shaded_ground
+from furrowmap.exporters.reports.area_units import area, filled_in, work_rate
 from furrowmap.exporters.reports.drawings import (
     fix_colour,
     map_box,
@@ -40,6 +42,7 @@ from furrowmap.exporters.reports.drawings import (
 )
 from furrowmap.exporters.reports.flight_page import flight_sections
 from furrowmap.exporters.reports.image_section import image_sections
+from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.page_parts import (
     alarm,
     escape,
@@ -55,10 +58,6 @@ from furrowmap.exporters.reports.parcel_section import parcel_sections
 from furrowmap.exporters.reports.run_report import points_by_class, verdict
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
-HECTARE_M2: Final = 10_000.0
-SMALL_M2: Final = 1_000.0
-"""Smaller areas are shown in square metres."""
-FINE_M2: Final = 10.0
 MOST_PASSES: Final = 60
 """Maximum length of the table of passes."""
 _FIX_WORDS: Final = {
@@ -119,6 +118,8 @@ def write_page(
         provenance=_provenance(found),
         alarm="".join(alarm(text) for text in (verdict(found)["text"] or "", *verdict(found)["doubts"])),
     )
+    report = found.session.report
+    page = in_language(filled_in(page, report.area_unit), language_of_user(report.language))
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
@@ -139,10 +140,10 @@ def _summary(found: RunResult) -> str:
     worked, missed = ground.figures.worked, ground.figures.missed
     if not ground.passes:
         return "The implement was never in the ground."
-    parts = [f"{_area(worked.grid_m2)} worked in {ground.figures.passes} passes"]
+    parts = [f"{area(worked.grid_m2)} worked in {ground.figures.passes} passes"]
     if worked.grid_m2 > 0.0:
         parts.append(f"{ground.figures.overlap.grid_m2 / worked.grid_m2:.1%} of it twice")
-    parts.append(f"{_area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
+    parts.append(f"{area(missed.grid_m2)} missed between" if missed.grid_m2 > 0.0 else "no strip missed")
     parts += _of_field(ground.figures.field)
     return f"<b>{escape(', '.join(parts))}.</b>"
 
@@ -150,25 +151,25 @@ def _summary(found: RunResult) -> str:
 def _of_field(field: FieldFigures | None) -> Iterable[str]:
     """How much of the field was worked, where its boundary is known."""
     if field is not None:
-        yield f"{field.worked_share:.1%} of the field ({_area(field.area.grid_m2)}) worked"
+        yield f"{field.worked_share:.1%} of the field ({area(field.area.grid_m2)}) worked"
         if field.unworked.grid_m2 > 0.0:
-            yield f"{_area(field.unworked.grid_m2)} of it not worked yet"
+            yield f"{area(field.unworked.grid_m2)} of it not worked yet"
 
 
 def _figures(found: RunResult) -> Iterable[str]:
     ground = found.work.ground
     if ground is not None:
         figures = ground.figures
-        yield key_figure(_area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
-        yield key_figure(_area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
+        yield key_figure(area(figures.worked.grid_m2), f"worked {_margin(figures.worked)}")
+        yield key_figure(area(figures.overlap.grid_m2), f"worked twice {_margin(figures.overlap)}")
         missed = figures.missed.grid_m2 > 0.0
-        yield key_figure(_area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
+        yield key_figure(area(figures.missed.grid_m2), f"missed {_margin(figures.missed)}", loud=missed)
         if figures.field is not None:
             field, left = figures.field.area, figures.field.unworked
-            yield key_figure(_area(left.grid_m2), f"not worked {_margin(left)}, of {_area(field.grid_m2)} of field")
+            yield key_figure(area(left.grid_m2), f"not worked {_margin(left)}, of {area(field.grid_m2)} of field")
         yield key_figure(str(figures.passes), "passes")
         yield key_figure(_duration(figures.hours.field_s), "in the field")
-        yield key_figure(_number(figures.work_rate_ha_h, 2, " ha/h"), "work rate, turns and stops included")
+        yield key_figure(work_rate(figures.work_rate_ha_h), "work rate, turns and stops included")
         yield key_figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
         yield key_figure(_duration(figures.hours.turning_s), "turning and reversing")
         yield key_figure(_duration(figures.hours.idle_s), "standing")
@@ -215,8 +216,8 @@ def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
             clock_words(one.times.begin_s, zone),
             clock_words(one.times.end_s, zone),
             _number(one.length_m, 1, " m"),
-            _area(one.area.grid_m2),
-            _area(2.0 * one.area.sigma_m2),
+            area(one.area.grid_m2),
+            area(2.0 * one.area.sigma_m2),
             _number(3.6 * one.speed_mps, 1, " km/h"),
             _number(100.0 * depth.depth_m, 0, " cm"),
             _number(100.0 * depth.spread_m, 1, " cm"),
@@ -274,8 +275,8 @@ def _accuracy(found: RunResult) -> str:
         rows.append(("lowering and lifting", _number(_median(work.states.begin_sigma_s[1:]), 3, " s")))
     if work.ground is not None:
         worked = work.ground.figures.worked
-        rows.append(("worked, in the map's plane", f"{_area(worked.grid_m2)} {_margin(worked)}"))
-        rows.append(("worked, on the ellipsoid", _area(worked.ellipsoid_m2)))
+        rows.append(("worked, in the map's plane", f"{area(worked.grid_m2)} {_margin(worked)}"))
+        rows.append(("worked, on the ellipsoid", area(worked.ellipsoid_m2)))
     sigmas = table(("median standard deviation", ""), rows)
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>No warnings.</p>"
@@ -287,7 +288,7 @@ def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
     if swaths is None:
         return
     rows = [
-        ("ground compared", _area(swaths.area_m2)),
+        ("ground compared", area(swaths.area_m2)),
         ("half of it within", _number(1000.0 * swaths.within_m(0.5), 1, " mm")),
         ("95 % of it within", _number(1000.0 * swaths.within_m(0.95), 1, " mm")),
         ("mean", f"{1000.0 * swaths.mean_m:+.1f} mm"),
@@ -346,16 +347,8 @@ def _provenance(found: RunResult) -> str:
     )
 
 
-def _area(area_m2: float) -> str:
-    if not math.isfinite(area_m2):
-        return "unknown"
-    if area_m2 >= SMALL_M2:
-        return f"{area_m2 / HECTARE_M2:.3f} ha"
-    return f"{area_m2:.{1 if area_m2 >= FINE_M2 else 2}f} m²"
-
-
-def _margin(area: Area) -> str:
-    return f"± {_area(2.0 * area.sigma_m2)}" if area.grid_m2 > 0.0 and math.isfinite(area.sigma_m2) else ""
+def _margin(found: Area) -> str:
+    return f"± {area(2.0 * found.sigma_m2)}" if found.grid_m2 > 0.0 and math.isfinite(found.sigma_m2) else ""
 
 
 def _number(value: float, digits: int, unit: str) -> str:

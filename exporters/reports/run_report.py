@@ -18,9 +18,12 @@ from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.images.aiding import ImageAid
+from furrowmap.core.languages.catalogue import LANGUAGES
+from furrowmap.core.languages.translation import translated, translated_notice
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
@@ -75,7 +78,7 @@ def run_report(
         "image_adjustment": found.image_aid.plain() if found.image_aid is not None else None,
         "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
         "clocks": _clocks(found),
-        "warnings": found.notices,
+        "warnings": [in_all_languages(notice) for notice in found.notices],
         "timings": timings_s,
         "products": products,
     }
@@ -139,7 +142,21 @@ def verdict(found: RunResult) -> dict[str, Any]:
     text = next((notice.text for notice in found.notices if notice.code == CONTRADICTION), None)
     seen = found.matched.seen.plain() if found.matched is not None else {}
     doubts = [notice.text for notice in found.notices if notice.code in AT_TOP]
-    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts}
+    told = {
+        key: value
+        for language in LANGUAGES[1:]
+        for key, value in (
+            (f"text_{language}", translated(text, language, CONTRADICTION) if text else None),
+            (f"doubts_{language}", [translated(doubt, language) for doubt in doubts]),
+        )
+    }
+    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **told}
+
+
+def in_all_languages(notice: Notice) -> dict[str, str]:
+    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`."""
+    others = {f"text_{language}": translated_notice(notice, language).text for language in LANGUAGES[1:]}
+    return {"code": notice.code, "text": notice.text, **others}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 
 import html
 
+from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import QGridLayout, QPushButton, QTextBrowser, QVBoxLayout, QWidget
 
@@ -46,7 +47,7 @@ class ResultPage(QWidget):
         """Show the figures of the run in a folder."""
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
-        warnings = [str(w.get("text", "")) for w in report.get("warnings") or [] if isinstance(w, dict)]
+        warnings = [str(in_own_language(w, "text") or "") for w in report.get("warnings") or [] if isinstance(w, dict)]
         page = f"<h3>{name}</h3>{self._alarm(report)}<table>{figures_html(report)}</table>"
         if warnings:
             items = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
@@ -61,9 +62,14 @@ class ResultPage(QWidget):
         verdict = report.get("verdict")
         if not isinstance(verdict, dict):
             return ""
-        text, doubts = verdict.get("text"), verdict.get("doubts")
+        text, doubts = in_own_language(verdict, "text"), in_own_language(verdict, "doubts")
         shown = "".join(f"<p>⚠ {html.escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
         if not text:
             return shown
         title = self.tr("These results contradict each other.")
         return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>{shown}"
+
+
+def in_own_language(table, key):
+    """A text of a report in the language of QGIS, where the report has it in that: `text_ja` beside `text`."""
+    return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)

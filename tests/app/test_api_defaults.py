@@ -16,6 +16,7 @@ FLAGS = {
     **{name: {"overwrite"} for name in ("calibrate_mount", "colour", "solve_gnss")},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
+    "write_report_page": {"pdf"},
     **{
         name: {"overwrite"}
         for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "features", "fields", "growth", "mosaic")

@@ -80,6 +80,7 @@ def test_keys__the_schema_has_all_tables() -> None:
         "camera",
         "parcels",
         "run",
+        "report",
     }
 
 

@@ -1,0 +1,1 @@
+"""Languages: the product's texts in the language of the user, from a catalogue of templates for each."""

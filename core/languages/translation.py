@@ -1,0 +1,94 @@
+"""Texts in the language of the user."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Final
+
+from furrowmap.core.languages.catalogue import ENGLISH, catalogue
+from furrowmap.core.values.errors import FurrowmapError, Notice
+
+DEEPEST: Final = 5
+"""Texts in holes of texts in holes: a cause within a warning within a list."""
+_SENTENCE: Final = re.compile(r"(?<=[.!?]) (?=\S)")
+_LIST: Final = (("; ", "；"), (", ", "、"))
+_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
+
+
+def translated(text: str, language: str, code: str = "") -> str:
+    """A text of the product in another language; what the catalogue does not know stays as it is.
+
+    Args:
+        text: English, as the product wrote it.
+        language: one of :data:`~furrowmap.core.languages.catalogue.LANGUAGES`.
+        code: of the error or warning; its own texts are looked for first.
+
+    Raises:
+        ValueError: if there is no such language.
+    """
+    return text if language == ENGLISH else _translated(text, language, code, DEEPEST)
+
+
+def translated_error(error: FurrowmapError, language: str) -> tuple[str, str, str]:
+    """The three lines of an error in a language."""
+    what, meaning, remedy = (translated(line, language, error.code) for line in error.lines)
+    return what, meaning, remedy
+
+
+def translated_notice(notice: Notice, language: str) -> Notice:
+    """A notice in a language."""
+    return Notice(notice.code, translated(notice.text, language, notice.code))
+
+
+@lru_cache(maxsize=4096)
+def _translated(text: str, language: str, code: str, depth: int) -> str:
+    whole = _whole(text, language, code, depth)
+    if whole is not None or depth == 0:
+        return whole or text
+    sentences = _SENTENCE.split(text)
+    if len(sentences) > 1:
+        return _sentences(sentences, language, code, depth)
+    for mark, other in _LIST:
+        if mark in text:
+            parts = text.split(mark)
+            found = [_translated(part, language, "", depth - 1) for part in parts]
+            if found != parts:
+                return other.join(found)
+    head, colon, rest = text.partition(": ")
+    if colon and _WORDS.search(rest):
+        found = [_translated(part, language, "", depth - 1) for part in (head, rest)]
+        if found != [head, rest]:
+            return "：".join(found)
+    return text
+
+
+def _sentences(sentences: list[str], language: str, code: str, depth: int) -> str:
+    """Sentence by sentence; the longest rows of sentences that the catalogue has as one text come first."""
+    done, first = [], 0
+    while first < len(sentences):
+        for behind in range(len(sentences), first, -1):
+            if first == 0 and behind == len(sentences):
+                continue
+            row = " ".join(sentences[first:behind])
+            found = (
+                _whole(row, language, code, depth) if behind > first + 1 else _translated(row, language, code, depth)
+            )
+            if found is not None:
+                done.append(found)
+                first = behind
+                break
+    return "".join(f" {part}" if k and part[:1].isascii() else part for k, part in enumerate(done))
+
+
+def _whole(text: str, language: str, code: str, depth: int) -> str | None:
+    """A text that is in the catalogue as a whole."""
+    known = catalogue(language)
+    exact = known.of_code(code).get(text) or known.exact.get(text)
+    if exact is not None:
+        return exact
+    for template in known.templates(code):
+        values = template.values(text)
+        if values is not None:
+            return template.filled(_translated(value, language, "", depth - 1) if depth else value for value in values)
+    return None

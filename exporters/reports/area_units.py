@@ -1,0 +1,70 @@
+"""Areas of a page in the reader's unit: hectares, ares and 10 a as in Japan, or acres.
+
+A page is written once; each area in it is an HTML element <data> with its value in SI units beside its text, so that
+the unit can be changed in a page that was written long ago.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Final
+
+HECTARE: Final = "ha"
+TEN_ARES: Final = "10a"
+ACRE: Final = "acre"
+UNITS: Final = (HECTARE, TEN_ARES, ACRE)
+ACRE_M2: Final = 4046.8564224
+"""The international acre, 1959."""
+_ARE_M2: Final = 100.0
+_HECTARE_M2: Final = 10_000.0
+_FINE_M2: Final = 10.0
+_SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
+"""Smaller areas are shown in square metres."""
+_NUMBER: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
+_MARKED: Final = re.compile(rf"⟦(area|rate) ({_NUMBER})⟧")
+_DATA: Final = re.compile(rf'<data class="(area|rate)" value="({_NUMBER})">[^<]*</data>')
+
+
+def area(area_m2: float) -> str:
+    """An area in a text of a page; :func:`filled_in` puts it into the page."""
+    return f"⟦area {area_m2:.6g}⟧" if math.isfinite(area_m2) else "unknown"
+
+
+def work_rate(rate_ha_h: float) -> str:
+    """A work rate in a text of a page."""
+    return f"⟦rate {rate_ha_h:.6g}⟧" if math.isfinite(rate_ha_h) else "unknown"
+
+
+def filled_in(page: str, unit: str) -> str:
+    """A page with its areas and work rates in a unit, whatever unit they were in.
+
+    Args:
+        page: HTML.
+        unit: one of `UNITS`.
+    """
+
+    def element(found: re.Match[str]) -> str:
+        return f'<data class="{found[1]}" value="{found[2]}">{_SAYS[found[1]](float(found[2]), unit)}</data>'
+
+    return _DATA.sub(element, _MARKED.sub(element, page))
+
+
+def area_words(area_m2: float, unit: str) -> str:
+    """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres."""
+    if abs(area_m2) < _SMALL_M2[unit]:
+        return f"{area_m2:.{1 if abs(area_m2) >= _FINE_M2 else 2}f} m²"
+    if unit == TEN_ARES:
+        return f"{area_m2 / _ARE_M2:.2f} a"
+    return f"{area_m2 / ACRE_M2:.3f} acres" if unit == ACRE else f"{area_m2 / _HECTARE_M2:.3f} ha"
+
+
+def rate_words(rate_ha_h: float, unit: str) -> str:
+    """A work rate as text; for 10 a as the minutes that they take, as Japanese records of work have it."""
+    if unit == TEN_ARES:
+        return f"{6.0 / rate_ha_h:.1f} min/10 a" if rate_ha_h > 0.0 else "unknown"
+    return f"{rate_ha_h * _HECTARE_M2 / ACRE_M2:.2f} acres/h" if unit == ACRE else f"{rate_ha_h:.2f} ha/h"
+
+
+_SAYS: Final[Mapping[str, Callable[[float, str], str]]] = {"area": area_words, "rate": rate_words}

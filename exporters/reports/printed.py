@@ -1,0 +1,86 @@
+"""Pages as PDF, printed by the browser of the computer.
+
+A Chromium embeds the glyphs of the fonts it uses, draws SVG completely, and is on most computers under one of its
+names: Edge comes with Windows.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.exporters.files.atomic import atomic_output
+
+VARIABLE: Final = "FURROWMAP_BROWSER"
+"""Variable of the environment with the path of a browser of the Chromium family."""
+NAMES: Final = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge", "msedge")
+PLACES: Final = (
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+    "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
+    "C:/Program Files/Google/Chrome/Application/chrome.exe",
+)
+PATIENCE_S: Final = 120.0
+
+
+def browser() -> str | None:
+    """The path of a browser that prints; None if there is none."""
+    stated = os.environ.get(VARIABLE)
+    names = (stated,) if stated else (*NAMES, *PLACES)
+    return next((found for name in names if (found := shutil.which(name)) is not None), None)
+
+
+def write_pdf(path: Path, page: str) -> None:
+    """Print a page of ours to a PDF on A4.
+
+    Args:
+        path: of the PDF.
+        page: HTML without outside resources.
+
+    Raises:
+        RefusedError: if no browser is installed, or it does not print.
+        OSError: if the file cannot be written.
+    """
+    program = browser()
+    if program is None:
+        raise RefusedError(
+            "No browser that prints to PDF is installed (Chromium, Chrome or Edge).",
+            "The PDF was not written.",
+            f"Install one, name its path in {VARIABLE}, or open report.html in any browser and print it from there.",
+            code="browser-missing",
+        )
+    with tempfile.TemporaryDirectory(prefix="furrowmap-print-") as folder, atomic_output(path) as unfinished:
+        source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
+        source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        failure = _print(program, source, printed, Path(folder, "profile"))
+        if failure:
+            raise RefusedError(
+                f"{program} did not print the page ({failure}).",
+                "The PDF was not written.",
+                f"Name another browser in {VARIABLE}, or open report.html in any browser and print it from there.",
+                code="browser-missing",
+            )
+        shutil.copyfile(printed, unfinished)
+
+
+def _print(program: str, source: Path, printed: Path, profile: Path) -> str:
+    """Run the browser; what went wrong, or nothing."""
+    confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
+    arguments = [
+        program, "--headless", *confined, "--disable-gpu", "--no-first-run", f"--user-data-dir={profile}",
+        "--no-pdf-header-footer", f"--print-to-pdf={printed}", source.as_uri(),
+    ]  # fmt: skip
+    try:
+        done = subprocess.run(arguments, capture_output=True, timeout=PATIENCE_S, check=False)  # noqa: S603 (no shell)
+    except subprocess.TimeoutExpired:
+        return f"no end after {PATIENCE_S:.0f} s"
+    except OSError as error:
+        return error.strerror or type(error).__name__
+    if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
+        return f"exit status {done.returncode}"
+    return ""

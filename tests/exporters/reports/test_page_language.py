@@ -1,0 +1,79 @@
+"""Pages in Japanese and in other units, and back to what they were."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+
+import pytest
+
+from furrowmap.exporters.reports.area_units import ACRE_M2, UNITS, area, area_words, filled_in, rate_words, work_rate
+from furrowmap.exporters.reports.page_language import in_language, language_of, texts
+from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, section, table
+
+PAGE = filled_in(
+    filled(
+        title="Two passes beside the barn",
+        when="2026-06-11, 10:59:34 to 11:00:37 (Asia/Tokyo, UTC+09:00)",
+        summary=f"<b>{escape(f'{area(5421.3)} worked in 3 passes, 3.1% of it twice, no strip missed')}.</b>",
+        figures=[
+            key_figure(area(5421.3), "worked"),
+            key_figure(work_rate(0.53), "recorded"),
+        ],
+        sections=[
+            section("Passes", table(("pass", "from", "to"), [("1", "10:59:34", "11:00:01")])),
+            section("Map", figure('<svg aria-label="Map of the ground worked"></svg>', "Areas in the map's plane.")),
+            key([("#fff", "RTK fixed 93%")]),
+        ],
+        provenance="furrowmap 0.1.0",
+    ),
+    "ha",
+)
+
+
+def test_page__in_japanese_has_no_english_but_names() -> None:
+    page = in_language(PAGE, "ja")
+    assert language_of(page) == "ja"
+    words = {re.sub("<data.*?</data>", "", html.unescape(text)).strip() for text in texts(page)}
+    assert "RTK FIX 93%" in words
+    assert {word for word in words if re.search(r"[A-Za-z]{4}", word)} == {
+        "Two passes beside the barn",
+        "2026-06-11, 10:59:34～11:00:37（Asia/Tokyo、UTC+09:00）",
+        "furrowmap 0.1.0",
+    }
+    assert '3 行程で <data class="area" value="5421.3">0.542 ha</data> を作業、うち 3.1% は重複' in page
+    assert 'aria-label="作業した範囲の地図"' in page
+
+
+def test_page__in_japanese_becomes_the_english_one_again() -> None:
+    page = in_language(PAGE, "ja")
+    assert in_language(page, "ja") == page
+    assert in_language(page, "en") == PAGE
+
+
+@pytest.mark.parametrize(
+    ("unit", "words", "rate"),
+    [("ha", "0.542 ha", "0.53 ha/h"), ("10a", "54.21 a", "11.3 min/10 a"), ("acre", "1.340 acres", "1.31 acres/h")],
+)
+def test_page__in_another_unit(unit: str, words: str, rate: str) -> None:
+    page = filled_in(PAGE, unit)
+    assert page.count(f">{words}</data>") == 2
+    assert f">{rate}</data>" in page
+    assert filled_in(page, "ha") == PAGE
+
+
+def test_units__are_the_same_area() -> None:
+    for area_m2 in (1_000.0, 54_213.0, 1e6):
+        ha, a, acres = (float(area_words(area_m2, unit).split()[0]) for unit in UNITS)
+        assert math.isclose(ha * 100.0, a, rel_tol=1e-3)
+        assert math.isclose(acres * ACRE_M2, area_m2, rel_tol=3e-3)
+    assert area_words(42.5, "10a") == "42.5 m²"
+    assert area_words(2.773, "acre") == "2.77 m²"
+    assert area(math.nan) == work_rate(math.nan) == "unknown"
+    assert rate_words(0.0, "10a") == "unknown"
+
+
+def test_page__that_a_name_imitates_keeps_its_figures() -> None:
+    page = filled_in(PAGE.replace("beside the barn", escape('⟦area x⟧ <data value="1">')), "acre")
+    assert "⟦area x⟧ &lt;data value=&quot;1&quot;&gt;" in in_language(page, "ja")
