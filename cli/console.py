@@ -13,9 +13,9 @@ from typing import Any
 import click
 
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.core.languages.choice import language_of_user
-from furrowmap.core.languages.translation import translated, translated_error, translated_notice
 from furrowmap.core.values.errors import FurrowmapError, Notice, printable
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated, translated_error, translated_notice
 from furrowmap.core.values.progress import Progress
 from furrowmap.process import reporting_compilation
 

@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.core.languages.catalogue import LANGUAGES
 from furrowmap.core.values.allowances import ALL, allowing
+from furrowmap.core.values.languages.catalogue import LANGUAGES
 from furrowmap.core.values.threads import using_threads
 from furrowmap.process import prepare_process
 

@@ -36,9 +36,9 @@ import msgspec
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
-from furrowmap.core.languages.choice import language_of_user, using_language
-from furrowmap.core.languages.translation import translated_notice
 from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
+from furrowmap.core.values.languages.choice import language_of_user, using_language
+from furrowmap.core.values.languages.translation import translated_notice
 from furrowmap.core.values.progress import Progress
 from furrowmap.process import prepare_process, reporting_compilation
 

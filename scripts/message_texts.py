@@ -1,7 +1,7 @@
 """The texts of errors and warnings as templates, by code, from the source; … stands for what varies.
 
-A catalogue of a language (core/languages) has an entry for each: ``python scripts/message_texts.py`` prints those that
-it lacks.
+A catalogue of a language (core/values/languages) has an entry for each: ``python scripts/message_texts.py`` prints
+those that it lacks.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _joined(parts: list[list[str]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    from furrowmap.core.languages.catalogue import catalogue
+    from furrowmap.core.values.languages.catalogue import catalogue
 
     known = catalogue("ja")
     for code, texts in templates().items():

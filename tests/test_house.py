@@ -38,7 +38,6 @@ ROOMS = {
     "geodesy": ["values"],
     "readers": ["values"],
     "areas": ["readers", "values"],
-    "languages": ["values"],
     "session": ["geodesy", "readers", "values"],
     "trajectory": ["estimation", "geodesy", "readers", "values"],
     "surfaces": ["values"],

@@ -18,13 +18,13 @@ from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.images.aiding import ImageAid
-from furrowmap.core.languages.catalogue import LANGUAGES
-from furrowmap.core.languages.translation import translated, translated_notice
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.values.languages.catalogue import LANGUAGES
+from furrowmap.core.values.languages.translation import translated, translated_notice
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS
