@@ -7,21 +7,16 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from time import perf_counter
-from typing import Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import msgspec
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.adjustment.consistency import CONTRADICTION
-from furrowmap.core.adjustment.matched import Matched
-from furrowmap.core.adjustment.session_match import SCANS_AHEAD, matched_to_ground
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
 from furrowmap.core.calibration.boresight import Boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.frames import Frames, frames_along
-from furrowmap.core.images.session_aid import aided_session
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
@@ -38,10 +33,10 @@ from furrowmap.core.trajectory.located import Companions, Located, locate, locat
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values import scratch
-from furrowmap.core.values.ahead import ahead, behind
+from furrowmap.core.values.ahead import SCANS_AHEAD, ahead, behind
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import CONTRADICTION, Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
@@ -53,6 +48,12 @@ from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_ground
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
+
+if TYPE_CHECKING:
+    from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.adjustment.session_match import MatchedSession
+    from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.images.frames import Frames
 
 _Origin: TypeAlias = tuple[float, float, float]
 
@@ -86,21 +87,6 @@ class FrameSink(Protocol):
     def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         """The frames that have a pose, and the local origin of the points' coordinates."""
         ...
-
-
-@dataclass(frozen=True)
-class MatchedSession:
-    """What scan matching of a session found.
-
-    Attributes:
-        trajectory: of the vehicle frame: the adjusted one, or the first guess where the scans were not matched.
-        notices: for the report.
-        matched: the result of scan matching; None where the scans were not matched.
-    """
-
-    trajectory: Trajectory
-    notices: tuple[Notice, ...]
-    matched: Matched | None
 
 
 class Checkpoint(Protocol):
@@ -143,7 +129,7 @@ def run(
     guess, survey = _first_guess(opened, positions, progress)
     watch.lap("positions")
     image_notices: list[Notice] = []
-    guess, aid = aided_session(opened, guess, ground_scale(frame, guess.trajectory), image_notices, progress)
+    guess, aid = _aided_by_images(opened, guess, image_notices, progress)
     watch.lap("images")
     boundary, field_notices = _boundary(opened, guess.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
@@ -177,6 +163,17 @@ def run(
     return replace(found, image_aid=aid, **vars(flown))
 
 
+def _aided_by_images(
+    opened: OpenSession, located: Located, notices: list[Notice], progress: Progress
+) -> tuple[Located, ImageAid | None]:
+    """The trajectory aided by the images of the session's camera, where it has one."""
+    if opened.session.camera is None:
+        return located, None
+    from furrowmap.core.images.session_aid import aided_session
+
+    return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
+
+
 def _give_frames(
     opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, found: Camera | None, sink: FrameSink | None
 ) -> list[Notice]:
@@ -190,6 +187,8 @@ def _give_frames(
         return [Notice("images-unused", text)]
     images = opened.images(notices)
     if images:
+        from furrowmap.core.images.frames import frames_along
+
         scale = ground_scale(opened.frame, trajectory)
         frames = frames_along(images, found or opened.camera(), trajectory, scale, notices)
         if frames is not None:
@@ -290,6 +289,8 @@ def _match(
 
     What an earlier run kept of the matching is used instead.
     """
+    from furrowmap.core.adjustment.session_match import MatchedSession, matched_to_ground
+
     session = opened.session
     earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
     implement = ImplementTracker(session, earlier)
@@ -361,7 +362,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
     aid_notices: list[Notice] = []
-    located, aid = aided_session(opened, located, ground_scale(opened.frame, located.trajectory), aid_notices, progress)
+    located, aid = _aided_by_images(opened, located, aid_notices, progress)
     boundary, field_notices = _boundary(opened, located.trajectory)
     states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
     watch.lap("positions")

@@ -6,16 +6,19 @@ import hashlib
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from furrowmap.core.pipeline import MatchedSession
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.json_text import json_text
 from furrowmap.core.values.packed import packed, unpacked
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord
+
+if TYPE_CHECKING:
+    from furrowmap.core.adjustment.session_match import MatchedSession
 
 
 class KeptMatching:
@@ -29,6 +32,8 @@ class KeptMatching:
         """What an earlier run kept; None for nothing, or that of another session."""
         if not self._path.is_file():
             return None
+        from furrowmap.core.adjustment.session_match import MatchedSession
+
         try:
             data = np.memmap(self._path, np.uint8, "r").data
             if data[: len(self._key)] != self._key:

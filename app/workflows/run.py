@@ -3,63 +3,39 @@
 from __future__ import annotations
 
 import json
-import math
-import os
 import shutil
-from concurrent.futures import Future
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field, replace
-from functools import partial
-from importlib.metadata import version
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 from time import perf_counter
-from typing import Any, Final
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import msgspec
-import tomli_w
 
 from furrowmap.core import pipeline
-from furrowmap.core.crops.parcel_points import ParcelPoints
-from furrowmap.core.implement.saved import save_implement
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.images.frames import Frames
+from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.values.beside import beside
-from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scratch import release, scratch_in
-from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import using_threads
-from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
-from furrowmap.core.work.run_result import RunResult
-from furrowmap.exporters.cloud.writer import CopcSummary
-from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord, file_records
-from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import (
-    CLOUD,
-    FIELD,
-    ITEM,
-    LEARNED,
-    PAGE,
-    REPORT,
-    RUN_PRODUCTS,
-    SESSION,
-    STATES,
-)
+from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
-from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
-from furrowmap.exporters.reports.report_page import write_page
-from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
-from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
-from furrowmap.exporters.vectors.geopackage import write_field
-from furrowmap.exporters.vectors.parcel_table import parcel_layer
-from furrowmap.exporters.vectors.states_table import write_states
-from furrowmap.results import Result, open_result
+from furrowmap.process import importing_beside
 from furrowmap.workflows.kept_matching import KeptMatching
-from furrowmap.workflows.parcels import WrittenParcels, parcel_settings, session_parcels, write_parcels
-from furrowmap.workflows.run_cloud import RunCloud, RunSink
-from furrowmap.workflows.run_colours import ColourFigures, RunColours
 
+if TYPE_CHECKING:
+    from furrowmap.results import Result
+    from furrowmap.workflows.run_products import RunProducts
+
+PRODUCTS: Final = "furrowmap.workflows.run_products"
+"""The module that writes products, with the libraries that do: imported while the trajectory is computed."""
 SPACE: Final = 2
 """Bytes of temporary files and products for each byte of a capture, at least: 10 bytes a point for surfaces and 5 for
 the cloud, where half of the 384 firings in a packet of 1264 bytes return."""
@@ -90,6 +66,7 @@ def run(
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
     """
+    start = perf_counter()
     file = Path(session)
     folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_result"
     opened = open_session(file)
@@ -100,157 +77,52 @@ def run(
         staged_folder(folder, resume=resume) as staging,
         scratch_in(staging),
         using_threads(opened.session.run.threads, by_default=True),
+        importing_beside(PRODUCTS) as module,
     ):
-        _write_products(opened, folder, staging, inputs, progress)
+        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
+        with _LateProducts(lambda: module().RunProducts(opened, staging)) as products:
+            if opened.session.parcels is not None:
+                products.there  # noqa: B018 (what is wrong with the parcels is told before the work)
+            checkpoint = KeptMatching(kept(staging), opened, inputs)
+            found = pipeline.run(opened, products, progress, checkpoint, products)
+            made = products.there.made(found, inputs, progress)
+        release()
+        module().write_products(made, opened, folder, staging, start, progress)
+    from furrowmap.results import open_result
+
     return open_result(folder)
 
 
-def _write_products(
-    opened: OpenSession, folder: Path, staging: Path, inputs: list[FileRecord] | None, progress: Progress
-) -> None:
-    """Write all products into `staging`; `inputs` are the records of the session's files, where they are known."""
-    start = perf_counter()
-    origin = _path_from(opened.file, folder)
-    made = _made(opened, staging, inputs, progress)
-    found, summary = made.found, made.cloud
-    release()
-    progress("writing layers", 0.0)
-    layers = perf_counter()
-    provenance = run_origin(found, made.inputs)
-    write_field(
-        staging / FIELD,
-        found.placement.poses,
-        found.frame.wkt,
-        found.work,
-        found.frame.words,
-        provenance,
-        [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
-        found.zone,
-    )
-    if found.work.states is not None:
-        write_states(staging / STATES, found.work.states)
-    if found.work.seen is not None:
-        save_implement(staging / LEARNED, found.work.seen)
-    crops = made.parcels.found if made.parcels is not None else ()
-    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters, crops)
-    layers = perf_counter() - layers
-    (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
-    seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
-    timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
-    content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))
-    content["colours"] = made.colours.plain() if made.colours is not None else None
-    if made.parcels is not None:
-        content["parcels"] = made.parcels.account
-    write_item(staging / ITEM, write_report(staging / REPORT, content))
+class _LateProducts:
+    """Hands the points and frames of a run to its products, whose module is imported when the first come."""
 
+    def __init__(self, make: Callable[[], RunProducts]) -> None:
+        self._make, self._stack = make, ExitStack()
 
-@dataclass(frozen=True)
-class _Made:
-    """The result of a run, and the figures of its cloud, rasters, parcels and colours; None where there are none."""
+    def __enter__(self) -> Self:
+        return self
 
-    found: RunResult
-    inputs: list[FileRecord]
-    cloud: CopcSummary | None = None
-    rasters: RasterFigures | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    parcels: WrittenParcels | None = None
-    colours: ColourFigures | None = None
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
 
+    @cached_property
+    def there(self) -> RunProducts:
+        """The products."""
+        return self._stack.enter_context(self._make())
 
-def _made(opened: OpenSession, staging: Path, inputs: list[FileRecord] | None, progress: Progress) -> _Made:
-    """Run a session and write its cloud and its rasters; neither without a scanner."""
-    with (
-        RunColours() as colours,
-        RunCloud(staging / CLOUD, colours) as cloud,
-        FieldPoints(staging, reach_m=_reach_m(opened)) as land,
-        session_parcels(opened, staging) as crops,
-    ):
-        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
-        sink = RunSink(cloud, land, colours, crops)
-        found = pipeline.run(opened, sink, progress, KeptMatching(kept(staging), opened, inputs), colours)
-        if not found.session.recording.lidar:
-            return _Made(found, inputs)
-        origin = run_origin(found, inputs)
-        begin = perf_counter()
-        colours.finish(progress)
-        with beside(partial(write_rasters, staging, land, found, origin), progress) as rasters:
-            with _parcels_beside(staging, crops, opened, origin, progress) as parcels:
-                summary = cloud.finish(
-                    progress, found.strips or found.work.passes, f"{found.frame.words}\n{origin.text}".strip()
-                )
-                written = perf_counter()
-            measured = perf_counter()
-        surfaced = perf_counter()
-        colours.write_orthophoto(staging, origin, progress)
-        # Seconds of the parcels beyond those of the cloud, and of the surfaces beyond those of both.
-        seconds = {"cloud": written - begin, "surfaces": surfaced - measured}
-        coloured = colours.figures()
-        if coloured is not None:
-            found = replace(found, notices=(*found.notices, *coloured.notices))
-        made = _Made(found, inputs, summary, rasters.result(), seconds, colours=coloured)
-        if parcels is None:
-            return made
-        noticed = replace(found, notices=(*found.notices, *parcels.result().notices))
-        seconds |= {"parcels": measured - written}
-        return replace(made, found=noticed, seconds=seconds, parcels=parcels.result())
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Pass the local origin on."""
+        self.there.points.begin(frame, origin_m)
 
+    def add(self, placed: PlacedScan) -> None:
+        """Pass the points of a scan on."""
+        self.there.points.add(placed)
 
-def _parcels_beside(
-    staging: Path, crops: ParcelPoints | None, opened: OpenSession, origin: Origin, progress: Progress
-) -> AbstractContextManager[Future[WrittenParcels] | None]:
-    """Within it, parcels are measured and written in another thread; None where there are none."""
-    if crops is None:
-        return nullcontext()
-    settings, crs = parcel_settings(opened), opened.frame.whole_crs
-    return beside(partial(write_parcels, staging, crops, settings, crs, origin), progress)
-
-
-def _strips(made: _Made) -> list[Layer]:
-    """The layers of a flight's strips."""
-    grounds = made.rasters.strips if made.rasters is not None else ()
-    return strip_layers(grounds, made.found.strip_differences)
-
-
-def _reach_m(opened: OpenSession) -> float:
-    """Range up to which returns make surfaces: all of an aircraft, which meet the ground steeply."""
-    session = opened.session
-    flies = (session.imu is not None or session.attitude is not None) and session.implement is None
-    return math.inf if flies else REACH_M
-
-
-def _names(staging: Path) -> list[str]:
-    """Names of the products that exist, or are about to be written."""
-    return [name for name in RUN_PRODUCTS if name in (REPORT, ITEM) or (staging / name).exists()]
-
-
-def session_text(session: Session, session_file: str) -> str:
-    """A session as a file: every key that has a value, the defaults too.
-
-    Args:
-        session: as it was read.
-        session_file: path of the file it was read from, for a comment.
-    """
-    tables = {key: _without_none(value) for key, value in msgspec.to_builtins(session).items() if value is not None}
-    head = (
-        f"# The session as furrowmap {version('furrowmap')} read it from this file, relative to here:\n"
-        f"#   {printable(session_file)}\n"
-        "# Paths below are relative to that file: to run this one, put it into the same folder.\n\n"
-    )
-    return head + tomli_w.dumps(tables)
-
-
-def _path_from(session_file: Path, folder: Path) -> str:
-    """The session file as seen from the products' folder; its name alone where no relative path leads there."""
-    try:
-        return Path(os.path.relpath(session_file.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # on another drive of Windows
-        return session_file.name
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    return value
+    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        """Pass the frames of the camera on."""
+        self.there.frames.take(frames, origin_m)
 
 
 def _expect_space(folder: Path, opened: OpenSession) -> None:

@@ -23,8 +23,6 @@ from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-CONTRADICTION: Final = "contradiction"
-"""Code of the notice that stands before all others."""
 SLIP_OVER_S: Final = 0.5
 SLIP_FLOOR_M: Final = 0.003
 """Poses half a second apart are not known better."""

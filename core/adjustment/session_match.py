@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Final
 
@@ -19,14 +19,13 @@ from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.session.opened import LidarRecording, watched
 from furrowmap.core.trajectory.located import Located, lever_arm_m
-from furrowmap.core.values.ahead import ahead
+from furrowmap.core.values.ahead import SCANS_AHEAD, ahead
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.trajectory import Trajectory
 
-SCANS_AHEAD: Final = 32
-"""Scans that are read while others are at work."""
 FIRST_SCANS: Final = 20
 """Scans that show how the ground lies."""
 CLOCK_ROUNDS: Final = 6
@@ -36,6 +35,21 @@ _UNSOLVED: Final = Notice(
     "The scans were not matched: positions and ground do not determine a part of the drive, so that the normal "
     "equations have no solution. The trajectory is that of GNSS alone.",
 )
+
+
+@dataclass(frozen=True)
+class MatchedSession:
+    """What scan matching of a session found.
+
+    Attributes:
+        trajectory: of the vehicle frame: the adjusted one, or the first guess where the scans were not matched.
+        notices: for the report.
+        matched: the result of scan matching; None where the scans were not matched.
+    """
+
+    trajectory: Trajectory
+    notices: tuple[Notice, ...]
+    matched: Matched | None
 
 
 def matched_to_ground(

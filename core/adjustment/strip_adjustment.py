@@ -9,6 +9,8 @@ the beams are oblique, also its place and attitude.
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -26,7 +28,9 @@ from furrowmap.core.estimation.states import POSE
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
+from furrowmap.core.values.beside import beside
 from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.progress import silent
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -88,15 +92,22 @@ def calibrated_flight(
         The boresight, None where too little ground is seen at several times; the returns at the scanner's clock as
         corrected; the adjustment, None where the boresight is not certain or the trajectory has no joint covariance.
     """
-    found = boresight(returns, located.trajectory, stated, carrier)
+    with _pose_errors_beside(located) as errors:
+        found = boresight(returns, located.trajectory, stated, carrier)
     if found is None or not found.certain:
         return found, returns, None
     if found.clock_used_s:
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, found.clock_used_s)
-    if located.pose_errors is None:
+    if errors is None:
         return found, returns, None
-    adjusted = adjusted_by_strips(returns, located.trajectory, located.pose_errors(ANY_TIME), found, stated)
+    adjusted = adjusted_by_strips(returns, located.trajectory, errors.result(), found, stated)
     return adjusted.boresight, returns, adjusted
+
+
+def _pose_errors_beside(located: Located) -> AbstractContextManager[Future[PoseErrors] | None]:
+    """Within it, the errors of the poses are worked out in another thread; None where they have no joint covariance."""
+    work = located.pose_errors
+    return nullcontext() if work is None else beside(lambda _: work(ANY_TIME), silent)
 
 
 def adjusted_by_strips(

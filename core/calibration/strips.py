@@ -124,7 +124,7 @@ def _with_poses(
     steps_s = np.diff(trajectory.t_s)[:, None]
     attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
     rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
-    middle = np.median(trajectory.xyz_m[knot], axis=0) if len(t_s) else np.zeros(3)
+    middle = np.median(trajectory.xyz_m[knot[0] : knot[-1] + 1], axis=0) if len(t_s) else np.zeros(3)
     local = np.round(middle / CELL_M) * CELL_M
     origin, rotation, velocity, turning = _poses(
         knot,

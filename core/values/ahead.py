@@ -12,6 +12,8 @@ from typing import Final, TypeVar
 
 Item = TypeVar("Item")
 
+SCANS_AHEAD: Final = 32
+"""Scans that are read while others are at work."""
 _POLL_S: Final = 0.1
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, Final, Self
+
+CONTRADICTION: Final = "contradiction"
+"""Code of the notice that stands before all others."""
 
 
 class FurrowmapError(Exception):

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.trajectory.located import Located
@@ -23,6 +22,10 @@ from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.strip_differences import StripDifferences
+
+if TYPE_CHECKING:
+    from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.images.aiding import ImageAid
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.consistency import CONTRADICTION
 from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.errors import CONTRADICTION, Notice
 from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.languages.catalogue import LANGUAGES
 from furrowmap.core.values.languages.translation import translated, translated_notice
