@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain, islice
 from typing import Final, Self
 
@@ -72,10 +72,11 @@ class GroundReturns:
     def part(self, chosen: slice) -> GroundReturns:
         """Some of them, with the upright returns of the same time."""
         if not len(t := self.t_s[chosen]):
-            return replace(self, t_s=t, xyz_m=self.xyz_m[chosen], half=self.half[chosen], upright=no_upright())
-        within = slice(*np.searchsorted(self.upright.t_s, (t[0], t[-1])))
-        u = self.upright
-        upright = UprightReturns(u.t_s[within], u.xyz_m[within], u.half[within], u.laser[within])
+            upright = no_upright()
+        else:
+            u = self.upright
+            within = slice(*np.searchsorted(u.t_s, (t[0], t[-1])))
+            upright = UprightReturns(u.t_s[within], u.xyz_m[within], u.half[within], u.laser[within])
         return GroundReturns(t, self.xyz_m[chosen], self.half[chosen], self.body, upright, self.laser[chosen])
 
 

@@ -44,3 +44,17 @@ def test_what_hovers__is_not_at_rest() -> None:
     track, positions = recording(shakes=False, moves=False)
     assert Hints().observations(track, positions) == ()
     assert any(isinstance(one, Standing) for one in Hints(on_wheels=True).observations(track, positions))
+
+
+@pytest.mark.parametrize("windows", [3, 4, 5, 6])
+def test_stands__end_where_the_shaking_begins_again(windows: int) -> None:
+    t_s = T_S[:2000] - T_S[0]
+    quiet = (t_s >= 5.0) & (t_s < 5.0 + windows)
+    size = np.where(quiet, 0.01, 1.0)[:, None]
+    shaken = size * np.random.default_rng(5).normal(size=(len(t_s), 3))
+    still = np.zeros((len(t_s), 3))
+    sigma = np.full((len(t_s), 3), 0.01)
+    positions = Positions(t_s, still, sigma, sigma, np.zeros(len(t_s), np.intp), np.zeros(len(t_s), np.int8), t_s)
+    found = Standing.of(InertialTrack(t_s, shaken, shaken), positions)
+    assert found.begin_s.tolist() == [5.0]
+    assert found.end_s.tolist() == [5.0 + windows]

@@ -20,6 +20,8 @@ from furrowmap.core.matching.returns import (
     ground_height_m,
     ground_returns,
 )
+from furrowmap.core.matching.walls import UprightReturns, no_upright
+from furrowmap.core.values.scan import ARRAYS
 from furrowmap.core.values.trajectory import SOURCES, Motion
 from tests.core.conftest import Recording
 
@@ -113,3 +115,41 @@ def test_the_ground_s_height_is_learned_where_it_can_be(straight: Recording, shi
         found = ground_height_m(scans, mounting.rotation, np.add(mounting.xyz_m, [0.0, 0.0, shift_m]))
     assert found == pytest.approx(expected_m, abs=0.1)
     assert ground_height_m([], mounting.rotation, np.zeros(3)) == 0.0
+
+
+def test_a_part_has_the_upright_returns_of_its_time() -> None:
+    t_s, upright_s = np.arange(0.0, 10.0), np.arange(0.0, 10.0, 0.5)
+    n, m = len(t_s), len(upright_s)
+    upright = UprightReturns(
+        upright_s, np.full((m, 3), 2.0, np.float32), np.ones(m, np.uint8), np.arange(m, dtype=np.uint8)
+    )
+    whole = GroundReturns(
+        t_s, np.zeros((n, 3), np.float32), np.zeros(n, np.uint8), np.zeros((80, 80), np.bool_), upright
+    )
+    part = whole.part(slice(3, 7))
+    assert part.t_s.tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert part.upright.t_s.tolist() == [3.0, 3.5, 4.0, 4.5, 5.0, 5.5]
+    assert part.upright.laser.tolist() == [6, 7, 8, 9, 10, 11]
+    assert len(part.upright.xyz_m) == len(part.upright.half) == 6
+    nothing = whole.part(slice(4, 4))
+    assert len(nothing) == 0
+    assert len(nothing.upright.t_s) == 0
+    assert len(replace(whole, upright=no_upright()).part(slice(3, 7)).upright.t_s) == 0
+
+
+def test_scans_of_one_return_are_taken_by_its_time(straight: Recording) -> None:
+    scan = next(one for one in islice(straight.scans(), 20, None) if len(one) > 1000)
+    mounting, trajectory = straight.session.lidar.mounting, straight.located.trajectory
+    ground = ground_returns([scan], mounting, trajectory)
+    assert len(ground) > 0
+    lying = int(np.flatnonzero(np.asarray(scan.t_s) == ground.t_s[0])[0])
+    one = replace(scan, **{name: getattr(scan, name)[[lying]] for name in ARRAYS})
+    assert len(one) == 1
+    assert len(ground_returns([one], mounting, trajectory)) <= 1
+    early = trajectory.span_s[0] - BEYOND_S
+    for first_s, last_s in (
+        (early - 0.01, early + 0.05),
+        (trajectory.span_s[1], trajectory.span_s[1] + BEYOND_S + 0.01),
+    ):
+        beyond = replace(scan, t_s=np.linspace(first_s, last_s, len(scan)))
+        assert len(ground_returns([beyond], mounting, trajectory)) == 0

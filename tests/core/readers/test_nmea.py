@@ -611,3 +611,16 @@ def test_track__heading_of_ths_counts_where_it_is_valid(tmp_path: Path) -> None:
         gga("120000.00"), sentence("GNTHS,123.4,A"), gga("120001.00", 30.001), sentence("GNTHS,99.9,V"),
     )  # fmt: skip
     np.testing.assert_array_equal(track_of(path, date="2026-06-11").heading_deg, [123.4, np.nan])
+
+
+@pytest.mark.parametrize("line_end", [b"", b"\n", b"\r", b"\r\n", b"\n\n", b"\r\n\r\n"])
+def test_scan__bytes_of_sentences_include_two_of_a_line_end(line_end: bytes) -> None:
+    bare = sentence("GNHDT,214.107,T").rstrip(b"\r\n")
+    counts = SentenceCounts()
+    scan_bytes((bare + line_end + b"x") * 3, counts)
+    assert counts.kinds.total() == 3
+    assert counts.message_bytes == 3 * (len(bare) + min(len(line_end), 2))
+    cut, of_cut = bare[: bare.index(b"*")], SentenceCounts()
+    scan_bytes(cut + line_end + bare, of_cut)
+    assert of_cut.cut == 1
+    assert of_cut.message_bytes == len(cut) + min(len(line_end), 2) + len(bare)

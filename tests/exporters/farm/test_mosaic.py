@@ -253,3 +253,17 @@ def test_what_is_no_surface__is_told(write: Write, tmp_path: Path) -> None:
         with pytest.raises(InputError) as refused:
             write_mosaic([write("a", eighths((4, 4), 0)), path], tmp_path / "farm.tif")
         assert refused.value.code == "surface-unusable"
+
+
+def test_a_surface_that_is_damaged_inside__is_told(write: Write, tmp_path: Path) -> None:
+    whole, damaged = write("a", eighths((40, 40), 0)), write("b", eighths((40, 40), 1))
+    with rasterio.open(damaged) as raster:
+        at = int(raster.get_tag_item("BLOCK_OFFSET_0_0", "TIFF", bidx=1))
+        size = int(raster.get_tag_item("BLOCK_SIZE_0_0", "TIFF", bidx=1))
+    data = bytearray(damaged.read_bytes())
+    data[at : at + size] = b"\xff" * size
+    damaged.write_bytes(data)
+    with pytest.raises(InputError, match="is damaged") as refused:
+        write_mosaic([whole, damaged], tmp_path / "farm.tif")
+    assert refused.value.code == "surface-unusable"
+    assert not (tmp_path / "farm.tif").exists()
