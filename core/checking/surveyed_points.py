@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.areas.area import nothing_within, read_area
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.survey_table import read_table
+from furrowmap.core.readers.vector_file import named_by_content
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
@@ -175,7 +176,8 @@ def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
     import shapely
 
     try:
-        table = geopandas.read_file(path, engine="pyogrio")
+        with named_by_content(path) as named:
+            table = geopandas.read_file(named, engine="pyogrio")
     except Exception as error:  # noqa: BLE001 GDAL's and pandas' errors have no family of their own
         raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
     if not isinstance(table, geopandas.GeoDataFrame):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy import pos2jgd
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.foreign_content import binary_kind
 
 FloatArray = NDArray[np.float64]
 
@@ -147,9 +148,12 @@ def read_parameters(path: Path) -> ParameterFile:
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
-        text = path.read_bytes().decode("cp932", "replace")
+        content = path.read_bytes()
     except OSError as error:
         raise _unreadable(path, error.strerror or "cannot be read") from None
+    if (kind := binary_kind(content)) is not None:
+        raise _unreadable(path, f"it is {kind}, not text")
+    text = content.decode("cp932", "replace")
     lines = text.splitlines()
     if lines and lines[0].strip() == pos2jgd.TITLE:
         return _quarter(path, lines)

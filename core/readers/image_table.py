@@ -14,6 +14,7 @@ from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.file_names import leads_out
+from furrowmap.core.values.foreign_content import binary_kind
 from furrowmap.core.values.images import Images
 
 FILES: Final = ("file", "image", "filename", "name")
@@ -71,6 +72,13 @@ def _rows(path: Path, notices: list[Notice]) -> tuple[list[str], list[tuple[int,
             f"{path}: more than {LARGEST_BYTES:,} bytes.",
             "That is no table of images.",
             "Name a CSV with a row for each image under `[camera] table`.",
+            code="not-a-table",
+        )
+    if (kind := binary_kind(data)) is not None:
+        raise InputError(
+            f"{path}: it is {kind}, not text.",
+            "A table of images is a CSV with a row for each image.",
+            "Name such a CSV under `[camera] table`.",
             code="not-a-table",
         )
     if fault:

@@ -14,6 +14,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.foreign_content import binary_kind
 from furrowmap.core.values.mount_motion import MountMotion
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
@@ -34,7 +35,15 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
     """
     with Source(path) as source:
         lines = pieces(source, notices)
-        names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
+        first = next(lines, b"")
+        if (kind := binary_kind(first)) is not None:
+            raise InputError(
+                f"{path}: it is {kind}, not text.",
+                "The attitude of a mount is a table of times and three angles in the vehicle frame.",
+                f"Give a CSV with the columns time_unix_s (or time_gps_s), {', '.join(ANGLES)}.",
+                code="not-a-table",
+            )
+        names, separator = columns_of(first.decode("utf-8", "replace"))
         time = next((name for name in TIMES if name in names), None)
         missing = [name for name in (time or "time_unix_s", *ANGLES) if name not in names]
         if time is None or missing:

@@ -19,6 +19,7 @@ from furrowmap.core.readers.source import Head, look
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.foreign_content import SIGNATURES
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
@@ -288,12 +289,7 @@ def readers() -> tuple[type[Reader], ...]:
 
 
 _STRANGERS: Final = {
-    b"# .PCD": "a PCD point cloud",
-    b"PK\x03\x04": "a zip archive",
-    b"SQLite format 3": "an SQLite database",
-    b"\x89PNG": "a PNG picture",
-    b"%PDF": "a PDF document",
-    b"II*\x00": "a TIFF picture",
+    **SIGNATURES,
     **dict.fromkeys(
         (b"GRIDDED CORRECTION", b"for SemiDynaEXE", b"for PatchJGD", b"JGD2000-TokyoDatum"),
         "a coordinate transformation parameter file (.par), which a session names under [crs]",

@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.values.foreign_content import binary_kind
+
 FloatArray = NDArray[np.float64]
 
 _ENCODINGS: Final = ("utf-8-sig", "cp932")
@@ -85,9 +87,12 @@ def column_name(cell: str) -> str:
 
 def _text(content: bytes) -> str:
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return content.decode("utf-16")
-    if b"\0" in content[:4096]:
-        raise ValueError("it holds no text")
+        try:
+            return content.decode("utf-16")
+        except UnicodeDecodeError:
+            raise ValueError("it begins as text in UTF-16, but is none") from None
+    if (kind := binary_kind(content)) is not None:
+        raise ValueError(f"it is {kind}, not text")
     for encoding in _ENCODINGS:
         try:
             return content.decode(encoding)

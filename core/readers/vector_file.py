@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import warnings
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -18,11 +19,13 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.kml import is_kml, kml_polygons
 from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
 from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.values.foreign_content import binary_kind
 
 LARGEST_BYTES: Final = 100_000_000
 FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
 _MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
 """The first bytes of GeoPackage, FlatGeobuf and Shapefile."""
+_SUFFIXES: Final = {_MAGIC[0]: ".gpkg", _MAGIC[1]: ".fgb"}
 
 Unreadable = Callable[[str], InputError]
 """The error of a file, from what is wrong with it."""
@@ -87,9 +90,12 @@ def _head(path: Path, unreadable: Unreadable) -> bytes:
         size = path.stat().st_size
     except OSError as error:
         raise unreadable(str(error.strerror)) from None
-    json = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
-    if not (json or head.startswith((*_MAGIC, ZIP)) or is_kml(head)):
-        raise unreadable("neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or KML")
+    if not (_is_json(head) or head.startswith((*_MAGIC, ZIP)) or is_kml(head)):
+        kind = binary_kind(head)
+        raise unreadable(
+            f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
+            "KML"
+        )
     if size > LARGEST_BYTES:
         raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
     return head
@@ -106,7 +112,28 @@ def _read(path: Path, head: bytes) -> Polygons:
         if is_kml(head):
             shapes, attributes, others = kml_polygons(path)
             return Polygons(shapes, attributes, CRS.from_epsg(4326), others)
-        return _by_gdal(path)
+        return _by_gdal(stack.enter_context(named_by_content(path)))
+
+
+@contextmanager
+def named_by_content(path: Path) -> Iterator[Path]:
+    """A path of the same content with the suffix by which GDAL chooses the driver for it; a copy if it has another.
+
+    GDAL takes a GeoPackage that is named `.csv` for a CSV.
+    """
+    with path.open("rb") as file:
+        head = file.read(64)
+    suffix = next((one for start, one in _SUFFIXES.items() if head.startswith(start)), "")
+    suffix = ".geojson" if _is_json(head) else suffix
+    if not suffix or path.suffix.lower() in (suffix, ".json"):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
+        yield Path(shutil.copyfile(path, Path(folder) / f"layer{suffix}"))
+
+
+def _is_json(head: bytes) -> bool:
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
 
 
 def _by_gdal(path: Path) -> Polygons:

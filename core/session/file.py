@@ -19,6 +19,7 @@ from msgspec.inspect import is_struct_type
 from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.values.attitude import MAGNETIC
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.foreign_content import LOOKED_AT, binary_kind
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.session import (
     CHECK,
@@ -57,7 +58,10 @@ def load_session(path: Path) -> Session:
         InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            head = file.read(LOOKED_AT)
+            kind = binary_kind(head)
+            text = "" if kind else (head + file.read()).decode("utf-8")
     except IsADirectoryError:
         raise InputError(
             f"{path} is a folder, not a session file.",
@@ -66,13 +70,19 @@ def load_session(path: Path) -> Session:
             code="session-unreadable",
         ) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}.",
-            "The session could not be read.",
-            "Give the path of a session.toml. `furrowmap init RECORDING...` writes one.",
-            code="session-unreadable",
-        ) from None
+        raise _unreadable(path, getattr(error, "strerror", None) or "not UTF-8 text") from None
+    if kind is not None:
+        raise _unreadable(path, f"it is {kind}, not text")
     return parse_session(text, str(path))
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError(
+        f"{path}: {why}.",
+        "The session could not be read.",
+        "Give the path of a session.toml. `furrowmap init RECORDING...` writes one.",
+        code="session-unreadable",
+    )
 
 
 def parse_session(text: str, name: str = "session.toml") -> Session:

@@ -330,7 +330,7 @@ def test_points__of_any_spreadsheet_are_the_same(
         ("name;e_m;n_m;h_m\na;22,900.1;11,600.2;40.0\n", "line 2 holds '22,900.1' under e_m"),
         ("name,lat,lon,h\na,140.02,36.87,40.0\n", "longitude and latitude are swapped"),
         ("P1,22900,11600,40\nP2,22901,11600,40\n", "has no column e_m, n_m, h_m"),
-        ("\0\0\1\2,;", "holds no text"),
+        ("\0\0\1\2,;", "it is binary data, not text"),
         ("one word\n", "no comma, semicolon or tab"),
     ],
 )
