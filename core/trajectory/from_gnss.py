@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
@@ -89,6 +90,7 @@ def trajectory_from_gnss(
     judge_rate(gated, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     gated, en = without_jumps(gated, en, unused, notices)
+    notices += climb_notices(gated, en)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
     sigma = sigmas_m(gated)
     white = white_noise_m(gated, en, sigma[:, 0])

@@ -30,6 +30,7 @@ from furrowmap.core.estimation.positions import AntennaPositions
 from furrowmap.core.estimation.robust import HUBER
 from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.trajectory.inertial_start import (
@@ -192,6 +193,7 @@ def trajectory_from_inertial(
     notices: list[Notice] = []
     gated, unused = usable(track, fixes, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
+    notices += climb_notices(gated, en) if hints.on_wheels else []
     white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
     runs = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
     positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)

@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1
+from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_start import Hints, Imu
 from furrowmap.core.values.errors import RefusedError
@@ -34,8 +35,13 @@ STAND_S = (236.6, 245.5)
 
 
 @pytest.fixture(scope="module")
-def robot(shared_data: Path) -> tuple[GnssTrack, Imu]:
-    track, imu = RosBag1([shared_data / BAG], ReadOptions()).track(), RosBag1([shared_data / BAG], ReadOptions())
+def whole(shared_data: Path) -> GnssTrack:
+    return RosBag1([shared_data / BAG], ReadOptions()).track()
+
+
+@pytest.fixture(scope="module")
+def robot(whole: GnssTrack, shared_data: Path) -> tuple[GnssTrack, Imu]:
+    track, imu = whole, RosBag1([shared_data / BAG], ReadOptions())
     measured = imu.inertial()
     first, end = np.searchsorted(measured.t_s, track.t_s[0] + np.array(PART_S)).tolist()
     part = measured.part(slice(first, end))
@@ -102,3 +108,9 @@ def test_stand__is_one(robot: tuple[GnssTrack, Imu], half: InertialTrajectory) -
     inside = (poses.t_s > begin_s + STAND_S[0]) & (poses.t_s < begin_s + STAND_S[1])
     assert (poses.motion[inside] == Motion.STANDING).mean() > 0.95
     assert (poses.motion[~inside] == Motion.STANDING).mean() < 0.05
+
+
+def test_heights__that_fall_by_25_m_in_half_a_minute_are_told(whole: GnssTrack) -> None:
+    (notice,) = climb_notices(whole, np.column_stack(FRAME.project(whole.lon_deg, whole.lat_deg)))
+    assert notice.code == "gnss-heights"
+    assert "heights change by -25.0 m within 35.3 m of way" in notice.text
