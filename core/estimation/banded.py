@@ -66,6 +66,9 @@ class NormalEquations:
             LinAlgError: if N is not positive definite.
         """
         dense = self.dense()
+        lacking = np.flatnonzero(~(np.diag(dense) > 0.0))
+        if len(lacking):  # LAPACK goes on with the numbers that are none
+            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {lacking[0] + 1}")
         scale = 1.0 / np.sqrt(np.diag(dense))
         dense *= scale[:, None] * scale
         factor, fault = scipy.linalg.lapack.dpotrf(dense.T, lower=1, overwrite_a=1)

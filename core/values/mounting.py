@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,5 +36,7 @@ class Mounting:
     @classmethod
     def from_rotation(cls, xyz_m: tuple[float, float, float], rotation: NDArray[np.float64]) -> Mounting:
         """The mounting with this rotation matrix (3, 3), lidar to vehicle coordinates."""
-        yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True).tolist()
+        with warnings.catch_warnings():  # of the angles of a pitch of 90°, which are not unique, any serve
+            warnings.simplefilter("ignore", UserWarning)
+            yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True).tolist()
         return cls(xyz_m, (roll, pitch, yaw))
