@@ -17,7 +17,6 @@ import msgspec
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.table import waits
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.foreign_content import binary_kind
 
 PACKAGED: Final = ("demo", "flight")
 """Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a flight of two minutes."""
@@ -30,23 +29,16 @@ def load_scenario(path: Path) -> Scenario:
         InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
     """
     try:
-        content = path.read_bytes()
-        kind = binary_kind(content)
-        text = "" if kind else content.decode("utf-8")
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or "not UTF-8 text") from None
-    if kind is not None:
-        raise _unreadable(path, f"it is {kind}, not text")
+        why = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise InputError(
+            f"{path}: the scenario cannot be read ({why}).",
+            "The simulation needs a TOML file.",
+            "Give the path of a scenario; docs/reference/scenario.md lists its keys.",
+            code="scenario-unreadable",
+        ) from None
     return scenario_from(text, str(path))
-
-
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: the scenario cannot be read ({why}).",
-        "The simulation needs a TOML file.",
-        "Give the path of a scenario; docs/reference/scenario.md lists its keys.",
-        code="scenario-unreadable",
-    )
 
 
 def demo_scenario(name: str = "demo") -> Scenario:

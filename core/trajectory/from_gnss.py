@@ -90,7 +90,6 @@ def trajectory_from_gnss(
     judge_rate(gated, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     gated, en = without_jumps(gated, en, unused, notices)
-    notices += climb_notices(gated, en)
     convergence = frame.convergence_deg(gated.lon_deg, gated.lat_deg)
     sigma = sigmas_m(gated)
     white = white_noise_m(gated, en, sigma[:, 0])
@@ -113,7 +112,7 @@ def trajectory_from_gnss(
 
     motion = motions.motion[grid.nearest]
     speed = _speed(grid.t_s, path.xyz_m, path.yaw_rad, motion, chain.gap)
-    notices += _outlier_notices(path.outlier[grid.measured])
+    notices += [*climb_notices(gated, en), *_outlier_notices(path.outlier[grid.measured])]
     heading = 90.0 - np.degrees(path.yaw_rad)
     n = len(grid.t_s)
     trajectory = replace(

@@ -44,7 +44,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "not-a-table": lambda path: read_image_table(path, path.parent, []),
     "parameters-unreadable": read_parameters,
     "session-unreadable": load_session,
-    "scenario-unreadable": load_scenario,
 }
 
 
@@ -87,6 +86,14 @@ def test_promise_02__a_mount_of_another_kind_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it is a PNG picture, not text") as refused:
         read_mount(path, 0.0, [])
     assert refused.value.code == "not-a-table"
+
+
+def test_promise_02__a_scenario_that_is_no_text_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_bytes(contents()["a PNG picture"])
+    with pytest.raises(InputError, match="it is not UTF-8 text") as refused:
+        load_scenario(path)
+    assert refused.value.code == "scenario-unreadable"
 
 
 @pytest.mark.parametrize("suffix", ["csv", "txt", "shp", "tif", "geojson"])

@@ -113,4 +113,4 @@ def test_stand__is_one(robot: tuple[GnssTrack, Imu], half: InertialTrajectory) -
 def test_heights__that_fall_by_25_m_in_half_a_minute_are_told(whole: GnssTrack) -> None:
     (notice,) = climb_notices(whole, np.column_stack(FRAME.project(whole.lon_deg, whole.lat_deg)))
     assert notice.code == "gnss-heights"
-    assert "heights change by -25.0 m within 35.3 m of way" in notice.text
+    assert "heights change by -25.0 m within 35.4 m of way" in notice.text
