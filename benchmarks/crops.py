@@ -51,10 +51,9 @@ def main(count: int) -> None:
     with ParcelPoints(parcels, None) as points:
         while done < total:
             # a flight goes from south to north
-            share = (north + 2.0) * BATCH / total
-            south = -1.0 + (north + 2.0) * done / total
-            batch = _batch(rng, -1.0, south, east + 1.0, south + share, min(BATCH, total - done))
-            done += len(batch)
+            south, some = -1.0 + (north + 2.0) * done / total, min(BATCH, total - done)
+            batch = _batch(rng, -1.0, south, east + 1.0, south + (north + 2.0) * some / total, some)
+            done += some
             begin = process_time()
             points.add(batch)
             sorting += process_time() - begin

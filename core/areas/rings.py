@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -16,6 +16,13 @@ IntArray = NDArray[np.int64]
 
 _CELL_M: Final = 0.5
 _MOST_CELLS: Final = 4_000_000
+
+
+class PixelGrid(Protocol):
+    """A grid of square pixels."""
+
+    def centres_m(self) -> tuple[FloatArray, FloatArray]:
+        """Easting (columns,) and northing (rows,) of their middles, evenly spaced."""
 
 
 class Rings(NamedTuple):
@@ -107,3 +114,27 @@ def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray) -> IntArray:
     out = np.empty(len(x_m), np.int64)
     _rings_at(*rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
     return out
+
+
+def pixels_in(shape: shapely.Polygon, grid: PixelGrid) -> NDArray[np.bool_]:
+    """The pixels (rows, columns) of a grid whose middle lies in a polygon, and in none of its holes."""
+    easting, northing = grid.centres_m()
+    corners = _corners(shape) - (easting[0], northing[0])
+    inside = np.zeros((len(northing), len(easting)), np.bool_)
+    x, y = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corners[:, 1])
+    _pixels_in(x, y, easting - easting[0], northing - northing[0], inside)
+    return inside
+
+
+@njit(cache=True, nogil=True)
+def _pixels_in(xs, ys, x_m, y_m, inside):  # type: ignore[no-untyped-def]
+    """Row by row: an edge that the row crosses turns the pixels to the west of it inside out."""
+    step = x_m[1] - x_m[0] if len(x_m) > 1 else 1.0
+    for i in range(len(y_m)):
+        y = y_m[i]
+        for c in range(len(xs) - 1):
+            y0, y1 = ys[c], ys[c + 1]
+            if (y0 > y) != (y1 > y):
+                crossing = xs[c] + (y - y0) / (y1 - y0) * (xs[c + 1] - xs[c])
+                for j in range(min(len(x_m), max(0, math.ceil(crossing / step)))):
+                    inside[i, j] = not inside[i, j]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
-from furrowmap.core.crops.pixels import PixelReturns, pixel_returns
+from furrowmap.core.crops.pixels import PixelReturns, pixel_halves
 from furrowmap.core.crops.published import filled
 from furrowmap.core.surfaces.grid import Grid
 
@@ -67,11 +69,12 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         noise_m: standard deviation of heights of returns from one place.
     """
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
-    whole = _once(column, row, height_m, grid, net, noise_m)
+    first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
+    returns, *parts = pixel_halves(column, row, height_m, first, grid)
+    whole = _once(returns, grid, net, noise_m)
     if whole.penetration is None:
         return whole
-    first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
-    halves = [_once(column[part], row[part], height_m[part], grid, net, noise_m) for part in (first, ~first)]
+    halves = [_once(part, grid, net, noise_m) for part in parts]
     if any(half.penetration is None for half in halves):
         return whole
     mean = float(whole.top_m[net].mean())
@@ -81,39 +84,79 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
 
 
-def _once(
-    column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float
-) -> Canopy:
-    """The top from all of some returns, without extrapolation."""
-    returns = pixel_returns(column, row, height_m, grid)
+def _once(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
+    """The top from some returns, without extrapolation."""
     seen = net & (returns.count > 0)
-    crop = seen & (returns.highest_m > BARE_SIGMAS * noise_m)
-    found = _penetration(returns, crop, noise_m)
-    top = np.where(seen, np.maximum(returns.highest_m, 0.0), np.nan)
+    bare_m = BARE_SIGMAS * noise_m
+    pixels, one, two, three = _moments(returns.count, returns.highest_m, returns.means_m, net, bare_m)
+    found = None
+    if pixels >= FEWEST_PIXELS:
+        _, second, third = l_moments_of(one, two, three)
+        found = penetration_of(float(second), float(third), noise_m)
+    raise_m = found.top_above_highest_m() if found is not None else np.zeros(MOST_RETURNS + 1)
+    variance = found.spread_of_highest_m() ** 2 if found is not None else np.zeros(MOST_RETURNS + 1)
+    top = np.empty(grid.shape)
+    number = _raised(returns.count, returns.highest_m, net, bare_m, raise_m, top)
     error = chance = 0.0
     if found is not None:
-        number = np.minimum(returns.count[crop], MOST_RETURNS)
-        top[crop] += found.top_above_highest_m()[number]
-        variance = found.spread_of_highest_m() ** 2
-        error = float(np.sqrt(variance[number].mean()))
-        chance = float(np.sqrt(CHANCE_SHARE * np.maximum(variance[number] - variance[MOST_RETURNS], 0.0).mean()))
+        share = number[1:] / number.sum()
+        error = math.sqrt(float(share @ variance[1:]))
+        excess = float(share @ np.maximum(variance[1:] - variance[MOST_RETURNS], 0.0))
+        chance = math.sqrt(CHANCE_SHARE * excess)
     return Canopy(grid, net, _without_gaps(top, net), seen, returns, found, error, chance)
 
 
-def _penetration(returns: PixelReturns, crop: BoolArray, noise_m: float) -> Penetration | None:
-    """The penetration from the crop's pixels with three returns or more; None with too few."""
-    enough = crop & (returns.count >= 3)
-    if enough.sum() < FEWEST_PIXELS:
-        return None
-    one, two, three = returns.means_m[enough].mean(axis=0)
-    _, second, third = l_moments_of(one, two, three)
-    return penetration_of(float(second), float(third), noise_m)
+@njit(cache=True, nogil=True)
+def _moments(count, highest, means, net, bare):  # type: ignore[no-untyped-def]
+    """Number of the crop's pixels with three returns or more, and the means of their means."""
+    pixels, one, two, three = 0, 0.0, 0.0, 0.0
+    for i in range(count.shape[0]):
+        for j in range(count.shape[1]):
+            if net[i, j] and count[i, j] >= 3 and highest[i, j] > bare:
+                pixels += 1
+                one += means[i, j, 0]
+                two += means[i, j, 1]
+                three += means[i, j, 2]
+    known = max(pixels, 1)
+    return pixels, one / known, two / known, three / known
+
+
+@njit(cache=True, nogil=True)
+def _raised(count, highest, net, bare, by, top):  # type: ignore[no-untyped-def]
+    """Tops of net pixels with returns, those of crop raised; number of these by returns, the last has more."""
+    most = len(by) - 1
+    number = np.zeros(most + 1)
+    for i in range(count.shape[0]):
+        for j in range(count.shape[1]):
+            top[i, j] = np.nan
+            if net[i, j] and count[i, j]:
+                top[i, j] = max(highest[i, j], 0.0)
+                if highest[i, j] > bare:
+                    n = min(count[i, j], most)
+                    top[i, j] += by[n]
+                    number[n] += 1.0
+    return number
 
 
 def _without_gaps(top: FloatArray, net: BoolArray) -> FloatArray:
     """Net pixels without returns: the mean of their neighbours where six of eight are known, else of all."""
-    whole = np.where(net, filled(top), np.nan)
-    missing = net & np.isnan(whole)
-    if missing.any() and not missing[net].all():
-        whole[missing] = np.nanmean(whole)
+    whole = filled(top)
+    _close(whole, net)
     return whole
+
+
+@njit(cache=True, nogil=True)
+def _close(top, net):  # type: ignore[no-untyped-def]
+    """Set unknown net pixels to the mean of the known ones, and all others to nan."""
+    total, known = 0.0, 0
+    for i in range(top.shape[0]):
+        for j in range(top.shape[1]):
+            if not net[i, j]:
+                top[i, j] = np.nan
+            elif not np.isnan(top[i, j]):
+                total += top[i, j]
+                known += 1
+    for i in range(top.shape[0]):
+        for j in range(top.shape[1]):
+            if known and net[i, j] and np.isnan(top[i, j]):
+                top[i, j] = total / known

@@ -82,6 +82,7 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
     known = bool(np.isfinite(top).all()) and len(top) > 0
     mean = float(top.mean()) if known else math.nan
     true = _without_chance(canopy) if known else np.full(max(len(top), 1), np.nan)
+    smooth = _smooth(canopy, ROUGHNESS_M) if known else canopy.top_m
     quantiles = np.quantile(true, (0.50, 0.90, 0.95, 0.99)).tolist()
     sigma = math.hypot(_height_sigma_m(canopy, true), soil_sigma_m) if known else math.nan
     return ParcelFigures(
@@ -95,8 +96,8 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
         volume_m3=mean * area_m2,
         cover=float((true >= STANDS_M).mean()) if known else math.nan,
         height_cv=float(true.std()) / mean if known and mean > 0.0 else math.nan,
-        roughness_m=_roughness_m(canopy) if known else math.nan,
-        lodging=known and _low_share(canopy) >= LODGED_SHARE,
+        roughness_m=_roughness_m(canopy, smooth) if known else math.nan,
+        lodging=known and _low_share(smooth[canopy.net]) >= LODGED_SHARE,
         penetration_m=canopy.penetration.mean_depth_m if canopy.penetration is not None else math.nan,
         soil_sigma_m=soil_sigma_m,
         height_sigma_m=sigma,
@@ -128,17 +129,15 @@ def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
     return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)
 
 
-def _roughness_m(canopy: Canopy) -> float:
+def _roughness_m(canopy: Canopy, smooth_m: FloatArray) -> float:
     """Standard deviation of the heights about the mean of the squares around, less that of chance."""
-    off = canopy.top_m - _smooth(canopy, ROUGHNESS_M)
-    variance = float(np.nanvar(off[canopy.net])) - canopy.chance_m**2
-    return math.sqrt(max(variance, 0.0))
+    off = (canopy.top_m - smooth_m)[canopy.net]
+    return math.sqrt(max(float(off.var()) - canopy.chance_m**2, 0.0))
 
 
-def _low_share(canopy: Canopy) -> float:
-    """Share of the net pixels whose surroundings are low."""
-    smooth = _smooth(canopy, ROUGHNESS_M)[canopy.net]
-    return float((smooth < LODGED * np.quantile(smooth, 0.9)).mean())
+def _low_share(smooth_m: FloatArray) -> float:
+    """Share of the net pixels whose surroundings, of mean heights (n,), are low."""
+    return float((smooth_m < LODGED * np.quantile(smooth_m, 0.9)).mean())
 
 
 def _smooth(canopy: Canopy, side_m: float) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,8 +11,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.soil import FEWEST_CELLS, NODE_M, SoilAround, SoilPatch, nodes_of, soil_around
-from furrowmap.core.crops.soil_cells import CELL_M, SoilCells
+from furrowmap.core.crops.soil import (
+    FEWEST_CELLS,
+    NODE_M,
+    SoilAround,
+    SoilPatch,
+    nearest,
+    nodes_of,
+    soil_around,
+)
+from furrowmap.core.crops.soil_cells import CELL_M, SoilCells, without_crop
 from furrowmap.core.crops.soil_raster import SoilRaster
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.values.errors import Notice
@@ -66,7 +74,7 @@ class GivenSoil:
         return [Notice("soil-not-aligned", text)]
 
 
-def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: dict[str, SoilCells]) -> GivenSoil:
+def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[str, SoilCells]) -> GivenSoil:
     """The soil of another survey.
 
     The differences of the bare soil near a parcel are interpolated below it by kriging with a constant as the trend, so
@@ -79,9 +87,11 @@ def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: dict[str, So
         near: cells of bare soil of the points near each parcel, by its id.
     """
     differences = {}
-    for name, cells in near.items():
+    for parcel in parcels:
+        cells = near[parcel.id]
         other = raster.heights_m(cells.xy_m, CELL_M)
-        differences[name] = SoilCells(cells.xy_m, cells.height_m - other, cells.sigma_m).at(np.isfinite(other))
+        less = SoilCells(cells.xy_m, cells.height_m - other, cells.sigma_m).at(np.isfinite(other))
+        differences[parcel.id] = nearest(without_crop(less), parcel)
     around = soil_around(differences, trend="constant")
     offset_m, sigma_m = _offset(around)
     patches = {}
@@ -94,7 +104,7 @@ def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: dict[str, So
 
 def _offset(around: SoilAround) -> tuple[float, float]:
     """The median of the parcels' differences, and the standard deviation of one of them; 0 and nan if unknown."""
-    medians = np.array([np.median(cells.height_m) for cells in around.cells.values() if len(cells) >= FEWEST_CELLS])
+    medians = np.array([np.median(cells.height_m) for cells in around.near.values() if len(cells) >= FEWEST_CELLS])
     if not len(medians):
         return 0.0, math.nan
     middle = float(np.median(medians))

@@ -9,9 +9,9 @@ from itertools import chain
 from typing import Final, Literal
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from furrowmap.core.areas.rings import pixels_in
 from furrowmap.core.crops.canopy import PIXEL_M, Canopy, canopy_top
 from furrowmap.core.crops.figures import ParcelFigures, parcel_figures
 from furrowmap.core.crops.parcel_points import ParcelPoints
@@ -85,8 +85,7 @@ def _canopy(
 ) -> tuple[Canopy, SoilPatch | None]:
     """The canopy of a parcel; nowhere seen without points or soil."""
     grid = Grid.of_bounds(PIXEL_M, parcel.net.bounds)
-    easting, northing = np.meshgrid(*grid.centres_m())
-    net = shapely.contains_xy(parcel.net, easting, northing)
+    net = pixels_in(parcel.net, grid)
     if patch is None:
         xyz_m = xyz_m[:0]
     height = xyz_m[:, 2] - patch.at(xyz_m[:, :2]) if patch is not None else np.zeros(0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from furrowmap.core.crops.canopy import PIXEL_M
 from furrowmap.core.crops.growth import Growth, growth_of
 from furrowmap.core.crops.measure import measured
-from furrowmap.core.crops.parcel_points import ParcelPoints, soil_near
+from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
 from furrowmap.core.crops.soil import soil_around
 from furrowmap.core.crops.soil_cells import SoilCells
 from furrowmap.core.crops.soil_change import ChangedSoil, SoilChange, joined_cells, soil_change
@@ -81,7 +81,7 @@ def measured_growth(
         SoilCells(own.xy_m, own.height_m - change.trend_at(own.xy_m), own.sigma_m)
         for own, change in zip(cells[1:], changes, strict=True)
     ]
-    soil = soil_around(soil_near(parcels, joined_cells([cells[0], *moved])))
+    soil = soil_around(CellsNear(parcels, joined_cells([cells[0], *moved])))
     heights, stated, alone = [], [], []
     for number, points in enumerate(flights):
         change = changes[number - 1] if number else None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.areas.rings import ring_at, rings_of
 from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.record_spool import RecordSpool
+from furrowmap.core.values.record_spool import RecordSpool, square_keys
 from furrowmap.core.values.threads import in_threads
 
 Float32Array = NDArray[np.float32]
@@ -168,13 +169,35 @@ class ParcelPoints:
         return out
 
 
-def soil_near(parcels: Sequence[Parcel], soil: SoilCells) -> dict[str, SoilCells]:
-    """The cells of soil within reach of each parcel, by its id."""
-    tree = shapely.STRtree(np.atleast_1d(np.asarray(shapely.points(soil.xy_m))))
-    out = {}
-    for parcel in parcels:
-        out[parcel.id] = soil.at(np.sort(tree.query(_wider(parcel.gross, REACH_M), "contains")))
-    return out
+class CellsNear(Mapping[str, SoilCells]):
+    """The cells of soil within reach of each parcel, by its id; they are gathered when they are asked for.
+
+    Args:
+        parcels: the parcels.
+        soil: cells of the site.
+    """
+
+    def __init__(self, parcels: Sequence[Parcel], soil: SoilCells) -> None:
+        self._parcels = {parcel.id: parcel for parcel in parcels}
+        tile = np.floor(soil.xy_m / TILE_M).astype(np.int64)
+        keys = square_keys(tile[:, 0], tile[:, 1])
+        order = np.argsort(keys, kind="stable")
+        self._keys, self._soil = keys[order], soil.at(order)
+
+    def __getitem__(self, name: str) -> SoilCells:
+        shape = _wider(self._parcels[name].gross, REACH_M)
+        west, south, east, north = (math.floor(end / TILE_M) for end in shape.bounds)
+        columns = np.arange(west, east + 1)
+        first = np.searchsorted(self._keys, square_keys(columns, south))
+        end = np.searchsorted(self._keys, square_keys(columns, north), side="right")
+        some = self._soil.at(np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)]))
+        return some.at(shapely.contains_xy(shape, some.xy_m))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parcels)
+
+    def __len__(self) -> int:
+        return len(self._parcels)
 
 
 def _wider(shape: shapely.Polygon, by_m: float) -> shapely.Polygon:

@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
@@ -107,15 +108,18 @@ class _Table:
     def solved(self, second: float, skewness: float) -> tuple[float, float]:
         """Shape and noise with these L-moments; the nearest in the table where there is none."""
         wanted = math.log(max(second, 1e-6))
-        ratios = np.array([_crossing(row, self.noises, wanted) for row in self.second])
-        found = np.array([np.interp(r, self.noises, row) for r, row in zip(ratios, self.skewness, strict=True)])
-        shape = float(np.interp(skewness, found, self.shapes))  # the skewness grows with the shape
-        return shape, float(np.interp(shape, self.shapes, ratios))
+        shape, ratio = _solved(self.shapes, self.noises, self.second, self.skewness, wanted, skewness)
+        return float(shape), float(ratio)
 
 
-def _crossing(values: FloatArray, at: FloatArray, wanted: float) -> float:
-    """Where decreasing values reach the one wanted."""
-    return float(np.interp(-wanted, -values, at))
+@njit(cache=True, nogil=True)
+def _solved(shapes, noises, second, skewnesses, wanted, skewness):  # type: ignore[no-untyped-def]
+    ratios, found = np.empty(len(shapes)), np.empty(len(shapes))
+    for k in range(len(shapes)):
+        ratios[k] = np.interp(-wanted, -second[k], noises)  # the second L-moment over the noise falls with the noise
+        found[k] = np.interp(ratios[k], noises, skewnesses[k])
+    shape = np.interp(skewness, found, shapes)  # the skewness grows with the shape
+    return shape, np.interp(shape, shapes, ratios)
 
 
 def _at(values: FloatArray, table: _Table, shape: float, noise: float) -> FloatArray:

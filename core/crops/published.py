@@ -149,31 +149,54 @@ def filled(pixels: FloatArray, fewest: int = FEWEST_NEIGHBOURS) -> FloatArray:
     All pixels of a pass are filled from the values before it; passes end when nothing changes.
     """
     out = np.array(pixels, np.float64)
-    while _filled_once(out, fewest):
-        pass
+    _fill(out, fewest)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _filled_once(pixels, fewest):  # type: ignore[no-untyped-def]
-    """Fill pixels by one pass; whether there were any."""
+def _fill(pixels, fewest):  # type: ignore[no-untyped-def]
+    """Fill pixels in passes; a pass has those of whose neighbours enough became known in the one before."""
     rows, columns = pixels.shape
-    before = pixels.copy()
-    changed = False
+    side = columns + 2
+    around = np.array([-side - 1, -side, -side + 1, -1, 1, side - 1, side, side + 1])
+    # a margin of one pixel, missing and never filled, spares the look at the edges
+    value, known = np.full((rows + 2) * side, np.nan), np.full((rows + 2) * side, -9, np.int32)
+    for row in range(rows):
+        value[(row + 1) * side + 1 : (row + 2) * side - 1] = pixels[row]
+    ready, after = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
+    means = np.empty(rows * columns)
+    count = 0
     for row in range(rows):
         for column in range(columns):
-            if not np.isnan(before[row, column]):
-                continue
-            count, total = 0, 0.0
-            for i in range(max(row - 1, 0), min(row + 2, rows)):
-                for j in range(max(column - 1, 0), min(column + 2, columns)):
-                    if not np.isnan(before[i, j]):
-                        count += 1
-                        total += before[i, j]
-            if count >= fewest:
-                pixels[row, column] = total / count
-                changed = True
-    return changed
+            k = (row + 1) * side + column + 1
+            if np.isnan(value[k]):
+                known[k] = 0
+                for step in around:
+                    known[k] += not np.isnan(value[k + step])
+                if known[k] >= fewest:
+                    ready[count] = k
+                    count += 1
+    while count:
+        for n in range(count):
+            total = 0.0
+            for step in around:
+                if not np.isnan(value[ready[n] + step]):
+                    total += value[ready[n] + step]
+            means[n] = total / known[ready[n]]
+        for n in range(count):
+            value[ready[n]] = means[n]
+            pixels[ready[n] // side - 1, ready[n] % side - 1] = means[n]
+        more = 0
+        for n in range(count):
+            for step in around:
+                k = ready[n] + step
+                if known[k] < 0 or not np.isnan(value[k]):  # in the margin, or known from the start or by now
+                    continue
+                known[k] += 1
+                if known[k] == fewest:
+                    after[more] = k
+                    more += 1
+        ready, after, count = after, ready, more
 
 
 def soil_plane(pixels: FloatArray, grid: Grid, soil: BoolArray) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from furrowmap.core.crops.canopy import PIXEL_M
 from furrowmap.core.crops.given_soil import GivenSoil, given_soil
-from furrowmap.core.crops.parcel_points import ParcelPoints, soil_near
+from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
 from furrowmap.core.crops.soil import Soil, SoilAround, soil_around
 from furrowmap.core.crops.soil_raster import SoilRaster
 from furrowmap.core.values.errors import Notice
@@ -57,6 +57,6 @@ def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface")
         source: how the soil under the parcels follows from that around them, or the heights of another survey.
     """
     cells = points.soil()
-    near = soil_near(points.parcels, cells)
+    near = CellsNear(points.parcels, cells)
     soil = given_soil(source, points.parcels, near) if isinstance(source, SoilRaster) else soil_around(near, source)
     return SiteSoil(soil, points.noise_m(PIXEL_M), len(cells))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Final, Literal, Protocol
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial.distance import cdist
 
 from furrowmap.core.crops.soil_cells import SoilCells, without_crop
 from furrowmap.core.values.parcel import Parcel, SoilMethod
@@ -51,16 +52,23 @@ class SoilPatch:
 
     def at(self, xy_m: FloatArray) -> FloatArray:
         """Heights (n,) at positions (n, 2), bilinear."""
-        rows, columns = self.height_m.shape
-        x = np.clip((xy_m[:, 0] - self.west_m) / NODE_M, 0.0, columns - 1.001)
-        y = np.clip((xy_m[:, 1] - self.south_m) / NODE_M, 0.0, rows - 1.001)
-        i, j = y.astype(np.intp), x.astype(np.intp)
-        v, u = y - i, x - j
-        z = self.height_m
-        south = (1.0 - u) * z[i, j] + u * z[i, j + 1]
-        north = (1.0 - u) * z[i + 1, j] + u * z[i + 1, j + 1]
-        out: FloatArray = (1.0 - v) * south + v * north
+        out = np.empty(len(xy_m))
+        x, y = (np.ascontiguousarray(xy_m[:, k], np.float64) for k in range(2))
+        _bilinear(np.ascontiguousarray(self.height_m), self.west_m, self.south_m, x, y, out)
         return out
+
+
+@njit(cache=True, nogil=True)
+def _bilinear(height, west, south, x_m, y_m, out):  # type: ignore[no-untyped-def]
+    rows, columns = height.shape
+    for k in range(len(x_m)):
+        x = min(max((x_m[k] - west) / NODE_M, 0.0), columns - 1.001)
+        y = min(max((y_m[k] - south) / NODE_M, 0.0), rows - 1.001)
+        i, j = int(y), int(x)
+        v, u = y - i, x - j
+        low = (1.0 - u) * height[i, j] + u * height[i, j + 1]
+        high = (1.0 - u) * height[i + 1, j] + u * height[i + 1, j + 1]
+        out[k] = (1.0 - v) * low + v * high
 
 
 class Soil(Protocol):
@@ -90,6 +98,33 @@ class Relief:
         out: FloatArray = self.relief_m**2 * (1.0 + d) * np.exp(-d)
         return out
 
+    def between(self, one_m: FloatArray, other_m: FloatArray) -> FloatArray:
+        """Covariance (n, m) of heights at positions (n, 2) and (m, 2)."""
+        out = np.empty((len(one_m), len(other_m)))
+        if one_m is other_m:
+            _covariances(np.ascontiguousarray(one_m), self.relief_m, self.range_m, out)
+            return out
+        _covariance(np.ascontiguousarray(one_m), np.ascontiguousarray(other_m), self.relief_m, self.range_m, out)
+        return out
+
+
+@njit(cache=True, nogil=True)
+def _covariance(one, other, relief, reach, out):  # type: ignore[no-untyped-def]
+    for i in range(len(one)):
+        for j in range(len(other)):
+            d = math.hypot(one[i, 0] - other[j, 0], one[i, 1] - other[j, 1]) / reach
+            out[i, j] = relief * relief * (1.0 + d) * math.exp(-d)
+
+
+@njit(cache=True, nogil=True)
+def _covariances(one, relief, reach, out):  # type: ignore[no-untyped-def]
+    """The same within one set."""
+    for i in range(len(one)):
+        out[i, i] = relief * relief
+        for j in range(i):
+            d = math.hypot(one[i, 0] - one[j, 0], one[i, 1] - one[j, 1]) / reach
+            out[i, j] = out[j, i] = relief * relief * (1.0 + d) * math.exp(-d)
+
 
 def relief_of(surroundings: list[SoilCells], trend: Trend = "plane") -> Relief:
     """The relief of the soil about a trend by restricted maximum likelihood, from the cells around some parcels."""
@@ -108,7 +143,7 @@ def _likelihood(groups: list[SoilCells], relief: Relief, trend: Trend) -> tuple[
     logs, squares, freedom = 0.0, 0.0, 0
     for cells in groups:
         design = _design(cells.xy_m, cells.xy_m.mean(axis=0), trend)
-        matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.eye(len(cells))
+        matrix = relief.between(cells.xy_m, cells.xy_m) + np.eye(len(cells))
         factor = cho_factor(matrix, lower=True)
         weighted = cho_solve(factor, design)
         normal = design.T @ weighted
@@ -156,7 +191,7 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     middle = cells.xy_m.mean(axis=0)
     inside = shapely.contains_xy(parcel.net.buffer(0.5 * NODE_M), nodes[:, 0], nodes[:, 1])
     design, at_nodes = _design(cells.xy_m, middle, trend), _design(nodes, middle, trend)
-    matrix = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
+    matrix = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
     factor = cho_factor(matrix, lower=True)
     weighted = cho_solve(factor, design)
     normal = np.linalg.inv(design.T @ weighted)
@@ -165,11 +200,11 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     base = float(cells.height_m.mean())
     plane = normal @ (weighted.T @ (cells.height_m - base))
     off = cho_solve(factor, cells.height_m - base - design @ plane)
-    near = relief.covariance(cdist(nodes, cells.xy_m))
+    near = relief.between(nodes, cells.xy_m)
     heights = base + at_nodes @ plane + near @ off
     mean_near, mean_design = near[inside].mean(axis=0), at_nodes[inside].mean(axis=0)
     lacking = mean_design - weighted.T @ mean_near
-    block = float(relief.covariance(cdist(nodes[inside], nodes[inside])).mean())
+    block = float(relief.between(nodes[inside], nodes[inside]).mean())
     variance = block - float(mean_near @ cho_solve(factor, mean_near)) + float(lacking @ normal @ lacking)
     return SoilPatch(west, south, heights.reshape(shape), math.sqrt(max(variance, 0.0)))
 
@@ -179,22 +214,22 @@ class SoilAround:
     """Soil from the bare cells around each parcel.
 
     Attributes:
-        cells: around each parcel by its id, without crop.
+        near: cells around each parcel by its id, with crop that stands on them.
         relief: of the site.
         method: "surface" interpolates with the relief; "plane" fits a plane by least squares.
         trend: that the relief departs from.
     """
 
-    cells: dict[str, SoilCells]
+    near: Mapping[str, SoilCells]
     relief: Relief
     method: SoilMethod
     trend: Trend = "plane"
 
     def under(self, parcel: Parcel) -> SoilPatch | None:
         """See :class:`Soil`."""
-        cells = self.cells.get(parcel.id)
-        if cells is None:
+        if parcel.id not in self.near:
             return None
+        cells = nearest(without_crop(self.near[parcel.id]), parcel)
         patch = interpolated(parcel, cells, self.relief, self.trend)
         if patch is None or self.method == "surface":
             return patch
@@ -208,13 +243,26 @@ class SoilAround:
         )
 
 
-def soil_around(near: dict[str, SoilCells], method: SoilMethod = "surface", trend: Trend = "plane") -> SoilAround:
+def soil_around(near: Mapping[str, SoilCells], method: SoilMethod = "surface", trend: Trend = "plane") -> SoilAround:
     """The soil from the cells around each parcel, whose relief departs from a trend."""
-    clean = {name: fewer(without_crop(cells), MOST_CELLS) for name, cells in near.items()}
-    full = [cells for cells in clean.values() if len(cells) > FEWEST_CELLS]
-    step = max(1, len(full) // TRIED)
-    relief = relief_of([fewer(cells, TRIED_CELLS) for cells in full[::step][:TRIED]], trend)
-    return SoilAround(clean, relief, method, trend)
+    around = SoilAround(near, Relief(0.0, RANGES_M[0], 0.01), method, trend)
+    return replace(around, relief=relief_of([fewer(cells, TRIED_CELLS) for cells in _some_of(near)], trend))
+
+
+def _some_of(near: Mapping[str, SoilCells]) -> list[SoilCells]:
+    """The cells, without crop, around some of the parcels, spread over the site."""
+    names = list(near)
+    found = [without_crop(near[name]) for name in names[:: max(1, len(names) // (2 * TRIED))]]
+    full = [cells for cells in found if len(cells) > FEWEST_CELLS]
+    return full[:: max(1, len(full) // TRIED)][:TRIED]
+
+
+def nearest(cells: SoilCells, parcel: Parcel) -> SoilCells:
+    """The cells nearest to a net parcel, at most `MOST_CELLS`."""
+    if len(cells) <= MOST_CELLS:
+        return cells
+    away = np.asarray(shapely.distance(parcel.net, shapely.points(cells.xy_m)))
+    return cells.at(np.sort(np.argpartition(away, MOST_CELLS)[:MOST_CELLS]))
 
 
 def fewer(cells: SoilCells, most: int) -> SoilCells:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.pixels import pixel_returns
@@ -53,26 +54,52 @@ class SoilCells:
 
 def soil_cells(xyz_m: FloatArray, cell_m: float = CELL_M) -> SoilCells:
     """The cells of points (n, 3) of bare soil that hold enough of them and are even."""
-    cell = np.floor(xyz_m[:, :2] / cell_m).astype(np.int64)
-    order = np.lexsort((xyz_m[:, 2], cell[:, 0], cell[:, 1]))
-    cell, points = cell[order], xyz_m[order]
-    first = np.flatnonzero(np.r_[True, (np.diff(cell, axis=0) != 0).any(axis=1)]) if len(cell) else np.zeros(0, np.intp)
-    count = np.diff(np.r_[first, len(cell)])
-
-    def quantile(share: float) -> FloatArray:
-        place = first + share * (count - 1)
-        low = np.floor(place).astype(np.intp)
-        part = place - low
-        values: FloatArray = points[low, 2] + part * (points[np.minimum(low + 1, len(points) - 1), 2] - points[low, 2])
-        return values
-
-    if not len(first):
+    if not len(xyz_m):
         return SoilCells(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-    scatter = (quantile(0.75) - quantile(0.25)) / 1.349
-    xy = np.add.reduceat(points[:, :2] - points[0, :2], first, axis=0) / count[:, None] + points[0, :2]
-    sigma = MEDIAN_LOSS * np.maximum(scatter, 1e-3) / np.sqrt(count)
-    even = (count >= FEWEST_POINTS) & (1.349 * scatter <= SPREAD_M)
-    return SoilCells(xy, quantile(0.5), sigma).at(even)
+    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    grid = Grid.of_bounds(cell_m, (west, south, east, north))
+    out = np.empty((min(grid.rows * grid.columns, len(xyz_m)), 4))
+    cell = np.floor(xyz_m[:, :2] / cell_m).astype(np.int64) - (grid.west, grid.north - grid.rows)
+    count = _cells(np.ascontiguousarray(xyz_m), cell[:, 1] * grid.columns + cell[:, 0], grid.rows * grid.columns, out)
+    return SoilCells(out[:count, :2].copy(), out[:count, 2].copy(), out[:count, 3].copy())
+
+
+@njit(cache=True, nogil=True)
+def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
+    """Mean place, median height and its standard deviation of the even cells that hold enough points; their number."""
+    starts = np.zeros(cells + 1, np.int64)
+    for k in range(len(cell)):
+        starts[cell[k] + 1] += 1
+    for c in range(cells):
+        starts[c + 1] += starts[c]
+    place, order = starts[:-1].copy(), np.empty(len(cell), np.int64)
+    for k in range(len(cell)):
+        order[place[cell[k]]] = k
+        place[cell[k]] += 1
+    found = 0
+    for c in range(cells):
+        first, n = starts[c], starts[c + 1] - starts[c]
+        if n < FEWEST_POINTS:
+            continue
+        heights = np.empty(n)
+        x, y, base = 0.0, 0.0, points[order[first]]
+        for k in range(n):
+            point = points[order[first + k]]
+            heights[k] = point[2]
+            x += point[0] - base[0]
+            y += point[1] - base[1]
+        heights.sort()
+        quartiles = np.empty(3)
+        for q in range(3):
+            at = 0.25 * (q + 1) * (n - 1)
+            low = int(at)
+            quartiles[q] = heights[low] + (at - low) * (heights[min(low + 1, n - 1)] - heights[low])
+        spread = quartiles[2] - quartiles[0]
+        if spread <= SPREAD_M:
+            out[found, 0], out[found, 1], out[found, 2] = base[0] + x / n, base[1] + y / n, quartiles[1]
+            out[found, 3] = MEDIAN_LOSS * max(spread / 1.349, 1e-3) / np.sqrt(n)
+            found += 1
+    return found
 
 
 def without_crop(cells: SoilCells) -> SoilCells:

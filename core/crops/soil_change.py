@@ -15,11 +15,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial.distance import cdist
 from scipy.stats import chi2
 
-from furrowmap.core.crops.parcel_points import soil_near
-from furrowmap.core.crops.soil import MOST_CELLS, NODE_M, TRIED, Relief, Soil, SoilPatch, fewer, nodes_of, relief_of
+from furrowmap.core.crops.parcel_points import CellsNear
+from furrowmap.core.crops.soil import NODE_M, TRIED, Relief, Soil, SoilPatch, fewer, nearest, nodes_of, relief_of
 from furrowmap.core.crops.soil_cells import CELL_M, REJECTED, SoilCells
 from furrowmap.core.values.parcel import Parcel
 
@@ -70,11 +69,11 @@ class SoilChange:
         heights = design @ self.trend
         of_mean = design[inside].mean(axis=0)
         variance = float(of_mean @ self.covariance @ of_mean)
-        block = float(self.relief.covariance(cdist(nodes[inside], nodes[inside])).mean())
+        block = float(self.relief.between(nodes[inside], nodes[inside]).mean())
         cells = self.departures[parcel.id]
         if len(cells):
             factor = cho_factor(_matrix(cells, self.relief), lower=True)
-            near = self.relief.covariance(cdist(nodes, cells.xy_m))
+            near = self.relief.between(nodes, cells.xy_m)
             heights = heights + near @ cho_solve(factor, cells.height_m)
             mean_near = near[inside].mean(axis=0)
             block -= float(mean_near @ cho_solve(factor, mean_near))
@@ -127,7 +126,7 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
     both = _even(_differences(before, after))
     if len(both) < FEWEST_COMMON:
         return None
-    near = soil_near(parcels, both)
+    near = CellsNear(parcels, both)
     full = [cells for cells in near.values() if len(cells) >= FEWEST_COMMON]
     step = max(1, len(full) // TRIED)
     relief = relief_of([fewer(cells, _GROUP_CELLS) for cells in full[::step][:TRIED]] or [fewer(both, _GROUP_CELLS)])
@@ -141,10 +140,10 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
         offset, variance = _least_squares(some, relief, np.ones((len(some), 1)))
         trend, covariance = np.array([offset[0], 0.0, 0.0]), np.diag([variance[0, 0], 0.0, 0.0])
     departures = {}
-    for name, cells in near.items():
-        own = fewer(cells, MOST_CELLS)
+    for parcel in parcels:
+        own = nearest(near[parcel.id], parcel)
         off = own.height_m - _design(own.xy_m, middle) @ trend
-        departures[name] = SoilCells(own.xy_m, off, own.sigma_m)
+        departures[parcel.id] = SoilCells(own.xy_m, off, own.sigma_m)
     return SoilChange(middle, trend, covariance, bool(tilted), relief, departures, len(both))
 
 
@@ -200,7 +199,7 @@ def _design(xy_m: FloatArray, middle_m: FloatArray) -> FloatArray:
 
 def _matrix(cells: SoilCells, relief: Relief) -> FloatArray:
     """Covariance (n, n) of the heights of cells."""
-    out: FloatArray = relief.covariance(cdist(cells.xy_m, cells.xy_m)) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
+    out: FloatArray = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
     return out
 
 

@@ -12,8 +12,11 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import CRS
+from shapely import affinity
 
 from furrowmap.core.areas.area import MANY, Area, read_area
+from furrowmap.core.areas.rings import pixels_in
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
 
 MAP = CRS.from_epsg(25832)
@@ -83,3 +86,12 @@ def test_area__of_damaged_polygons_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=words) as refused:
             read_area(tmp_path / name, MAP)
         assert refused.value.code == code
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 4.0, 67.0])
+def test_pixels_in__are_those_whose_middle_shapely_finds_inside(turn_deg: float) -> None:
+    shape = shapely.box(0.013, 0.017, 4.0, 2.0).difference(shapely.box(1.007, 0.501, 2.003, 1.203))
+    turned = affinity.translate(affinity.rotate(shape, turn_deg), 651_000.0, 6_132_600.0)
+    grid = Grid.of_bounds(0.04, turned.buffer(0.1).bounds)
+    expected = shapely.contains_xy(turned, *np.meshgrid(*grid.centres_m()))
+    assert (pixels_in(turned, grid) == expected).all()

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
-from furrowmap.core.crops.pixels import pixel_returns
+from furrowmap.core.crops.pixels import pixel_halves, pixel_returns
 from furrowmap.core.surfaces.grid import Grid
 
 
@@ -80,3 +80,17 @@ def test_pixel_returns__of_few_are_the_highest() -> None:
     found = pixel_returns(np.array([0.5, 0.1]), np.array([0.5, 0.9]), np.array([3.0, 5.0]), grid)
     assert found.highest_m[0, 0] == 5.0
     assert np.isnan(found.means_m[0, 0]).all()
+
+
+def test_pixel_halves__are_the_returns_of_each_part() -> None:
+    rng, grid = np.random.default_rng(8), Grid.of_bounds(0.04, (0.0, 0.0, 0.3, 0.2))
+    column, row = rng.uniform(-1.0, 9.0, (2, 900))
+    row[:300], column[:300] = 2.5, 3.5  # a pixel with many
+    height, first = rng.random(900), rng.random(900) < 0.5
+    parts = [np.ones(900, np.bool_), first, ~first]
+    for found, part in zip(pixel_halves(column, row, height, first, grid), parts, strict=True):
+        alone = pixel_returns(column[part], row[part], height[part], grid)
+        assert (found.count == alone.count).all()
+        assert found.highest_m == pytest.approx(alone.highest_m, nan_ok=True)
+        assert found.means_m == pytest.approx(alone.means_m, nan_ok=True)
+        assert found.count[2, 3] >= len(height[part]) * 0.3

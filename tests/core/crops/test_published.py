@@ -147,3 +147,20 @@ def test_christiansen2017__of_a_box_of_crop_on_a_slope() -> None:
     found = christiansen2017(points, net, crop, around)
     assert found.mean_height_m == pytest.approx(0.5, abs=0.003)
     assert found.volume_m3 == pytest.approx(0.5 * net.area, rel=0.01)
+
+
+def test_filled__is_the_definition_pass_by_pass() -> None:
+    pixels = np.random.default_rng(11).random((30, 41))
+    pixels[np.random.default_rng(12).random(pixels.shape) < 0.3] = NAN
+    expected = pixels.copy()
+    while True:
+        wide = np.pad(expected, 1, constant_values=NAN)
+        around = np.stack([
+            wide[1 + i : 31 + i, 1 + j : 42 + j] for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
+        ])  # fmt: skip
+        known = np.isfinite(around).sum(axis=0)
+        ready = np.isnan(expected) & (known >= 6)
+        if not ready.any():
+            break
+        expected[ready] = np.nansum(around, axis=0)[ready] / known[ready]
+    assert filled(pixels) == pytest.approx(expected, nan_ok=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.crops.parcel_points import ParcelPoints, soil_near
-from furrowmap.core.crops.soil import Relief, interpolated, relief_of, soil_around
+from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
+from furrowmap.core.crops.soil import MOST_CELLS, Relief, interpolated, nearest, relief_of, soil_around
 from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells, without_crop
 from furrowmap.core.values.parcel import Parcel
 
@@ -137,6 +137,14 @@ def test_parcel_points__go_to_the_parcel_and_to_the_soil() -> None:
         assert collected.of(0) == pytest.approx(points[:1], abs=1e-5)
         assert collected.of(1) == pytest.approx(points[1:3], abs=1e-5)
         soil = collected.soil()
-        near = soil_near(moved, soil)
+        near = CellsNear(moved, soil)
     assert soil.height_m == pytest.approx([70.01], abs=1e-4)
     assert len(near["1"]) == len(near["2"]) == 1
+
+
+def test_nearest__are_no_farther_than_any_other() -> None:
+    cells = cells_around(lambda xy: np.zeros(len(xy)), np.random.default_rng(9), 0.0)
+    away = shapely.distance(PARCEL.net, shapely.points(cells.xy_m))
+    kept = nearest(cells, PARCEL)
+    assert len(cells) > len(kept) == MOST_CELLS
+    assert shapely.distance(PARCEL.net, shapely.points(kept.xy_m)).max() == np.sort(away)[MOST_CELLS - 1]
