@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 HEADING_CORRELATION_S: Final = 10.0
 HEADING_SIGMA: Final = np.radians(0.5)
 """Of a two-antenna heading, whose error lasts for HEADING_CORRELATION_S."""
+NOSE: Final = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -42,34 +43,54 @@ class AntennaHeadings(Observation):
 
 @dataclass(frozen=True)
 class RecordedHeadings(Observation):
-    """Yaw of the knot before each heading of another device, whose error stays the same, as a magnetometer's does.
+    """Direction of an axis of the vehicle over ground, in the knot before each time that has one.
 
     Attributes:
         t_s: (m,) UTC, increasing.
-        yaw_rad: (m,) of the vehicle's x axis; nan where unknown.
-        sigma_rad: standard deviation of all together.
+        yaw_rad: (m,) of the axis; nan where unknown.
+        sigma_rad: standard deviation of the error.
+        lasting_s: time over which the error is the same: infinite for that of a magnetometer.
+        axis: (3,) in the vehicle frame.
     """
 
     t_s: FloatArray
     yaw_rad: FloatArray
     sigma_rad: float
+    lasting_s: float = np.inf
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """One equation for each heading."""
-        count = max(1, int(np.isfinite(self.yaw_rad).sum()))
-        _add_yaws(equations, knots, state, (self.t_s, self.yaw_rad), self.sigma_rad * float(np.sqrt(count)))
+        t_s = self.t_s[np.isfinite(self.yaw_rad)]
+        step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+        alike = min(max(1.0, self.lasting_s / step_s), max(1.0, float(len(t_s))))
+        yaws = (self.t_s, self.yaw_rad)
+        _add_yaws(equations, knots, state, yaws, self.sigma_rad * float(np.sqrt(alike)), np.array(self.axis))
 
 
 def _add_yaws(
-    equations: NormalEquations, knots: Knots, state: State, yaws: tuple[FloatArray, FloatArray], sigma_rad: float
+    equations: NormalEquations,
+    knots: Knots,
+    state: State,
+    yaws: tuple[FloatArray, FloatArray],
+    sigma_rad: float,
+    axis: FloatArray = NOSE,
 ) -> None:
-    """One equation for each yaw (m,) at a time (m,) that is known and inside the chains."""
+    """One equation for each yaw (m,) at a time (m,) that is known and inside the chains.
+
+    The axis is interpolated between the knots; its error there is that at the knot before. Of a tilted vehicle, the
+    direction of an axis that is not level depends on roll and pitch as well.
+    """
     t_s, yaw_rad = yaws
-    k, _, inside = knots.at(t_s)
+    k, share, inside = knots.at(t_s)
     shown = inside & np.isfinite(yaw_rad)
-    k = k[shown]
-    off = yaw_rad[shown] - np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
+    k, share = k[shown], share[shown, None]
+    after = np.minimum(k + 1, len(state.rotation) - 1)
+    x, y, z = ((1.0 - share) * (state.rotation[k] @ axis) + share * (state.rotation[after] @ axis)).T
+    off = yaw_rad[shown] - np.arctan2(y, x)
     off = (off + np.pi) % (2 * np.pi) - np.pi
-    first = k * state.layout.size + ROTATION + 2
+    level = x * x + y * y
+    design = np.column_stack([-x * z / level, -y * z / level, np.ones(len(k))])
+    first = k * state.layout.size + ROTATION
     for chosen in without_repeats(k):
-        equations.add(first[chosen], np.ones((len(chosen), 1)), off[chosen], np.full(len(chosen), sigma_rad))
+        equations.add(first[chosen], design[chosen], off[chosen], np.full(len(chosen), sigma_rad))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.headings import RecordedHeadings
 from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.values.positions import DRIFT_CORRELATION_S
 
@@ -168,25 +169,35 @@ class Course(HeadingHint):
 
 @dataclass(frozen=True)
 class HeadingLog:
-    """Yaw of the vehicle by another device, or by the IMU's own filter.
+    """Directions of the vehicle by another device, by the IMU's own filter, or by two antennas.
 
     Attributes:
         t_s: (m,) UTC, increasing.
-        yaw_rad: (m,) of the vehicle's x axis, counterclockwise from the map's x axis.
-        sigma_rad: standard deviation, of an error that stays the same.
+        yaw_rad: (m,) of an axis of the vehicle, counterclockwise from the map's x axis.
+        sigma_rad: standard deviation of the error.
+        lasting_s: time over which the error is the same.
+        axis_rad: direction of the axis in the vehicle frame, from the nose to the left.
     """
 
     t_s: FloatArray
     yaw_rad: FloatArray
     sigma_rad: float
+    lasting_s: float = np.inf
+    axis_rad: float = 0.0
+
+    @property
+    def observation(self) -> RecordedHeadings:
+        """The headings as observations of the adjustment."""
+        axis = (float(np.cos(self.axis_rad)), float(np.sin(self.axis_rad)), 0.0)
+        return RecordedHeadings(self.t_s, self.yaw_rad, self.sigma_rad, self.lasting_s, axis)
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """Yaw at times (n,); nan outside and where headings are more than a second apart."""
+        """Yaw of the nose of a level vehicle at times (n,); nan outside and in gaps of more than a second."""
         if len(self.t_s) < 2:
             return np.full(len(t_s), np.nan)
         after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
         known = (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1]) & (self.t_s[after] - self.t_s[after - 1] <= LONGEST_S)
-        return np.where(known, np.interp(t_s, self.t_s, np.unwrap(self.yaw_rad)), np.nan)
+        return np.where(known, np.interp(t_s, self.t_s, np.unwrap(self.yaw_rad)) - self.axis_rad, np.nan)
 
 
 @dataclass(frozen=True)

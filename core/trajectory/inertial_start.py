@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.along_nose import AlongNose
-from furrowmap.core.estimation.headings import RecordedHeadings
 from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
 from furrowmap.core.estimation.observation import Observation
@@ -119,7 +118,7 @@ class Hints:
         """What joins the adjustment of an IMU and positions."""
         wheels = (AlongNose(), Standing.of(track, positions)) if self.on_wheels else ()
         log = self.heading
-        return wheels if log is None else (*wheels, RecordedHeadings(log.t_s, log.yaw_rad, log.sigma_rad))
+        return wheels if log is None else (*wheels, log.observation)
 
 
 NO_HINTS: Final = Hints()

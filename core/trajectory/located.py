@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.aiding import Aid
+from furrowmap.core.estimation.headings import HEADING_CORRELATION_S, HEADING_SIGMA
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.imu_check import imu_notices
@@ -120,11 +121,15 @@ def locate(
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
     track, transformed = transform_track(track_within(positions.track(), session.recording.span_s), frame)
+    baseline = track
+    track = _of_nose(track, session)
     if beside.inertial is not None and session.imu is not None:
         near_s, told = middle_s(track), _unused_attitude(session, "[imu]")
         hints = Hints(session.imu.on_wheels)
         if session.imu.heading == "attitude" and beside.attitude is not None:
             hints, told = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
+        elif session.imu.heading == "antennas":
+            hints = replace(hints, heading=_antennas_log(session, frame, baseline))
         found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(near_s), hints)
         return replace(found, notices=(*found.notices, *told))
     if beside.attitude is not None and session.attitude is not None:
@@ -180,6 +185,40 @@ def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: At
         heading = heading - float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
     sigma_deg = table.heading_sigma_deg or HEADING_SIGMA_DEG
     return HeadingLog(log.t_s[known], np.radians(90.0 - heading), float(np.radians(sigma_deg)))
+
+
+def _of_nose(track: GnssTrack, session: Session) -> GnssTrack:
+    """The track with headings of the vehicle instead of those of the baseline between its two antennas."""
+    if session.antenna is None or not session.antenna.baseline_yaw_deg:
+        return track
+    return replace(track, heading_deg=(track.heading_deg + session.antenna.baseline_yaw_deg) % 360.0)
+
+
+def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> HeadingLog:
+    """The directions of the baseline between two antennas that the log of positions holds, from grid north.
+
+    Raises:
+        InputError: if it holds none.
+    """
+    known = np.isfinite(track.heading_deg)
+    if known.sum() < 2:
+        raise InputError(
+            "The positions come without headings of two antennas.",
+            '`[imu] heading = "antennas"` takes them for observations beside the IMU.',
+            "Record HDT or THS sentences, or UBX-NAV-RELPOSNED, with the positions, or leave `[imu] heading` out.",
+            code="heading-missing",
+        )
+    convergence = frame.convergence_deg(track.lon_deg[known], track.lat_deg[known])
+    yaw = np.radians(90.0 - (track.heading_deg[known] - convergence))
+    antenna = session.antenna
+    stated = antenna.heading_sigma_deg if antenna is not None else None
+    return HeadingLog(
+        track.t_s[known],
+        yaw,
+        float(np.radians(stated)) if stated is not None else float(HEADING_SIGMA),
+        HEADING_CORRELATION_S,
+        float(np.radians(antenna.baseline_yaw_deg)) if antenna is not None else 0.0,
+    )
 
 
 def _with_imu(
@@ -286,7 +325,7 @@ def located_without_lidar(
     track = track_within(positions.track(), session.recording.span_s)
     if not _seldom(track):
         return locate(positions, session, frame)
-    track, transformed = transform_track(track, frame)
+    track, transformed = transform_track(_of_nose(track, session), frame)
     course = trajectory_from_course(track, frame, lever_arm_m(session))
     used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
     notices = (_FORWARD, *transformed.notices, *course.notices)

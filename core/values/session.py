@@ -80,9 +80,18 @@ class Crs(_Part, frozen=True):
 
 
 class Antenna(_Part, frozen=True):
-    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame."""
+    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame.
+
+    Attributes:
+        xyz_m: of the antenna whose positions the log has.
+        baseline_yaw_deg: direction of the baseline between two antennas in the vehicle frame, from the one to the other
+            as the receiver counts: 0 forward, 90 to the left.
+        heading_sigma_deg: standard deviation of a single heading of two antennas.
+    """
 
     xyz_m: Vector3
+    baseline_yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
+    heading_sigma_deg: _Positive | None = None
 
 
 class Lidar(_Part, frozen=True):
@@ -211,8 +220,8 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
         minus_gnss_s: IMU clock minus GNSS clock, if they differ by a constant.
         columns: what the columns of a CSV are whose names do not say it.
         on_wheels: whether the vehicle is on wheels or tracks: its origin moves along its nose, forward or in reverse.
-        heading: what shows the heading where accelerations do not: nothing else ("motion"), or the log that
-            `[attitude] heading` names.
+        heading: what shows the heading where accelerations do not: nothing else ("motion"), the log that
+            `[attitude] heading` names, or two antennas, whose headings are in the log of positions.
     """
 
     files: tuple[str, ...]
@@ -224,7 +233,7 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     minus_gnss_s: float = 0.0
     columns: dict[str, ImuColumn] = {}  # msgspec copies an empty default
     on_wheels: bool = False
-    heading: Literal["motion", "attitude"] = "motion"
+    heading: Literal["motion", "attitude", "antennas"] = "motion"
 
 
 class Attitude(_Part, frozen=True):
@@ -410,6 +419,8 @@ EXAMPLES: Final = {
     "crs.parameters": '"SemiDyna2026.par"',
     "crs.geoid_grid": '"us_nga_egm08_25.tif"',
     "antenna.xyz_m": "[1.85, 0.0, 1.62]",
+    "antenna.baseline_yaw_deg": "90.0",
+    "antenna.heading_sigma_deg": "0.3",
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",

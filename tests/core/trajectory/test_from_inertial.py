@@ -8,18 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
-from furrowmap.core.trajectory.inertial_start import Imu
+from furrowmap.core.trajectory.heading_hints import HeadingLog
+from furrowmap.core.trajectory.inertial_start import NO_HINTS, Hints, Imu
 from furrowmap.core.trajectory.located import Companions, locate
 from furrowmap.core.trajectory.shown_noise import densities
 from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
-from furrowmap.core.values.rotation import wrap_deg
+from furrowmap.core.values.rotation import attitude_to_quaternion, wrap_deg
 from furrowmap.core.values.trajectory import Trajectory
 from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
 
@@ -28,8 +30,8 @@ FloatArray = NDArray[np.float64]
 INDUSTRIAL = inertial_noise("industrial")
 
 
-def found(track: GnssTrack, imu: InertialTrack) -> InertialTrajectory:
-    return trajectory_from_inertial(track, Imu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+def found(track: GnssTrack, imu: InertialTrack, hints: Hints = NO_HINTS) -> InertialTrajectory:
+    return trajectory_from_inertial(track, Imu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None, hints)
 
 
 def errors(trajectory: Trajectory, flight: Flight) -> FloatArray:
@@ -158,6 +160,48 @@ def test_hover__shows_no_heading_and_is_refused() -> None:
     with pytest.raises(RefusedError) as caught:
         found(track, rest)
     assert caught.value.code == "heading-unknown"
+
+
+def baseline(flight: Flight, across_rad: float, sigma_deg: float, lasting_s: float = 10.0) -> HeadingLog:
+    """Headings of two antennas at 10 Hz, with errors that last."""
+    t, random = np.arange(0.1, flight.length_s, 0.1), np.random.default_rng([flight.seed, 97])
+    axis = (np.cos(across_rad), np.sin(across_rad), 0.0)
+    along = Rotation.from_quat(attitude_to_quaternion(*flight.attitude_deg(t)), scalar_first=True).apply(axis)
+    off, kept = [random.normal()], np.exp(-0.1 / lasting_s)
+    while len(off) < len(t):
+        off.append(kept * off[-1] + np.sqrt(1.0 - kept**2) * random.normal())
+    sigma = float(np.radians(sigma_deg))
+    yaw = np.arctan2(along[:, 1], along[:, 0]) + sigma * np.array(off)
+    return HeadingLog(BEGIN_S + t, yaw, sigma, lasting_s, across_rad)
+
+
+@pytest.mark.parametrize("across_deg", [90.0, -160.0])
+def test_baseline_of_two_antennas__is_that_of_a_tilted_vehicle(across_deg: float) -> None:
+    flight = Flight(30.0, seed=3)
+    log = baseline(flight, np.radians(across_deg), 1e-6)
+    exact = found(flight.track(), flight.imu(), Hints(heading=replace(log, sigma_rad=1e-5))).trajectory
+    assert np.abs(errors(exact, flight)[200:-200, 5]).max() < 0.002
+
+
+def test_two_antennas_at_a_hover__show_the_heading_within_its_sigma() -> None:
+    ratio = []
+    for seed in range(4):
+        flight = Flight(30.0, seed, speed_mps=0.0)
+        place = flight.track()
+        middle = [np.full(len(place), np.median(v)) for v in (place.lon_deg, place.lat_deg, place.height_m)]
+        track = GnssTrack.build(place.t_s, lon_deg=middle[0], lat_deg=middle[1], height_m=middle[2], fix=place.fix)
+        t_s = BEGIN_S + np.arange(0.0, 30.0, 0.01)
+        rest = InertialTrack(t_s, np.zeros((len(t_s), 3)), np.tile([0.0, 0.0, -9.815], (len(t_s), 1)))
+        yaw, sigma = 0.3 * seed, float(np.radians(0.5))
+        noise = baseline(flight, 0.0, 0.5)
+        exact = baseline(flight, 0.0, 0.0)
+        log = HeadingLog(noise.t_s, yaw + (noise.yaw_rad - exact.yaw_rad), sigma, 10.0)
+        hovered = found(track, rest, Hints(heading=log)).trajectory
+        off = wrap_deg(hovered.attitude_deg()[2] - (90.0 - np.degrees(yaw)))
+        ratio.append(np.median(off) / np.median(hovered.sigma[:, 5]))
+        assert np.abs(off).max() < 1.0
+        assert 0.1 < np.median(hovered.sigma[:, 5]) < 0.4
+    assert 0.3 < np.sqrt(np.mean(np.square(ratio))) < 1.6
 
 
 @pytest.mark.parametrize(

@@ -39,8 +39,8 @@ class = "consumer"
 IMPLEMENT = '\n[implement]\nkind = "tiller"\nwidth_m = 2.0\nxy_m = [-1.5, 0.0]\n'
 
 
-def straight_drive(folder: Path, tables: str) -> OpenSession:
-    """Half a minute to the east at 1.5 m/s, without any change of speed or direction."""
+def straight_drive(folder: Path, tables: str, sentence: str = "") -> OpenSession:
+    """Half a minute to the east at 1.5 m/s, without any change of speed or direction; `sentence` follows each epoch."""
     lines = []
     for k in range(300):
         seconds, minutes = 9 * 3600 + 41 * 60 + 12 + 0.1 * k, 30.0 + 1.5 * 0.1 * k / 1113.19 / np.cos(np.radians(55.0))
@@ -49,6 +49,7 @@ def straight_drive(folder: Path, tables: str) -> OpenSession:
         bodies = (
             f"GPGGA,{clock},{place},4,12,0.8,60.000,M,40.000,M,1.0,0001",
             f"GPRMC,{clock},A,{place},2.9,90.0,230526,,,R",
+            *([sentence] if sentence else []),
         )
         lines += [f"${body}*{reduce(xor, body.encode()):02X}\r\n" for body in bodies]
     (folder / "gnss.nmea").write_text("".join(lines), newline="")
@@ -122,6 +123,22 @@ def test_a_compass_shows_the_heading_where_it_is_asked_for(tmp_path: Path) -> No
 def test_a_compass_without_a_log_is_no_session(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="needs \\[attitude\\]"):
         straight_drive(tmp_path, 'heading = "attitude"\n')
+
+
+def test_two_antennas_show_the_heading_where_they_are_asked_for(tmp_path: Path) -> None:
+    asked = 'heading = "antennas"\n'
+    session = SESSION.replace("2.0]\n", "2.0]\nbaseline_yaw_deg = 90.0\nheading_sigma_deg = 0.2\n")
+    opened = straight_drive(tmp_path, asked, "GPHDT,0.5,T")  # the second antenna is to the left: the nose is at 90.5°
+    (tmp_path / "session.toml").write_text(session + asked)
+    opened = open_session(tmp_path / "session.toml")
+    found = located(opened)
+    assert np.abs(found.trajectory.attitude_deg()[2] - (grid_east_deg() + 0.5)).max() < 0.05
+    assert 0.05 < np.median(found.trajectory.sigma[:, 5]) < 0.3
+    with pytest.raises(RefusedError, match="shows no heading"):
+        located(straight_drive(tmp_path, "", "GPHDT,0.5,T"))
+    with pytest.raises(InputError, match="without headings of two antennas") as caught:
+        located(straight_drive(tmp_path, asked))
+    assert caught.value.code == "heading-missing"
 
 
 def test_an_aircraft_is_refused(tmp_path: Path) -> None:
