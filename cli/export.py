@@ -22,6 +22,7 @@ FORMATS = (
     "sbet",
     "tum",
     "poses",
+    "glb",
     "isoxml",
     "stac",
 )
@@ -57,6 +58,7 @@ def export(
     Formats with one layer per file write a folder. isoxml writes ISO 11783-10 task data for farm software and
     terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
     them. GeoJSON and KML are always in WGS 84. sbet, tum and poses (CSV) are the trajectory alone, for other software.
+    glb is the surface with its orthophoto as a textured mesh, for 3D viewers.
     """
     with console.work() as progress:
         done = furrowmap.export(results, to, output, layers=layers, crs=dst_crs, overwrite=overwrite, progress=progress)

@@ -14,6 +14,7 @@ from furrowmap.core.values.errors import Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
+from furrowmap.exporters.exchange.textured_mesh import MESH, write_textured_mesh
 from furrowmap.exporters.exchange.trajectories import SUFFIXES, TRAJECTORIES, write_trajectory
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -22,7 +23,7 @@ from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
 STAC: Final = "stac"
-NAMES: Final = (*FORMATS, *TRAJECTORIES, TASK_DATA, STAC)
+NAMES: Final = (*FORMATS, *TRAJECTORIES, MESH, TASK_DATA, STAC)
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def export(
     Args:
         results: folders that runs wrote; one, except for "stac".
         to: "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "isoxml" or "stac"; of
-            the trajectory alone "sbet", "tum" or "poses" (CSV).
+            the trajectory alone "sbet", "tum" or "poses" (CSV); of the surface with its orthophoto "glb".
         out: the file or folder to write; by default beside the first folder, named after it.
         layers: of the vectors; all if none is named.
         crs: of the vectors; None for the session's. Formats with a CRS of their own (WGS 84) always have that.
@@ -83,6 +84,8 @@ def export(
         if to in TRAJECTORIES:
             write_trajectory(target, to, opened[0])
             return Exported(target, (target,), ())
+        if to == MESH:
+            return Exported(target, (target,), tuple(write_textured_mesh(target, opened[0])))
         if to == TASK_DATA:
             notices = write_task_data(opened[0], target)
             files = sorted(target.iterdir()) if target.is_dir() else [target]
@@ -106,8 +109,8 @@ def _default(folder: Path, to: str) -> Path:
     """Beside the folder, named after it."""
     here = folder.resolve()
     name = f"{here.name}_{to}"
-    if to in SUFFIXES:
-        return here.with_name(name + SUFFIXES[to])
+    if to in SUFFIXES or to == MESH:
+        return here.with_name(name + SUFFIXES.get(to, ".glb"))
     chosen = FORMATS.get(to)
     return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.write_all is not None else name)
 
