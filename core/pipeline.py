@@ -136,7 +136,7 @@ def run(
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
-        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
+        carrier, mount_notices = _carrier(opened, located, flown.strip_adjustment)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -328,15 +328,27 @@ class _Flown:
         return self.boresight.clock_used_s if self.boresight is not None and self.boresight.certain else 0.0
 
 
+def _carrier(
+    opened: OpenSession, located: Located, adjusted: StripAdjustment | None
+) -> tuple[Trajectory | None, list[Notice]]:
+    """The trajectory of the frame that carries the scanner, None for the vehicle's, and notices about its file."""
+    turned = adjusted.turned if adjusted is not None else None
+    if turned is None:
+        return carrier_of(located, opened.session, opened.inputs.mount)
+    carrier, notices = carrier_of(replace(located, trajectory=turned.carrier), opened.session, opened.inputs.mount)
+    return turned.carrier if carrier is None else carrier, notices
+
+
 def _flown(
     opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
 ) -> tuple[Located, _Flown]:
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
     stated, located = opened.session.lidar.mounting, guess
-    found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier)
+    walk = opened.session.lidar.rpy_walk_deg_rts
+    found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier, walk)
     if adjusted is not None:
         located = replace(guess, trajectory=adjusted.trajectory)
-        carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)
+        carrier = _carrier(opened, located, adjusted)[0]
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
     strips = find_strips(located.trajectory)
     differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))

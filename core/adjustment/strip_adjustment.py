@@ -12,13 +12,14 @@ from __future__ import annotations
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.mounting_walk import MountingWalk, attitudes_at, mounting_walk, with_walk
 from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
 from furrowmap.core.calibration.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
 from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns, at_shifted_times
@@ -53,14 +54,16 @@ class StripAdjustment:
         boresight: adjusted with it.
         before: errors of the poses at nodes in time, as GNSS and IMU know them.
         found: the errors that were found, and their covariance with the strips.
+        turned: how the mounting changes, where the session says that it may.
     """
 
     trajectory: Trajectory
     boresight: Boresight
     before: PoseErrors
     found: PoseErrors
+    turned: MountingWalk | None = None
 
-    def plain(self) -> dict[str, list[float]]:
+    def plain(self) -> dict[str, Any]:
         """For `report.json`: RMS of what the poses at the nodes were moved, medians of their standard deviations."""
         nodes = self.trajectory.at(np.clip(self.found.t_s, *self.trajectory.span_s)).quaternion
         known = np.isfinite(nodes[:, 0])
@@ -74,11 +77,12 @@ class StripAdjustment:
             "sigma_after_m": np.round(after[:3], 5).tolist(),
             "sigma_before_deg": np.round(np.degrees(before[3:]), 5).tolist(),
             "sigma_after_deg": np.round(np.degrees(after[3:]), 5).tolist(),
+            **({} if self.turned is None else {"mounting_walk": self.turned.plain()}),
         }
 
 
 def calibrated_flight(
-    returns: StripReturns, located: Located, stated: Mounting, carrier: Trajectory | None
+    returns: StripReturns, located: Located, stated: Mounting, carrier: Trajectory | None, walk_deg_rts: float = 0.0
 ) -> tuple[Boresight | None, StripReturns, StripAdjustment | None]:
     """The boresight of a flight's scanner, and the poses adjusted with it where an IMU tells how their errors go.
 
@@ -87,6 +91,7 @@ def calibrated_flight(
         located: the trajectory of the vehicle.
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner; None for the vehicle's.
+        walk_deg_rts: random walk of the mounting's angles.
 
     Returns:
         The boresight, None where too little ground is seen at several times; the returns at the scanner's clock as
@@ -100,7 +105,7 @@ def calibrated_flight(
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, found.clock_used_s)
     if errors is None:
         return found, returns, None
-    adjusted = adjusted_by_strips(returns, located.trajectory, errors.result(), found, stated)
+    adjusted = adjusted_by_strips(returns, located.trajectory, errors.result(), found, stated, walk_deg_rts)
     return adjusted.boresight, returns, adjusted
 
 
@@ -111,7 +116,12 @@ def _pose_errors_beside(located: Located) -> AbstractContextManager[Future[PoseE
 
 
 def adjusted_by_strips(
-    returns: StripReturns, trajectory: Trajectory, errors: PoseErrors, found: Boresight, stated: Mounting
+    returns: StripReturns,
+    trajectory: Trajectory,
+    errors: PoseErrors,
+    found: Boresight,
+    stated: Mounting,
+    walk_deg_rts: float = 0.0,
 ) -> StripAdjustment:
     """Trajectory and boresight with ground seen at several times as further observations.
 
@@ -121,6 +131,7 @@ def adjusted_by_strips(
         errors: of its poses; their nodes cover its time.
         found: the boresight by the same returns.
         stated: the mounting as the session states it.
+        walk_deg_rts: random walk of the mounting's angles.
     """
     mounting, lever_m = found.mounting.rotation, np.asarray(found.mounting.xyz_m, np.float64)
     node = np.clip(np.searchsorted(errors.t_s, returns.t_s, side="right") - 1, 0, len(errors.t_s) - 2)
@@ -131,10 +142,14 @@ def adjusted_by_strips(
     first = FIXED + POSE * heights.window[chosen]
     weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
     root = root_of(np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]), errors.covariance)
+    if walk_deg_rts > 0.0:
+        root = with_walk(root, FIXED, errors.t_s, attitudes_at(trajectory, errors.t_s), lever_m, walk_deg_rts)
     off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root)
-    after = PoseErrors(errors.t_s, off[FIXED:].reshape(-1, POSE), covariance[FIXED:, FIXED:])
-    adjusted = without_errors(trajectory, errors, after)
-    return StripAdjustment(adjusted, _corrected(found, stated, off, covariance), errors, after)
+    vehicle = slice(len(off) - errors.value.size, None)
+    after = PoseErrors(errors.t_s, off[vehicle].reshape(-1, POSE), covariance[vehicle, vehicle])
+    turned = mounting_walk(trajectory, errors, off, covariance, FIXED) if walk_deg_rts > 0.0 else None
+    adjusted, by_strips = without_errors(trajectory, errors, after), _corrected(found, stated, off, covariance)
+    return StripAdjustment(adjusted, by_strips, errors, after, turned)
 
 
 def _spread(found: Boresight, stated: Mounting) -> FloatArray:
@@ -175,7 +190,7 @@ def _solved(
         independent: (g,) inverse variances.
         design: (g, FIXED + 12) derivatives by the first unknowns and by those of the two nodes beside the group.
         first: (g,) the first of the latter.
-        root: (u, u) of the covariance of the unknowns before.
+        root: (u, v) of the covariance of the unknowns before.
     """
     order = np.argsort(cell, kind="stable")
     begin = np.flatnonzero(np.diff(cell[order], prepend=-1))
@@ -187,7 +202,7 @@ def _solved(
         weight = independent * robust
         normal, right = _normal_equations(ends, height_m, weight, design, first, len(root))
         normal += np.tril(normal, -1).T
-        z, covariance, _ = solved(normal, right, root, np.zeros(len(root)))
+        z, covariance, _ = solved(normal, right, root, np.zeros(root.shape[1]))
         off = root @ z
         columns = first[:, None] + np.arange(2 * POSE)
         left = height_m - design[:, :FIXED] @ off[:FIXED] - np.einsum("gc,gc->g", design[:, FIXED:], off[columns])

@@ -44,11 +44,11 @@ def solved(
     Args:
         normal: (u, u) normal matrix of the observations.
         right: (u,) right side: what the observations want beyond `root @ at`.
-        root: (u, u) see :func:`root_of`.
-        at: (u,) unknowns in units of the root, at which the observations are linearised.
+        root: (u, v) of the covariance before, times its transpose; see :func:`root_of`.
+        at: (v,) unknowns in units of the root, at which the observations are linearised.
 
     Returns:
-        The step (u,), the covariance (u, u) of `root @ z`, and the variances (u,) after, 1 before.
+        The step (v,), the covariance (u, u) of `root @ z`, and the variances (v,) after, 1 before.
 
     Raises:
         LinAlgError: if the equations are singular.

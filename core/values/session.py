@@ -101,10 +101,12 @@ class Lidar(_Part, frozen=True):
         model: such as "VLP-16"; overrides the packets.
         xyz_m: the sensor origin in the vehicle frame.
         rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame.
+        rpy_walk_deg_rts: random walk of these angles, for a mounting that changes slowly during a flight.
     """
 
     xyz_m: Vector3 = (0.0, 0.0, 0.0)
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    rpy_walk_deg_rts: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     model: str | None = None
 
     @property
@@ -424,6 +426,7 @@ EXAMPLES: Final = {
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
+    "lidar.rpy_walk_deg_rts": "0.01",
     "imu.files": '["imu.csv"]',
     "imu.topic": '"/imu/data"',
     "imu.xyz_m": "[-0.04, -0.01, -0.29]",

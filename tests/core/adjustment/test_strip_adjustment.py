@@ -96,3 +96,43 @@ def test_sigmas__of_the_trajectory_are_those_of_its_nodes(
     np.testing.assert_allclose(adjusted.trajectory.sigma[k, :3], own[:, :3], rtol=1e-6)
     np.testing.assert_allclose(adjusted.trajectory.sigma[k, 5], np.degrees(own[:, 5]), rtol=1e-6)
     assert (adjusted.trajectory.sigma > 0.0).all()
+
+
+def test_mounting_that_changes__is_found_apart_from_the_poses_and_within_its_sigmas() -> None:
+    """A tenth of a degree over the flight about x and y, a fifth about z; the scanner rides on what turns."""
+    scene = Scene(Mounting.from_rotation(STATED.xyz_m, TURNED @ STATED.rotation), seed=3)
+    true, slow = flown(), slow_errors(3)
+    share = (true.t_s - T0) / (4 * LINE_S) - 0.5
+    angle_deg = np.outer(share, [0.1, -0.1, 0.2])
+    vehicle, turned = (
+        Rotation.from_quat(true.quaternion, scalar_first=True),
+        Rotation.from_rotvec(np.radians(angle_deg)),
+    )
+    place = np.array(STATED.xyz_m)
+    carried = replace(
+        true,
+        xyz_m=true.xyz_m + vehicle.apply(place - turned.apply(place)),
+        quaternion=(vehicle * turned).as_quat(scalar_first=True),
+    )
+    off = without_errors(true, slow, replace(slow, value=-slow.value))
+    off = replace(off, sigma=np.tile(SIGMA * np.where(np.arange(6) < 3, 1.0, 180.0 / np.pi), (len(off), 1)))
+    returns = strip_returns(scene.scans(carried), off)
+    found = boresight(returns, off, STATED)
+    assert found is not None
+    known = replace(slow, value=np.zeros_like(slow.value))
+    rigid = adjusted_by_strips(returns, off, known, found, STATED)
+    adjusted = adjusted_by_strips(returns, off, known, found, STATED, walk_deg_rts=0.02)
+    walk = adjusted.turned
+    assert walk is not None
+    truth = np.column_stack([np.interp(walk.t_s, true.t_s, axis) for axis in angle_deg.T])
+    truth -= truth.mean(axis=0)
+    ratio = (walk.angle_deg - truth) / walk.sigma_deg
+    assert np.sqrt(np.mean(ratio**2)) < 1.6
+    assert (np.std(walk.angle_deg - truth, axis=0)[:2] < 0.4 * np.std(truth, axis=0)[:2]).all()
+    before, after = (
+        np.degrees(np.std(left_over(carried, one), axis=0)[3:5]) for one in (rigid.trajectory, walk.carrier)
+    )
+    assert (after < before).all()
+    held, freed = (np.std(left_over(true, one.trajectory), axis=0)[3:5] for one in (rigid, adjusted))
+    assert (freed < held).all()
+    assert "mounting_walk" in adjusted.plain()
