@@ -238,7 +238,7 @@ def _faults(session: Session) -> Iterator[str]:
         if session.imu.heading == "attitude" and session.attitude is None:
             yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
     if session.lidar.rpy_walk_deg_rts and (session.imu is None or implement is not None):
-        yield "lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show a mounting that changes"
+        yield "lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show such a change"
     attitude = session.attitude
     if attitude is not None and attitude.north == MAGNETIC and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
