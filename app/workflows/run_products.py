@@ -22,6 +22,7 @@ from furrowmap.core.implement.saved import save_implement
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import printable
+from furrowmap.core.values.languages.choice import language_of_user, using_language
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
@@ -145,16 +146,17 @@ def write_products(
     progress("writing layers", 0.0)
     layers = perf_counter()
     provenance = run_origin(found, made.inputs)
-    write_field(
-        staging / FIELD,
-        found.placement.poses,
-        found.frame.wkt,
-        found.work,
-        found.frame.words,
-        provenance,
-        [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
-        found.zone,
-    )
+    with using_language(language_of_user(found.session.report.language)):
+        write_field(
+            staging / FIELD,
+            found.placement.poses,
+            found.frame.wkt,
+            found.work,
+            found.frame.words,
+            provenance,
+            [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
+            found.zone,
+        )
     if found.work.states is not None:
         write_states(staging / STATES, found.work.states)
     if found.work.seen is not None:

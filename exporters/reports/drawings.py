@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.relief import Box, Relief
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
@@ -91,7 +92,7 @@ def tool_graph(work: FieldWork) -> str:
     """The tool's height over time with its states and passes."""
     history = work.history
     assert history is not None
-    time = TimeAxis(float(history.t_s[0]), float(history.t_s[-1]))
+    time = TimeAxis(float(history.t_s[0]), float(history.t_s[-1]), left=86.0)
     known = history.tool_height_m[np.isfinite(history.tool_height_m)]
     low = min(-0.05, float(known.min(initial=0.0)))
     high = max(history.lifted_m, float(known.max(initial=0.0))) + 0.05
@@ -106,17 +107,56 @@ def tool_graph(work: FieldWork) -> str:
         if len(work.passes) <= 40:
             middle = time.at(0.5 * (when.begin_s + when.end_s))
             parts.append(f'<text class="number" x="{middle:.1f}" y="16">{number}</text>')
-    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm")
+    parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm", "height of the tool")
     y = heights.at(history.threshold_m)
     parts.append(f'<line class="threshold" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
     parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
     parts += time.labels(190.0)
-    return drawing(WIDTH, 212.0, parts, "Height of the tool above its working position over time")
+    return drawing(WIDTH, 228.0, parts, "Height of the tool above its working position over time")
+
+
+ACTIVITIES: Final = {
+    "working": "#8c460a",
+    "turning or reversing": "#4292c6",
+    "standing": "#bdbdbd",
+    "driving, state of the tool unknown": "#9e9ac8",
+}
+"""What a vehicle does, and its colour; the classes of the hours of a report."""
+
+
+def activities(poses: ScanPoses, work: FieldWork) -> NDArray[np.int8]:
+    """The number of the activity in :data:`ACTIVITIES` at each scan (n,): by motion, and the state of the tool."""
+    state = work.states.at(poses.t_s)[0] if work.states is not None else np.full(len(poses), ToolState.UNKNOWN)
+    forward, back = poses.motion == Motion.FORWARD, poses.motion == Motion.REVERSE
+    chosen = [forward & (state == ToolState.DOWN), back | (forward & (state == ToolState.UP)), ~forward & ~back]
+    found: NDArray[np.int8] = np.select(chosen, [0, 1, 2], 3).astype(np.int8)
+    return found
+
+
+def activity_graph(poses: ScanPoses, work: FieldWork) -> str:
+    """What the vehicle does over time, a row for each activity."""
+    time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
+    seen = activities(poses, work)
+    names = list(ACTIVITIES)
+    rows = [kind for kind in range(len(names)) if (seen == kind).any()]
+    step_s = np.diff(poses.t_s)
+    pause = np.append(step_s > max(1.0, 3.0 * float(np.median(step_s))), True) if len(step_s) else np.ones(1, bool)
+    edges = np.flatnonzero(np.diff(seen, prepend=np.int8(-9), append=np.int8(-9)) != 0)
+    cuts = np.unique(np.concatenate([edges, 1 + np.flatnonzero(pause)]))
+    parts = []
+    for first, behind in pairwise(cuts.tolist()):
+        last = behind - 1 if pause[behind - 1] else behind
+        left, right = float(time.at(poses.t_s[first])), float(time.at(poses.t_s[last]))
+        y = 4.0 + 18.0 * rows.index(int(seen[first]))
+        colour = ACTIVITIES[names[int(seen[first])]]
+        parts.append(f'<rect x="{left:.1f}" y="{y}" width="{max(right - left, 0.3):.1f}" height="14" fill="{colour}"/>')
+    bottom = 6.0 + 18.0 * len(rows)
+    return drawing(WIDTH, bottom + 38.0, [*parts, *time.labels(bottom)], "Activity over time")
 
 
 def quality_graph(poses: ScanPoses) -> str:
     """The quality of the positions and the stated accuracy over time."""
-    time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
+    time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]), left=86.0)
     sigma_m = np.hypot(poses.sigma[:, 0], poses.sigma[:, 1])
     edges = np.flatnonzero(np.diff(poses.fix, prepend=np.int8(-99), append=np.int8(-99)))
     parts = []
@@ -125,12 +165,12 @@ def quality_graph(poses: ScanPoses) -> str:
         colour = fix_colour(int(poses.fix[first]))
         parts.append(f'<rect x="{left:.1f}" y="0" width="{right - left:.1f}" height="12" fill="{colour}"/>')
     if not np.isfinite(sigma_m).any():
-        return drawing(WIDTH, 36.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
+        return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
-    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm")
+    parts += axis.grid(time.left, lambda v: f"{100 * v:g} cm", "standard deviation")
     parts += curve(time.at(poses.t_s), np.maximum(axis.at(sigma_m), 20.0))
     parts += time.labels(130.0)
-    return drawing(WIDTH, 152.0, parts, "Quality and accuracy of the positions over time")
+    return drawing(WIDTH, 168.0, parts, "Quality and accuracy of the positions over time")
 
 
 def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatArray]]:

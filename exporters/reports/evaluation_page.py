@@ -184,7 +184,7 @@ def _graph(found: Evaluation, values: FloatArray, low: float | None, title: str)
     for a, b in pairwise(found.matched.unbroken):
         parts += curve(time.at(t_s[a:b]), np.clip(axis.at(values[a:b]), 20.0, 150.0))
     parts += time.labels(150.0)
-    return drawing(WIDTH, 172.0, parts, f"{title} over time")
+    return drawing(WIDTH, 188.0, parts, f"{title} over time")
 
 
 def _edges(found: Evaluation) -> list[int]:

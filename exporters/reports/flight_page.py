@@ -68,7 +68,7 @@ def _differences(differences: StripDifferences) -> str:
         one, other = differences.of_pair((a, b)).figures()
         figures = other or one
         area = f"{figures.area_m2:.1f} m²" if figures is not None else ""
-        rows.append((f"{a} and {b}", area, *_two(one), *_two(other)))
+        rows.append((f"{a}, {b}", area, *_two(one), *_two(other)))
     head = ("strips", "ground", "mean before", "RMS before", "mean after", "RMS after")
     note = (
         "Height of smooth ground in a strip less that in an earlier one, in cells, before and after the mounting was "

@@ -32,6 +32,9 @@ from furrowmap.exporters.rasters.png import data_uri
 from furrowmap.exporters.rasters.relief import Relief, shaded_ground
 from furrowmap.exporters.reports.area_units import area, filled_in, work_rate
 from furrowmap.exporters.reports.drawings import (
+    ACTIVITIES,
+    activities,
+    activity_graph,
     fix_colour,
     map_box,
     pass_colour,
@@ -100,6 +103,7 @@ def write_page(
         section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
         *parcel_sections(parcels),
         *_tool(work),
+        *_activity(poses, work),
         *_passes(work, found.zone),
         section("GNSS", _quality(poses, found.frame)),
         section("Accuracy and warnings", _accuracy(found)),
@@ -202,6 +206,16 @@ def _tool(work: FieldWork) -> Iterable[str]:
         "Brown: in the ground. Blue: lifted. Grey: unknown. Numbers: passes."
     )
     yield section("The implement", figure(tool_graph(work), note))
+
+
+def _activity(poses: ScanPoses, work: FieldWork) -> Iterable[str]:
+    """What the vehicle did over time."""
+    if len(poses) < 2:
+        return
+    seen = set(activities(poses, work).tolist())
+    rows = [(colour, name) for number, (name, colour) in enumerate(ACTIVITIES.items()) if number in seen]
+    note = "What the vehicle did, by its motion and the state of the tool. Gaps: no position."
+    yield section("Activity", figure(activity_graph(poses, work), note) + key(rows))
 
 
 def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:

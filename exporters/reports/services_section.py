@@ -92,7 +92,7 @@ def _graph(
             parts += curve(time.at(found.matched.t_s[a:b]), np.clip(axis.at(series[name][a:b]), 10.0, 180.0))
         parts.append("</g>")
     parts += time.labels(180.0)
-    return drawing(WIDTH, 202.0, parts, f"{title} of each service over time")
+    return drawing(WIDTH, 218.0, parts, f"{title} of each service over time")
 
 
 def _map(evaluations: Mapping[str, Evaluation], colours: Mapping[str, str]) -> str:

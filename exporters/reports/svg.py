@@ -110,15 +110,22 @@ class Axis:
         place: FloatArray = self.bottom + share * (self.top - self.bottom)
         return place
 
-    def grid(self, left: float, label: Callable[[float], str]) -> list[str]:
-        """Grid lines at round values, starting at `left`, with labels before them."""
+    def grid(self, left: float, label: Callable[[float], str], name: str = "") -> list[str]:
+        """Grid lines at round values, starting at `left`, with labels before them; the axis itself, and its name."""
         step = _nice((self.high - self.low) / 3.0)
         values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
-        return [
+        lines = [
             f'<line class="grid" x1="{left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="label right" x="{left - 5}" y="{y + 4:.1f}">{label(value)}</text>'
+            f'<text class="label right" x="{left - 7}" y="{y + 4:.1f}">{label(value)}</text>'
             for value, y in zip((values + 0.0).tolist(), self.at(values).tolist(), strict=True)
         ]
+        ticks = "".join(f"M{left} {y:.1f}h-5" for y in self.at(values).tolist())
+        lines.append(f'<path class="ticks" d="M{left} {self.top}V{self.bottom}{ticks}"/>')
+        middle = 0.5 * (self.top + self.bottom)
+        turned = f'transform="rotate(-90 12 {middle:.1f})"'
+        if name:
+            lines.append(f'<text class="label middle" x="12" y="{middle:.1f}" {turned}>{escape(name)}</text>')
+        return lines
 
 
 @dataclass(frozen=True)
@@ -136,13 +143,20 @@ class TimeAxis:
         return place
 
     def labels(self, y: float) -> list[str]:
-        """Labels at round times below a graph that ends at `y`."""
+        """Ticks and labels at round times below a graph that ends at `y`, and the name of the axis."""
         length_s = self.end_s - self.begin_s
         step = next((step for step in _TIME_STEPS_S if step >= length_s / 5.0), 86_400)
+        times = range(0, int(length_s - 0.2 * step) + 1, step)
+        places = [float(self.at(self.begin_s + t)) for t in times]
+        ticks = "".join(f"M{x:.1f} {y:.1f}v5" for x in places)
+        name = "time since the beginning, " + ("h:min:s" if length_s >= 3600 else "min:s")
         return [
-            f'<text class="label{" middle" if t else ""}" x="{self.at(self.begin_s + t):.1f}" y="{y + 16:.1f}">'
-            f"{_duration(t)}</text>"
-            for t in range(0, int(length_s - 0.2 * step) + 1, step)
+            f'<path class="ticks" d="M{self.left} {y:.1f}H{WIDTH}{ticks}"/>',
+            *(
+                f'<text class="label{" middle" if t else ""}" x="{x:.1f}" y="{y + 18:.1f}">{_duration(t)}</text>'
+                for t, x in zip(times, places, strict=True)
+            ),
+            f'<text class="label right" x="{WIDTH}" y="{y + 34:.1f}">{name}</text>',
         ]
 
 

@@ -17,13 +17,17 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.local_time import local_time
+from furrowmap.core.values.languages.catalogue import ENGLISH
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import packaged_style, packaged_styles
+from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
+from furrowmap.exporters.vectors.layer_words import NAMES, with_words
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -57,11 +61,15 @@ def write_field(
         more: other layers, below these.
         zone: time zone of the times in map tips; None for UTC.
 
+    Names of layers and fields that people read are in the language of
+    :func:`~furrowmap.core.values.languages.choice.using_language`.
+
     Raises:
         OSError: if the file cannot be written there.
     """
+    language = language_of_user()
     layers = [
-        replace(layer, description=f"{layer.description}. {words}" if words else layer.description)
+        replace(layer, description=f"{_named(layer, language)}. {words}" if words else _named(layer, language))
         for layer in (*field_layers(poses, work), *more)
     ]
     with atomic_output(path) as unfinished, unflushed():
@@ -69,9 +77,16 @@ def write_field(
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
         clock = (zone, float(poses.t_s[0])) if zone is not None else None
-        write_styles(unfinished, [layer.name for layer in layers], clock)
+        fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
+        write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
         _pack(unfinished)
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
+
+
+def _named(layer: Layer, language: str) -> str:
+    """The description of a layer, beginning with its name for people, by which QGIS's browser finds it."""
+    name = NAMES.get(layer.name)
+    return f"{translated(name, language)}: {layer.description}" if name else layer.description
 
 
 def write_layer(
@@ -150,18 +165,29 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
     return options
 
 
-def write_styles(path: Path, layers: Sequence[str], clock: tuple[ZoneInfo, float] | None = None) -> None:
+def write_styles(
+    path: Path,
+    layers: Sequence[str],
+    clock: tuple[ZoneInfo, float] | None = None,
+    *,
+    fields: Mapping[str, Sequence[str]] | None = None,
+    language: str = ENGLISH,
+) -> None:
     """Store the packaged style of each layer as its default style in QGIS.
 
     Args:
         path: of the GeoPackage.
         layers: names of its layers; those without a packaged style get none.
         clock: time zone of the times in map tips, and a UTC time at which its offset holds; None for UTC.
+        fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
+        language: of these words.
     """
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
     if clock is not None:
         styles = {name: _in_local_time(style, *clock) for name, style in styles.items()}
+    if fields is not None:
+        styles = {n: with_words(style, fields[n], language, report=True) for n, style in styles.items()}
     store_styles(path, styles)
 
 

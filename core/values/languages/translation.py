@@ -53,14 +53,19 @@ def _translated(text: str, language: str, code: str, depth: int) -> str:
         if mark in text:
             parts = text.split(mark)
             found = [_translated(part, language, "", depth - 1) for part in parts]
-            if found != parts:
+            if found != parts and not _left(parts, found):
                 return other.join(found)
     head, colon, rest = text.partition(": ")
     if colon and _WORDS.search(rest):
         found = [_translated(part, language, "", depth - 1) for part in (head, rest)]
-        if found != [head, rest]:
+        if found[1] != rest:
             return "：".join(found)
     return text
+
+
+def _left(parts: list[str], found: list[str]) -> bool:
+    """Whether words of English are left in a list; half a translation is worse than none."""
+    return any(part == same and _WORDS.search(part) for part, same in zip(parts, found, strict=True))
 
 
 def _sentences(sentences: list[str], language: str, code: str, depth: int) -> str:

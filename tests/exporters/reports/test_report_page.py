@@ -156,7 +156,7 @@ def test_quality_graph__without_sigmas_has_only_the_bar_of_fixes() -> None:
     for root, curves in ((known, 1), (unknown, 0)):
         assert sum(shape.attrib.get("class") == "curve" for shape in root) == curves
         bars = [float(shape.attrib["width"]) for shape in root if shape.tag.endswith("rect")]
-        assert sum(bars) == pytest.approx(WIDTH - 74.0, abs=0.5)
+        assert sum(bars) == pytest.approx(WIDTH - 86.0, abs=0.5)
     assert float(unknown.attrib["viewBox"].split()[3]) < float(known.attrib["viewBox"].split()[3])
 
 

@@ -108,7 +108,7 @@ def test_map_tips__show_the_local_time_of_the_zone_that_they_name(tmp_path: Path
     local = dt.datetime.fromtimestamp(poses.t_s[0], ZoneInfo("America/St_Johns")).utcoffset()
     assert local is not None
     for name in ("events", "passes", "tool_path", "trajectory"):
-        utc, there = (style[name].partition("<mapTip")[2] for style in styles.values())
+        utc, there = (style[name].partition("<mapTip")[2].partition("</mapTip>")[0] for style in styles.values())
         shift = f" + to_interval('{local.total_seconds():.0f} seconds'), 'HH:mm:ss"
         assert utc.count("UTC") == there.count("(America/St_Johns)") == 1
         assert there.replace(shift, ", 'HH:mm:ss").replace("(America/St_Johns)", "UTC") == utc

@@ -17,7 +17,7 @@ TEMPLATES: dict[str, list[str]] = runpy.run_path(str(CHECKOUT / "scripts" / "mes
 ENGLISH = re.compile(r"\b[a-z]{2,} [a-z]{2,}\b")
 """Two words of English beside each other."""
 QUOTED = re.compile(
-    r"`[^`]*`|'[^']*'|\"[^\"]*\"|\([^)]*--[^)]*\)|--[a-z-]+ \S+|GRANT [A-Z ,]+|（例：[^）]*）|\[[a-z_]+\] [a-z_]+"
+    r"'[^']*'|\"[^\"]*\"|\([^)]*--[^)]*\)|--[a-z-]+(?: [\w.,]+)?|GRANT [A-Z ,]+|（例：[^）]*）|\[[a-z_]+\] [a-z_]+"
 )
 """Commands, keys and values, which are the same in every language."""
 NAMES = (
@@ -63,6 +63,7 @@ def test_error_and_notice__in_japanese() -> None:
 
 
 def _without_names(text: str) -> str:
+    text = re.sub(r"`[^`]*`", "", text)
     for name in NAMES:
         text = text.replace(name, "")
     return QUOTED.sub("", text)

@@ -1,0 +1,45 @@
+"""Words of layers: aliases, values and actions in the styles that a GeoPackage holds, in both languages."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from furrowmap.core.values.languages.translation import translated
+from furrowmap.exporters.files.result_folder import packaged_style
+from furrowmap.exporters.vectors.layer_words import ALIASES, NAMES, VALUES, with_words
+
+FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
+
+
+@pytest.mark.parametrize("language", ["en", "ja"])
+def test_style__has_names_words_and_actions(language: str) -> None:
+    root = ET.fromstring(with_words(packaged_style("passes.qml"), FIELDS, language, report=True))
+    assert {"Symbology", "MapTips", "Fields", "Forms", "Actions"} <= set(root.attrib["styleCategories"].split("|"))
+    aliases = {one.attrib["field"]: one.attrib["name"] for one in root.iter("alias")}
+    assert set(aliases) == set(FIELDS[:-1])
+    assert aliases["area_m2"] == {"en": "area on the map (m²)", "ja": "面積・地図平面（m²）"}[language]
+    kinds = {field.attrib["name"]: field[0].attrib["type"] for field in root.iter("field")}
+    assert kinds == {"area_m2": "Range", "speed_mps": "Range", "zone": "ValueMap", "kind": "ValueMap"}
+    (zone,) = (field for field in root.iter("field") if field.attrib["name"] == "zone")
+    pairs = {one.attrib["value"]: one.attrib["name"] for one in zone.iter("Option") if "value" in one.attrib}
+    assert pairs["headland"] == {"en": "headland", "ja": "枕地"}[language]
+    actions = [one.attrib for one in root.iter("actionsetting")]
+    assert [one["name"] for one in actions] == {
+        "en": ["Open report", "Open folder"],
+        "ja": ["レポートを開く", "フォルダを開く"],
+    }[language]
+    assert actions[0]["action"].endswith("|| 'report.html' %]")
+
+
+def test_style__of_another_file_than_a_run_has_no_actions() -> None:
+    root = ET.fromstring(with_words(packaged_style("passes.qml"), FIELDS, "en", report=False))
+    assert not list(root.iter("actionsetting"))
+
+
+def test_words__are_all_in_japanese() -> None:
+    words = {*ALIASES.values(), *NAMES.values(), *(word for values in VALUES.values() for word in values.values())}
+    for word in words - {"PPP"}:
+        assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", translated(word, "ja")), word
