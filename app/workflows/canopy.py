@@ -16,6 +16,7 @@ from furrowmap.core.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
 from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
@@ -241,11 +242,13 @@ class _Made:
             squares = sorted(((key, *square_of(key)) for key in heights.counts), key=lambda s: (-s[2], s[1]))
             named = [(key, *_cell(column, row, cell_m)) for key, column, row in squares]
         stands = []
+        place = named[0][2].centroid if named else shapely.Point()
+        pixel_m2 = (pixel_m / scale_at(self.clouds.crs, place.x, place.y)) ** 2 if named else 0.0
         for key, name, _ in named:
             own = heights.read([key])
             pixel = (own["column"].astype(np.int64) << 32) + own["row"]
             above = own["height_m"].astype(np.float64)
-            stands.append(stand_of(name, above, pixel, pixel_m**2, self.settings.ground_m, self.settings.layer_m))
+            stands.append(stand_of(name, above, pixel, pixel_m2, self.settings.ground_m, self.settings.layer_m))
         return stands, [shape for _, _, shape in named]
 
 

@@ -20,6 +20,7 @@ from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
+from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.session.opened import OpenSession
@@ -261,17 +262,18 @@ def write_parcels(
         progress: receives the stage "measuring parcels".
     """
     found: list[MeasuredParcel] = []
+    place = points.parcels[0].net.centroid
     with soil_source(settings.soil, crs, points.box_m, folder.parent, progress) as source:
         soil = site_soil(points, source)
     with CropHeights(folder.parent) as heights:
-        rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published)
+        scale = scale_at(crs, place.x, place.y)
+        rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published, scale=scale)
         for row, canopy in rows:
             heights.add(canopy)
             found.append(row)
             progress("measuring parcels", len(found) / len(points.parcels))
         if heights.write(folder / CROP_HEIGHT, crs, origin):
             (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
-    place = points.parcels[0].net.centroid
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
     treated, notices = _treated([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]

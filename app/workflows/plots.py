@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import shapely
-from pyproj import CRS, Proj
+from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.areas.placing import placed
 from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
+from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
@@ -89,7 +88,7 @@ def plots(
         )
     begin = _on_map(corner, target)
     finish = _on_map(end, target) if end is not None else None
-    found, notices = plot_grid(grid, begin, finish, azimuth_deg, _scale(begin, target))
+    found, notices = plot_grid(grid, begin, finish, azimuth_deg, scale_at(target, *begin.tolist()))
     if out is not None:
         write_parcels(Path(out), found, target)
     return Plots(found, target.to_string(), tuple(notices))
@@ -99,14 +98,6 @@ def _on_map(place: Place, target: CRS) -> np.ndarray[tuple[int], np.dtype[np.flo
     source = _known(place.crs) if place.crs is not None else target
     point = placed([shapely.Point(place.x, place.y)], source, target, "The corner of the trial")[0]
     return np.array([point.x, point.y])
-
-
-def _scale(place_m: np.ndarray[tuple[int], np.dtype[np.float64]], crs: CRS) -> float:
-    """Metres on the map per metre on the ellipsoid, the mean of meridian and parallel: 0.9996 to 1.001 in UTM."""
-    lon_deg, lat_deg = Proj(crs.to_2d())(place_m[0], place_m[1], inverse=True)
-    factors: Any = Proj(crs.to_2d()).get_factors(lon_deg, lat_deg)
-    scale = 0.5 * float(factors.meridional_scale + factors.parallel_scale)
-    return scale if math.isfinite(scale) else 1.0
 
 
 def _known(text: str) -> CRS:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
+from scipy.special import ndtri
 
 from furrowmap.core.crops.canopy import Canopy
 from furrowmap.core.crops.penetration import MODEL_SHARE
@@ -39,7 +40,7 @@ class ParcelFigures:
         id: of the parcel.
         points: in the net parcel.
         points_m2: per square metre.
-        area_m2: of the net parcel.
+        area_m2: of the net parcel, on the ground.
         filled: share of net pixels without returns.
         mean_height_m: mean height of the canopy's top over all net pixels, gaps included.
         p50_m, p90_m, p95_m, p99_m: quantiles of it.
@@ -124,8 +125,10 @@ def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
     chance = math.hypot(float(true.std()) * math.sqrt(CORRELATED_PIXELS), canopy.error_m) / math.sqrt(seen)
     model = MODEL_SHARE * found.mean_depth_m
     noise = NOISE_SHARE * found.noise_m
-    # pixels without returns lie deeper than their neighbours: a spread of the heights at most
-    empty = (1.0 - seen / max(int(canopy.net.sum()), 1)) * float(true.std())
+    # pixels without returns are between like the others and the lowest of all: as much below the mean as the tail
+    # of a normal distribution, a third of whose square is the variance of what is spread evenly between both
+    missing = 1.0 - int(canopy.seen.sum()) / max(int(canopy.net.sum()), 1)
+    empty = float(true.std()) * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
     return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)
 
 

@@ -47,7 +47,13 @@ class MeasuredParcel:
 
 
 def measured(
-    points: ParcelPoints, soil: Soil, noise_m: float, method: Method = "canopy-top", *, compare: bool = False
+    points: ParcelPoints,
+    soil: Soil,
+    noise_m: float,
+    method: Method = "canopy-top",
+    *,
+    compare: bool = False,
+    scale: float = 1.0,
 ) -> Iterator[tuple[MeasuredParcel, Canopy]]:
     """The parcels one after another, each with its pixels by the default method; a thread holds the points of one.
 
@@ -57,6 +63,7 @@ def measured(
         noise_m: standard deviation of heights of returns from one place.
         method: by which mean height and volume are computed.
         compare: whether the published method is computed, too.
+        scale: of the map: metres of it per metre on the ground, in which areas and volumes are.
     """
 
     def one(number: int) -> tuple[MeasuredParcel, Canopy]:
@@ -64,10 +71,10 @@ def measured(
         height = volume = math.nan
         if (compare or method == "christiansen2017") and len(xyz):
             done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept_shape(number))
-            height, volume = done.mean_height_m, done.volume_m3
+            height, volume = done.mean_height_m, done.volume_m3 / scale**2
         canopy, patch = _canopy(parcel, xyz, soil.under(parcel), noise_m)
         figures = parcel_figures(
-            parcel.id, canopy, float(parcel.net.area), patch.sigma_m if patch is not None else math.nan
+            parcel.id, canopy, float(parcel.net.area) / scale**2, patch.sigma_m if patch is not None else math.nan
         )
         if method == "christiansen2017":
             figures = replace(

@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.areas.corner_table import IDS
 from furrowmap.core.areas.polygon_file import MapPolygons, polygons_on_map
 from furrowmap.core.crops.net_parcel import net_of
+from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.vector_file import FORMATS
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
@@ -46,7 +47,8 @@ def read_parcels(
     Args:
         path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV of corners.
         target: projected CRS of the map.
-        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side, in metres on the
+            ground.
         net: file with the net parcels, under the same identifiers, instead of an inset.
 
     Raises:
@@ -58,8 +60,9 @@ def read_parcels(
     if nets is not None and net is not None:
         _expect_same(path, [found.id for found in gross], net, nets)
     parcels, small = [], []
+    ends_m, sides_m = (width * _scale(gross, target) for width in net_inset_m)
     for found in gross:
-        inner = nets[found.id] if nets is not None else net_of(found.shape, *net_inset_m)
+        inner = nets[found.id] if nets is not None else net_of(found.shape, ends_m, sides_m)
         if inner is None or inner.area < _SMALLEST_M2:
             small.append(found.id)
             continue
@@ -94,6 +97,12 @@ def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, f
         "extent and classes of the points.",
         code="parcels-elsewhere",
     )
+
+
+def _scale(gross: Sequence[_Found], target: CRS) -> float:
+    """Metres of the map per metre on the ground where the first parcel lies."""
+    place = gross[0].shape.centroid
+    return scale_at(target, place.x, place.y)
 
 
 def label(value: object) -> str:

@@ -21,7 +21,7 @@ class Stand:
 
     Attributes:
         id: of the area.
-        area_m2: of its pixels with returns.
+        area_m2: of its pixels with returns, on the ground.
         returns: number of them.
         returns_m2: per square metre.
         gap_fraction: share of the returns from the ground.
@@ -60,7 +60,7 @@ def stand_of(
         name: of the area.
         height_m: (n,) heights of its returns above the ground.
         pixel: (n,) number of the pixel of the canopy height model in which each lies.
-        pixel_m2: area of a pixel.
+        pixel_m2: area of a pixel on the ground.
         ground_m: returns up to this height are from the ground.
         layer_m: height of a layer of the profile; the lowest begins at the ground and has what lies below it, too.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -125,8 +126,7 @@ class MapFrame:
 
     def scale(self, lon_deg: float, lat_deg: float) -> float:
         """Scale at a site: map distance over ellipsoidal distance, mean of meridian and parallel."""
-        factors: Any = Proj(self.crs).get_factors(lon_deg, lat_deg)
-        return 0.5 * float(factors.meridional_scale + factors.parallel_scale)
+        return scale_of(self.crs, lon_deg, lat_deg)
 
     def ground_scale(self, lon_deg: float, lat_deg: float, height_m: float) -> float:
         """Map distance over distance on the ground at an ellipsoidal height."""
@@ -144,6 +144,19 @@ class MapFrame:
                 "Set `[crs] map` to a projected CRS of the site (UTM or a national one): see `furrowmap init`.",
                 code="crs-scale",
             )
+
+
+def scale_of(crs: CRS, lon_deg: float, lat_deg: float) -> float:
+    """Scale of a projection at a place: map distance over ellipsoidal distance, mean of meridian and parallel."""
+    factors: Any = Proj(crs).get_factors(lon_deg, lat_deg)
+    return 0.5 * float(factors.meridional_scale + factors.parallel_scale)
+
+
+def scale_at(crs: CRS, e_m: float, n_m: float) -> float:
+    """Metres of the map per metre on the ellipsoid at a place of the map: 0.9996 to 1.001 in UTM; 1 where unknown."""
+    flat = crs.to_2d()
+    scale = scale_of(flat, *Proj(flat)(e_m, n_m, inverse=True))
+    return scale if math.isfinite(scale) else 1.0
 
 
 def middle_deg(lon_deg: FloatArray, lat_deg: FloatArray) -> tuple[float, float]:

@@ -61,6 +61,21 @@ def crops(trial: Path) -> tuple[Path, dict[str, object]]:
     return trial / "crops", furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", trial / "crops", settings)
 
 
+def test_parcels__areas_and_volumes_are_of_the_ground(crops: tuple[Path, dict[str, object]]) -> None:
+    """One metre on the ellipsoid is 0.99988 m of the map here; the area on the ellipsoid is geodesic."""
+    layer = gpd.read_file(crops[0] / "parcels.gpkg", layer="parcels").set_index("id")
+    inset = 3.0 * 1.3  # of metres on the ground; the gross parcel is 4 m by 1.5 m of the map
+    turned = layer.loc[["7"]].to_crs("EPSG:4258").geometry.iloc[0]
+    geodesic = abs(pyproj.Geod(ellps="GRS80").geometry_area_perimeter(turned)[0])
+    found = layer.loc["7"]
+    assert layer.loc[["7"]].geometry.iloc[0].area / geodesic == pytest.approx(0.99988165**2, rel=1e-5)
+    assert found.area_m2 == pytest.approx(inset, rel=4e-4)
+    assert found.area_m2 != pytest.approx(inset, rel=2e-4)
+    ground = (4.0 / 0.99988165 - 1.0) * (1.5 / 0.99988165 - 0.2)
+    assert found.area_m2 == pytest.approx(ground, rel=2e-5)
+    assert found.volume_m3 == pytest.approx(found.mean_height_m * found.area_m2, rel=1e-4)
+
+
 def test_parcels__layer_and_table_hold_the_same_heights(crops: tuple[Path, dict[str, object]]) -> None:
     folder, account = crops
     layer = gpd.read_file(folder / "parcels.gpkg", layer="parcels").set_index("id")

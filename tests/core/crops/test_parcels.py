@@ -177,8 +177,8 @@ def test_damaged_texts__are_told(tmp_path: Path, text: str, says: str) -> None:
 
 def test_inset__larger_than_a_parcel_is_refused(tmp_path: Path) -> None:
     TABLE.to_file(tmp_path / "p.gpkg")
-    with pytest.raises(InputError, match=r"2 parcels \(7, 8\) after 0 m off each end and 1.25 m") as refused:
-        read_parcels(tmp_path / "p.gpkg", MAP, (0.0, 1.25))
+    with pytest.raises(InputError, match=r"2 parcels \(7, 8\) after 0 m off each end and 1.26 m") as refused:
+        read_parcels(tmp_path / "p.gpkg", MAP, (0.0, 1.26))
     assert refused.value.code == "parcels-inset"
 
 

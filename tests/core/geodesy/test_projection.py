@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pyproj import CRS, Geod, Proj, Transformer
 
-from furrowmap.core.geodesy.projection import map_frame, middle_deg
+from furrowmap.core.geodesy.projection import map_frame, middle_deg, scale_at
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.session import Crs
 
@@ -130,3 +130,12 @@ def test_utm_zones_meet_at_their_border(lon: float) -> None:
         frame = map_frame(Crs(map=code))
         back = frame.to_lon_lat(*frame.project(np.array([lon]), np.array([43.0])))
         np.testing.assert_allclose([back[0][0], back[1][0]], [lon, 43.0], atol=1e-11)
+
+
+@pytest.mark.parametrize("e_m", [500_000.0, 651_500.0, 790_000.0])
+def test_scale_at__is_that_of_geodesic_lengths(e_m: float) -> None:
+    utm = CRS.from_epsg(25832)
+    back = Transformer.from_crs(utm, 4258, always_xy=True)
+    (west, east), lat = back.transform([e_m - 50.0, e_m + 50.0], [6_133_880.0, 6_133_880.0])
+    length = Geod(ellps="GRS80").inv(west, lat[0], east, lat[1])[2]
+    assert scale_at(utm, e_m, 6_133_880.0) == pytest.approx(100.0 / length, rel=1e-7)
