@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _CELL_M: Final = 0.5
-_MOST_CELLS: Final = 4_000_000
+_MOST_CELLS: Final = 1_000_000
 
 
 class PixelGrid(Protocol):
@@ -42,7 +42,7 @@ class Rings(NamedTuple):
     first: IntArray
     boxes: FloatArray
     starts: IntArray
-    near: IntArray
+    near: NDArray[np.int32]
     grid: tuple[float, float, float, int, int]
 
 
@@ -59,9 +59,9 @@ def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -
     high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)
     cells, members = [], []
     for k, ((j0, i0), (j1, i1)) in enumerate(zip(low, high, strict=True)):
-        cell = (np.arange(i0, i1 + 1)[:, None] * columns + np.arange(j0, j1 + 1)).ravel()
+        cell = (np.arange(i0, i1 + 1)[:, None] * columns + np.arange(j0, j1 + 1)).ravel().astype(np.int32)
         cells.append(cell)
-        members.append(np.full(len(cell), k))
+        members.append(np.full(len(cell), k, np.int32))
     cell, member = np.concatenate(cells), np.concatenate(members)
     order = np.argsort(cell, kind="stable")
     starts = np.searchsorted(cell[order], np.arange(rows * columns + 1))
@@ -72,7 +72,7 @@ def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -
         first,
         boxes,
         starts.astype(np.int64),
-        member[order].astype(np.int64),
+        member[order],
         (float(west), float(south), float(side), rows, columns),
     )
 
