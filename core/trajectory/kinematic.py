@@ -41,6 +41,8 @@ CONVERGED_RAD: Final = 1e-5
 OUTLIER: Final = 6.0
 """Standard deviations beyond which a position is counted as one that does not fit. Of normal noise in two axes 1.1 %
 are beyond three, and on ploughed ground the antenna sways by up to five of its noise."""
+USUAL: Final = 1.1774
+"""Median of the distance by normal noise in two axes, in standard deviations of one (Rayleigh's distribution)."""
 
 _STATE = 5  # easting, northing, yaw, error in easting, error in northing
 
@@ -99,7 +101,7 @@ class Path:
         xyz_m: (n, 3) of the point of the vehicle frame's origin.
         yaw_rad: (n,) about the map's up axis, counter-clockwise from east, without jumps.
         sigma: (n, 4) standard deviations of easting, northing, height in metres and of yaw in radians.
-        outlier: (n,) positions whose residual was beyond :data:`OUTLIER` standard deviations.
+        outlier: (n,) positions that do not fit, see :func:`outliers`.
     """
 
     xyz_m: FloatArray
@@ -143,8 +145,18 @@ def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw
         xyz_m=np.column_stack([state[:, :2] + origin, height - antenna.lever_m[2]]),
         yaw_rad=state[:, 2],
         sigma=np.column_stack([spread[:, :2], sigma_h, spread[:, 2]]),
-        outlier=np.nan_to_num(normed) > OUTLIER,
+        outlier=outliers(normed),
     )
+
+
+def outliers(normed: FloatArray) -> BoolArray:
+    """Residuals (n,), each over its standard deviation, that stand out from the others; nan is none.
+
+    Where all scatter more than stated, as where a tractor sways on heavy soil, they are judged by their own scatter.
+    """
+    known = normed[np.isfinite(normed)]
+    scatter = max(1.0, float(np.median(known)) / USUAL) if len(known) else 1.0
+    return np.asarray(np.nan_to_num(normed) > OUTLIER * scatter)
 
 
 def _turned(yaw_rad: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:

@@ -14,6 +14,7 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.session.file import load_session
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
+from furrowmap.core.trajectory.kinematic import outliers
 from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -224,3 +225,19 @@ def test_promise_13__one_position_of_another_day_costs_neither_knots_nor_the_sol
     whole = trajectory_from_gnss(track, FRAME, LEVER_M, None).trajectory
     assert len(found.t_s) == len(whole.t_s)
     np.testing.assert_allclose(found.xyz_m[:-5], whole.xyz_m[:-5], atol=0.01)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.3, 3.0), st.integers(0, 999))
+def test_outliers__are_those_that_stand_out_from_the_others(scatter: float, seed: int) -> None:
+    """Noise of two axes, some larger than stated; positions ten times as far off are found in any of it."""
+    random = np.random.default_rng(seed)
+    normed = scatter * np.hypot(*random.normal(size=(2, 2000)))
+    assert outliers(normed).mean() < 0.002
+    wrong = random.choice(2000, 60, replace=False)
+    normed[wrong] = 12.0 * max(scatter, 1.0)
+    normed[:5] = np.nan
+    found = outliers(normed)
+    assert found[wrong[wrong >= 5]].all()
+    assert not found[:5].any()
+    assert not outliers(np.full(3, np.nan)).any()
