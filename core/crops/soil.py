@@ -23,6 +23,8 @@ NODE_M: Final = 0.5
 """Distance of the nodes of a patch."""
 MOST_CELLS: Final = 240
 """Nearest cells of soil that one parcel's surface is made from."""
+WORST_CONDITION: Final = 1e6
+"""Condition number of the places of cells from which on they lie in a row."""
 FEWEST_CELLS: Final = 6
 RANGES_M: Final = (1.0, 1.7, 3.0, 5.0, 8.0, 14.0)
 """Correlation lengths of the soil's relief that are tried."""
@@ -128,7 +130,7 @@ def _covariances(one, relief, reach, out):  # type: ignore[no-untyped-def]
 
 def relief_of(surroundings: list[SoilCells], trend: Trend = "plane") -> Relief:
     """The relief of the soil about a trend by restricted maximum likelihood, from the cells around some parcels."""
-    groups = [cells for cells in surroundings if len(cells) > FEWEST_CELLS]
+    groups = [cells for cells in surroundings if len(cells) > FEWEST_CELLS and _shows(cells, trend)]
     best, found = -math.inf, Relief(0.0, RANGES_M[0], 0.01)
     for range_m in RANGES_M:
         for ratio in RATIOS:
@@ -164,6 +166,11 @@ def _design(xy_m: FloatArray, middle_m: FloatArray, trend: Trend) -> FloatArray:
     return level if trend == "constant" else np.column_stack([level, xy_m - middle_m])
 
 
+def _shows(cells: SoilCells, trend: Trend) -> bool:
+    """Whether cells show a trend: those in a row do not show a plane."""
+    return bool(np.linalg.cond(_design(cells.xy_m, cells.xy_m.mean(axis=0), trend)) <= WORST_CONDITION)
+
+
 def nodes_of(parcel: Parcel) -> tuple[float, float, FloatArray, tuple[int, int]]:
     """West and south of the nodes of a parcel's patch, the nodes (rows * columns, 2), rows and columns."""
     west, south, east, north = (float(v) for v in parcel.net.bounds)
@@ -185,7 +192,7 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
         relief: of the soil; one of 0 m makes the trend by least squares.
         trend: that the relief departs from.
     """
-    if len(cells) < FEWEST_CELLS:
+    if len(cells) < FEWEST_CELLS or not _shows(cells, trend):
         return None
     west, south, nodes, shape = nodes_of(parcel)
     middle = cells.xy_m.mean(axis=0)
@@ -195,8 +202,6 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     factor = cho_factor(matrix, lower=True)
     weighted = cho_solve(factor, design)
     normal = np.linalg.inv(design.T @ weighted)
-    if not np.isfinite(normal).all() or np.linalg.cond(design) > 1e6:
-        return None
     base = float(cells.height_m.mean())
     plane = normal @ (weighted.T @ (cells.height_m - base))
     off = cho_solve(factor, cells.height_m - base - design @ plane)
