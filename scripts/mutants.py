@@ -64,7 +64,11 @@ MOST_FILES: Final = 8
 """Test files that are run on a mutant, the nearest first."""
 FARTHEST: Final = 3
 """Imports between a test and the mutated module."""
-OF_ALL: Final = ("tests/test_neutral_defaults.py", "tests/core/simulator/test_scenario_pages.py")
+OF_ALL: Final = (
+    "tests/test_neutral_defaults.py",
+    "tests/test_frozen_values.py",
+    "tests/core/simulator/test_scenario_pages.py",
+)
 """Tests that read the source of every module, or hold the defaults of some by a page; run on each mutant besides."""
 TEST_S: Final = 60
 """A test that takes longer hangs."""

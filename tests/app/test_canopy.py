@@ -8,6 +8,7 @@ from pathlib import Path
 import geopandas as gpd
 import laspy
 import numpy as np
+import pyogrio
 import pyproj
 import pytest
 import rasterio
@@ -54,6 +55,11 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def by_cell(cloud: Path) -> tuple[Path, dict[str, object]]:
     settings = furrowmap.CanopySettings(cell_m=5.0, pixel_m=0.25)
     return cloud.parent / "cells", furrowmap.canopy([cloud], cloud.parent / "cells", settings)
+
+
+def test_canopy__a_layer_of_few_stands_has_no_spatial_index(by_cell: tuple[Path, dict[str, object]]) -> None:
+    capabilities = pyogrio.read_info(by_cell[0] / "canopy.gpkg", layer="canopy")["capabilities"]
+    assert not capabilities["fast_spatial_filter"]
 
 
 def test_canopy__gap_fraction_is_that_of_the_leaves(by_cell: tuple[Path, dict[str, object]]) -> None:

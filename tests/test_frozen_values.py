@@ -1,0 +1,59 @@
+"""Values are frozen: only what collects while something is read or computed may be changed, and is listed here.
+
+A value that callers can change, as the result of a workflow, would no longer be what was computed or validated.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Final
+
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
+COLLECTING: Final = {
+    "core/estimation/relaxation.py Relaxation",
+    "core/features/cloud_features.py Found",
+    "core/pointclouds/surfaces.py _Lows",
+    "core/readers/isoxml/xml.py Element",
+    "core/readers/las/survey.py Survey",
+    "core/readers/line_csv.py _Counts",
+    "core/readers/messages.py MessageCounts",
+    "core/readers/nmea/sentences.py SentenceCounts",
+    "core/readers/rosbag/bags.py _Topic",
+    "core/readers/rtklib/rows.py Header",
+    "core/readers/rtklib/rows.py Rows",
+    "core/readers/rtklib/rows.py _Gathering",
+    "core/readers/vectornav/binary.py Messages",
+    "core/readers/vectornav/sentences.py Sentences",
+    "core/readers/velodyne/captures.py _Survey",
+    "core/readers/velodyne/clock.py SensorClock",
+    "core/readers/velodyne/counts.py PacketCounts",
+    "core/readers/velodyne/traffic.py Traffic",
+    "core/values/record_spool.py _Block",
+    "app/workflows/clean.py _Lost",
+}
+READ_ONCE: Final = {"cli/worker.py _Order", "exporters/files/result_folder.py _Input"}
+"""Tables of msgspec that a function decodes and drops."""
+
+
+def frozen(call: ast.expr | ast.ClassDef) -> bool:
+    """Whether `frozen=True` is stated."""
+    keywords = call.keywords if isinstance(call, ast.Call | ast.ClassDef) else []
+    return any(one.arg == "frozen" and ast.unparse(one.value) == "True" for one in keywords)
+
+
+def test_values__are_frozen() -> None:
+    changeable, tables = set(), {}
+    for part in ("core", "exporters", "app", "cli"):
+        for path in sorted((CHECKOUT / part).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_bytes())):
+                if not isinstance(node, ast.ClassDef):
+                    continue
+                name = f"{path.relative_to(CHECKOUT).as_posix()} {node.name}"
+                decorators = [one for one in node.decorator_list if ast.unparse(one).startswith("dataclass")]
+                if decorators and not all(map(frozen, decorators)):
+                    changeable.add(name)
+                if any(ast.unparse(base) == "msgspec.Struct" for base in node.bases):
+                    tables[name] = frozen(node)
+    assert changeable == COLLECTING
+    assert {name for name, is_frozen in tables.items() if not is_frozen} == READ_ONCE
