@@ -23,18 +23,23 @@ from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.implement.saved import load_implement
+from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.pointclouds.run_notices import refuse_empty
 from furrowmap.core.readers import zipped_layer
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.sheet import LARGEST_BYTES, read_sheet
+from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.values.errors import InputError, RefusedError, UsageError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
+from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import database
 from furrowmap.exporters.files.provenance import Origin
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_nmea import sentence
 from tests.core.test_refusals import par, refusal
 
 MAP = CRS.from_epsg(6677)
@@ -251,3 +256,32 @@ def test_an_imu__by_which_a_standing_vehicle_is_not_upright(roll_deg: float, pit
         checked(roll_deg, pitch_deg)
     assert refused.value.code == "imu-turned"
     assert "would set it upright" in refused.value.remedy
+
+
+SESSION = """\
+furrowmap = 1
+[recording]
+lidar = ["empty.pcap"]
+gnss = ["gnss.nmea"]
+[crs]
+map = "EPSG:6677"
+[lidar]
+xyz_m = [0.0, 0.0, 2.0]
+rpy_deg = [0.0, 0.0, 0.0]
+[antenna]
+xyz_m = [0.0, 0.0, 2.5]
+[implement]
+width_m = 3.0
+xy_m = [-1.0, 0.0]
+"""
+
+
+def test_recordings__without_returns_and_states_of_another_kind(tmp_path: Path) -> None:
+    session = parse_session(SESSION)
+    still = trajectory_from_attitude(np.arange(0.0, 10.0), np.zeros((10, 3)), 0.0, 0.0, 30.0, max_gap_s=2.0)
+    with refusal("no-points", r"empty\.pcap: no laser returns"):
+        refuse_empty(Placement.without_scans(still), still, session)
+    log = tmp_path / "gnss.nmea"
+    log.write_bytes(2 * sentence("GNGGA,120000.00,3530.0,N,13900.0,E,4,12,0.8,100.0,M,40.0,M,,"))
+    with refusal("wrong-kind-of-file", "which gives no tool states"):
+        external_states([log], session, still)
