@@ -82,6 +82,9 @@ if TYPE_CHECKING:
     from furrowmap.workflows.growth import GrowthSettings as GrowthSettings
     from furrowmap.workflows.growth import growth as growth
     from furrowmap.workflows.inspect import inspect as inspect
+    from furrowmap.workflows.machines import KnownMachine as KnownMachine
+    from furrowmap.workflows.machines import known_machines as known_machines
+    from furrowmap.workflows.machines import save_machine as save_machine
     from furrowmap.workflows.mosaic import mosaic as mosaic
     from furrowmap.workflows.parcels import ParcelSettings as ParcelSettings
     from furrowmap.workflows.parcels import parcels as parcels
@@ -122,6 +125,7 @@ _HOMES = {
     "GrowthSettings": "workflows.growth",
     "InputError": "core.values.errors",
     "Inspection": "core.readers.reader",
+    "KnownMachine": "workflows.machines",
     "KnownSession": "exporters.farm.edit",
     "MountCalibration": "workflows.calibrate_mount",
     "Mosaic": "exporters.farm.mosaic",
@@ -165,6 +169,7 @@ _HOMES = {
     "frames": "workflows.frames",
     "growth": "workflows.growth",
     "inspect": "workflows.inspect",
+    "known_machines": "workflows.machines",
     "mosaic": "workflows.mosaic",
     "open_points": "points",
     "open_recording": "recordings",
@@ -178,6 +183,7 @@ _HOMES = {
     "response": "workflows.response",
     "run": "workflows.run",
     "write_report_page": "workflows.report",
+    "save_machine": "workflows.machines",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",
     "SolveSettings": "workflows.solve_gnss",

@@ -142,8 +142,13 @@ def _board_angles(text: str) -> tuple[float, float, float]:
 )
 @click.argument("session", type=FILE)
 @click.option("--write", is_flag=True, help="Write the estimates into SESSION; its other lines are kept.")
+@click.option(
+    "--machine",
+    metavar="NAME|FILE",
+    help="Write the mounting into this machine's profile, with the day and the standard deviations.",
+)
 @common_options
-def calibrate(console: Console, session: Path, *, write: bool) -> None:
+def calibrate(console: Console, session: Path, machine: str | None, *, write: bool) -> None:
     """Estimate the mounting angles of the scanner and the clock offset from the recording described by SESSION.
 
     Assumes that the ground under the vehicle is level on average over the session and that the vehicle drives straight
@@ -152,7 +157,7 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
     `furrowmap calibrate mount` is another command: the attitude of a moving mount from images of a board.
     """
     with console.work() as progress:
-        found = furrowmap.calibrate(session, write=write, progress=progress)
+        found = furrowmap.calibrate(session, write=write, machine=machine, progress=progress)
     written = write and found.differs
     console.answer(
         {
@@ -163,13 +168,15 @@ def calibrate(console: Console, session: Path, *, write: bool) -> None:
             "facing_shown": found.facing_shown,
             "height_above_ground_m": found.height_m,
             "lidar_minus_gnss_s": {"stated": found.stated_offset_s, "found": found.offset_s},
+            "date": found.date,
             "written": written,
+            "machine": machine,
         },
-        _words(found, written=written),
+        _words(found, machine, written=written),
     )
 
 
-def _words(found: Calibration, *, written: bool) -> str:
+def _words(found: Calibration, machine: str | None, *, written: bool) -> str:
     height_m, sigma_m = found.height_m
     rows: list[tuple[str, Any]] = [
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
@@ -191,7 +198,8 @@ def _words(found: Calibration, *, written: bool) -> str:
         ),
     ]
     end = "Written to the session file." if written else "The session file was not changed."
-    return f"{table(rows)}\n{end}"
+    saved = f"\nThe mounting was written to the machine {printable(machine)}." if machine is not None else ""
+    return f"{table(rows)}\n{end}{saved}"
 
 
 def _angles(angles_deg: Sequence[float]) -> str:

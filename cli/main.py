@@ -40,6 +40,7 @@ COMMANDS: Final = (
     "report",
     "farm",
     "calibrate",
+    "machine",
     "crs",
     "frames",
     "gnss",

@@ -137,6 +137,7 @@ def run(
     lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = _carrier(opened, located, flown.strip_adjustment)
+    located = _as_stated(located, session)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -202,6 +203,14 @@ def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry
     if file is None:
         return None, []
     return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
+
+
+def _as_stated(located: Located, session: Session) -> Located:
+    """The trajectory without standard deviations where the session leaves out a place that the cloud rests on.
+
+    Nobody knows how wrong an assumed place is; the noise of the positions says nothing of it.
+    """
+    return replace(located, trajectory=located.trajectory.without_accuracy()) if session.unstated else located
 
 
 def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:
@@ -405,7 +414,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
     positions = opened.positions()
     clocks: tuple[ClockReading, ...] = ()
     if session.recording.lidar:
-        located = locate(positions, session, opened.frame, companions(opened))
+        located = _as_stated(locate(positions, session, opened.frame, companions(opened)), session)
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)

@@ -8,6 +8,8 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 tr = partial(QCoreApplication.translate, "Figures")
 
+_CONDITIONS = ("unstated", "unconfirmed")
+
 
 def figure_rows(report):
     """Pairs of a label and a value with its unit, from a report."""
@@ -27,6 +29,7 @@ def figure_rows(report):
         (tr("Horizontal accuracy"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
         (tr("Vertical accuracy"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
         (tr("Heading accuracy"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
+        (tr("Accuracy"), _conditions(accuracy)),
         (tr("CRS"), figures.get("crs")),
     ]
     return [(label, str(value)) for label, value in rows if value]
@@ -81,6 +84,16 @@ def _field(figures):
     if area is None or not isinstance(share, (int, float)):
         return area
     return tr("{area}, {share:.0f} % of it worked").format(area=area, share=100.0 * share)
+
+
+def _conditions(accuracy):
+    """Why no accuracy is stated, or what the stated one rests on."""
+    missing, unsure = (accuracy.get(key) if isinstance(accuracy.get(key), list) else [] for key in _CONDITIONS)
+    if missing:
+        return tr("unknown, because the session leaves out {keys}").format(keys=", ".join(map(str, missing)))
+    if unsure:
+        return tr("if {keys} is right, which the recording does not show").format(keys=", ".join(map(str, unsure)))
+    return None
 
 
 def _sigma(accuracy, keys, factor, form):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.adjustment.strip_adjustment import calibrated_flight
 from furrowmap.core.calibration.strips import strip_returns
 from furrowmap.core.pipeline import companions
+from furrowmap.core.session.machine import LearnedMounting, learned, load_machine
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import Located, locate
@@ -21,6 +23,7 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.threads import using_threads
 from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.workflows.machines import machine_file, write_machine
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Calibration:
         stated_offset_s: `lidar_minus_gnss_s` in the session.
         offset_s: the same as the recording shows it, and its standard deviation; nan where it does not.
         clock_differs: whether the recording certainly and uniquely shows another offset than the session states.
+        date: UTC day of the recording.
     """
 
     stated: Mounting
@@ -48,6 +52,7 @@ class Calibration:
     stated_offset_s: float
     offset_s: tuple[float, float]
     clock_differs: bool
+    date: dt.date
 
     @property
     def mounting_differs(self) -> bool:
@@ -60,12 +65,20 @@ class Calibration:
         return self.mounting_differs or self.clock_differs
 
 
-def calibrate(session: str | Path, *, write: bool = False, progress: Progress = silent) -> Calibration:
+def calibrate(
+    session: str | Path,
+    *,
+    write: bool = False,
+    machine: str | Path | None = None,
+    progress: Progress = silent,
+) -> Calibration:
     """Estimate mounting and clock offset from a session's recording.
 
     Args:
         session: the session file.
-        write: write what differs from the session into the file; its other lines and comments stay.
+        write: write what differs from the session into the file, with the day of the recording and standard deviations
+            as a comment; its other lines and comments stay.
+        machine: name or file of a machine's profile, into which the mounting is written with them.
         progress: is called with each stage and its share.
 
     Raises:
@@ -74,11 +87,16 @@ def calibrate(session: str | Path, *, write: bool = False, progress: Progress = 
         FurrowmapError: if the session or its files do not make a trajectory.
     """
     file = Path(session)
+    profile = machine_file(machine) if machine is not None else None
+    before = load_machine(profile) if profile is not None else None
     opened = open_session(file)
     with using_threads(opened.session.run.threads, by_default=True):
         found = _estimate(opened, progress)
     if write and found.differs:
         write_calibration(file, found)
+    if profile is not None and before is not None:
+        mounting = LearnedMounting(found.found, found.sigma_deg, found.date, opened.session.name)
+        write_machine(profile, learned(before, mounting))
     return found
 
 
@@ -120,6 +138,7 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
         stated_offset_s=stated_s,
         offset_s=(offset_s, constants.clock_sigma_s) if shown else (math.nan, math.nan),
         clock_differs=bool(matched.clock_used_s),
+        date=_day(located),
     )
 
 
@@ -143,7 +162,13 @@ def _by_strips(opened: OpenSession, located: Located, progress: Progress) -> Cal
         stated_offset_s=stated_s,
         offset_s=(stated_s - found.time_offset_s[0], found.time_offset_s[1]),
         clock_differs=bool(found.clock_used_s),
+        date=_day(located),
     )
+
+
+def _day(located: Located) -> dt.date:
+    """UTC day of a trajectory's beginning."""
+    return dt.datetime.fromtimestamp(located.trajectory.span_s[0], dt.UTC).date()
 
 
 def _not_shown(session_file: Path, why: str) -> RefusedError:
@@ -155,6 +180,12 @@ def _not_shown(session_file: Path, why: str) -> RefusedError:
     )
 
 
+def _origin(calibration: Calibration) -> str:
+    """Where the angles are from."""
+    sigma = ", ".join(f"{value:.2f}" if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)
+    return f"calibrated with the recording of {calibration.date}: ± {sigma} degrees"
+
+
 def calibrated_text(text: str, calibration: Calibration) -> str:
     """A session file's text with what was found in its place; everything else, comments too, stays as it is.
 
@@ -163,7 +194,7 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
     """
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
-        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]")
+        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]", _origin(calibration))
     if calibration.found.xyz_m != calibration.stated.xyz_m:
         xyz = ", ".join(f"{place:.3f}" for place in calibration.found.xyz_m)
         text = with_value(text, "lidar", "xyz_m", f"[{xyz}]")

@@ -19,7 +19,6 @@ from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.threads import using_threads
@@ -66,7 +65,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
             figures = _figures(found)
-            if found.session.lidar.mounting != Mounting():  # at the origin and upright: not stated
+            if found.session.lidar.xyz_m is not None:
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
         write_field(staging / PREVIEW_TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)

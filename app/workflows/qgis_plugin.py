@@ -53,7 +53,7 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
     """
     found, others = [], []
     for release in _RELEASES:
-        root = (data or _user_data()) / "QGIS" / release / "profiles"
+        root = (data or user_data()) / "QGIS" / release / "profiles"
         here = sorted(path for path in root.iterdir() if path.is_dir()) if root.is_dir() else []
         wanted = name if name is not None else _default_profile(root)
         others += [path.name for path in here]
@@ -145,7 +145,7 @@ def _default_profile(root: Path) -> str:
     return settings.get("core", "defaultProfile", fallback="default")
 
 
-def _user_data() -> Path:
+def user_data() -> Path:
     """The data folder of this user."""
     if sys.platform == "win32":
         return Path(os.environ.get("APPDATA") or Path.home() / "AppData" / "Roaming")

@@ -88,15 +88,21 @@ def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mountin
         )
     if not facing.shown:
         notices.append(FACING_ASSUMED)
-    if abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m:
+    if height_is_off(found):
         notices.append(
             Notice(
                 "mounting-height",
                 f"The vehicle's origin is {found.height_m:+.2f} m above the ground under the wheels: the scanner's "
-                "height in [lidar] xyz_m is off by that much. Heights of the cloud are not corrected for it.",
+                "height in [lidar] xyz_m is off by that much. Heights of the cloud are not corrected for it; their "
+                "standard deviation includes it.",
             )
         )
     return notices
+
+
+def height_is_off(found: MountingCalibration) -> bool:
+    """Whether the vehicle's origin certainly is not on the ground under its wheels."""
+    return abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m
 
 
 def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstants) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
-from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED
+from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off
 from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
 from furrowmap.core.calibration.antenna_sway import CLOCK_SIGMA_S
 from furrowmap.core.calibration.clock_search import CERTAIN, motion_certainty
@@ -72,7 +72,7 @@ def matched_to_ground(
         located, seen = replace(located, notices=(*located.notices, *assumed)), Seen(ground=ground)
         if (notice := contradiction_notice(seen)) is None:
             return located, None
-        lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.xyz_m)
+        lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.mounting.xyz_m)
         trajectory = enlarged(located.trajectory, seen, lever_m, sensor_m)
         return replace(located, trajectory=trajectory, notices=(*located.notices, notice)), None
     return replace(located, trajectory=matched.trajectory, notices=(*located.notices, *matched.notices)), matched
@@ -143,6 +143,10 @@ def _judged(matched: Matched, prepared: Prepared, located: Located, session: Ses
         stated_s, used_s = session.recording.lidar_minus_gnss_s, matched.clock_used_s
         notice = clock_notice(stated_s, used_s, min(seen.constants.clock_sigma_s, CLOCK_SIGMA_S))
         matched = replace(matched, notices=(notice, *matched.notices))
+    if height_is_off(matched.calibration):
+        sigma = matched.trajectory.sigma.copy()
+        sigma[:, 2] = np.hypot(sigma[:, 2], matched.calibration.height_m)
+        matched = replace(matched, trajectory=replace(matched.trajectory, sigma=sigma))
     contradiction = contradiction_notice(seen)
     if contradiction is None:
         return matched

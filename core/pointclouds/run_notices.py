@@ -12,7 +12,6 @@ from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
@@ -119,13 +118,15 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
     if located.source != "file" and session.antenna is None:
         text = (
             "The session does not state the position of the antenna ([antenna] xyz_m). It is assumed to be at the "
-            "origin of the vehicle frame, so heights are those of the antenna."
+            "origin of the vehicle frame, so heights are those of the antenna, and no accuracy is stated."
         )
         notices.append(Notice("antenna-unknown", text))
-    if session.recording.lidar and session.lidar.mounting == Mounting():
+    missing = [key.removeprefix("lidar.") for key in session.unstated if key.startswith("lidar.")]
+    if missing:
         text = (
-            "The session does not state the mounting of the scanner ([lidar] xyz_m, rpy_deg). Its frame is assumed to "
-            "be the vehicle frame."
+            f"The session does not state the mounting of the scanner ([lidar] {', '.join(missing)}). It is assumed to "
+            "be zero, as if the scanner were at the origin of the vehicle frame or parallel to it, and no accuracy is "
+            "stated."
         )
         notices.append(Notice("mounting-identity", text))
     return notices

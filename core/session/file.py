@@ -270,7 +270,7 @@ def _imu_faults(imu: Imu) -> Iterator[str]:
 
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
-    places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.xyz_m}
+    places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.mounting.xyz_m}
     if session.imu is not None:
         places["imu.xyz_m"] = session.imu.xyz_m
     if session.mount is not None and session.mount.xyz_m is not None:

@@ -16,8 +16,18 @@ from pyproj import Transformer
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.readers.reader import ClockReading, GivesPoses, GivesTrack, ReadOptions
 from furrowmap.core.session.examination import Examined, time_matches
+from furrowmap.core.session.proposed_places import (
+    antenna_table,
+    camera_comment,
+    head_words,
+    implement_table,
+    imu_lines,
+    lidar_lines,
+    places_missing,
+)
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice, printable
+from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.session import SCHEMA
 
 UNKNOWN: Final = "FILL-IN"
@@ -26,41 +36,10 @@ UNKNOWN: Final = "FILL-IN"
 _SAME_PLACE_M: Final = 1000.0
 """Two positions closer than this are in the same CRS; in another CRS they would differ by kilometres."""
 
-_MOUNTING: Final = """\
-# Mounting of the scanner in the vehicle frame: origin on the ground below the middle of the rear axle; x forward,
-# y left, z up; metres and degrees. R = Rz(yaw) Ry(pitch) Rx(roll) rotates sensor coordinates to the vehicle frame.
-# Measure it, and remove the hash signs.
-# xyz_m = [-0.55, 0.0, 2.35]
-# rpy_deg = [0.0, 40.0, 180.0]
-"""
-_IMU: Final = """\
-# Place of the IMU in the vehicle frame, roll, pitch, yaw of its axes there, and its model or class ("consumer",
-# "industrial", "tactical"). Measure them, and remove the hash signs.
-# xyz_m = [-0.04, -0.01, -0.29]
-# rpy_deg = [180.0, 0.0, 0.0]
-# class = "industrial"
-"""
 _NORTH: Final = """\
 # For headings from magnetic north, and for logs that do not state their north ("true", "grid"):
 # north = "magnetic"
 # declination_deg = 4.2   # positive east, of the place and date
-"""
-_NO_IMU_MOUNTING: Final = (
-    "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of the vehicle frame, with "
-    "its axes, industrial."
-)
-_ANTENNA: Final = """\
-# Lever arm: phase centre of the GNSS antenna in the vehicle frame. Measure it, and remove the hash signs.
-# [antenna]
-# xyz_m = [1.85, 0.0, 1.62]
-"""
-_IMPLEMENT: Final = """\
-# Working width of the implement, and the middle of its working line in the vehicle frame; needed for worked ground.
-# [implement]
-# kind = "rotary tiller"
-# width_m = 1.70
-# xy_m = [-1.45, 0.0]
-# working_depth_m = 0.12
 """
 _FIELD: Final = """\
 # Field boundary, a vector file.
@@ -105,12 +84,13 @@ def common_folder(paths: Sequence[Path]) -> Path:
     return common
 
 
-def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
+def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machine | None = None) -> Proposal:
     """Propose a session file for recordings.
 
     Args:
         recordings: in any order.
         folder: of the session file.
+        machine: that made them; the places of its sensors and its tool are copied.
 
     Raises:
         InputError: if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none
@@ -132,17 +112,19 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
     crs = next((b.crs for b in beginnings if b.crs is not None), None)
     undated = any(r.position_clock is None for r in gnss)
     date = next((b.date for b in beginnings if b.date), None) if undated else None
+    machine = machine or Machine()
     text = "\n".join(
         [
-            _head(folder),
+            _head(folder, machine),
             _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
-            _trajectory(poses, folder) if poses else _ANTENNA,
-            *([_lidar(lidar)] if lidar or not (states or inertial or attitude) else []),
-            *([_imu(inertial, folder)] if inertial else []),
+            _trajectory(poses, folder) if poses else antenna_table(machine),
+            *([_lidar(lidar, machine)] if lidar or not (states or inertial or attitude) else []),
+            *([_imu(inertial, folder, machine)] if inertial else []),
             *([_attitude(attitude, folder)] if attitude else []),
-            _implement(states, folder) if states else _IMPLEMENT,
+            _implement(states, folder, machine) if states else implement_table(machine),
+            *camera_comment(machine),
             _FIELD,
         ]
     )
@@ -159,10 +141,14 @@ def propose_session(recordings: Sequence[Examined], folder: Path) -> Proposal:
             for r in ordered
             if r not in used
         ),
-        *_missing(
-            crs, scans=bool(lidar or inertial or attitude), states=bool(states), gnss=bool(gnss), poses=bool(poses)
+        *_missing(crs, scans=bool(lidar or inertial or attitude or states), positions=bool(gnss or poses)),
+        *places_missing(
+            machine,
+            scans=bool(lidar or inertial or attitude),
+            states=bool(states),
+            poses=bool(poses),
+            inertial=bool(inertial),
         ),
-        *([Notice("no-imu-mounting", _NO_IMU_MOUNTING)] if inertial else []),
     ]
     return Proposal(text, tuple(found), tuple(missing))
 
@@ -247,33 +233,21 @@ def _crs_found(crs: CrsChoice | None) -> list[Notice]:
     return [chosen, *(Notice("crs-alternative", f"Or {other}.") for other in crs.alternatives)]
 
 
-def _missing(crs: CrsChoice | None, *, scans: bool, states: bool, gnss: bool, poses: bool) -> list[Notice]:
-    """What the recordings do not show."""
+def _missing(crs: CrsChoice | None, *, scans: bool, positions: bool) -> list[Notice]:
+    """What of recordings and map is missing."""
     texts = {
-        "no-lidar": f"LiDAR recording: replace {UNKNOWN} in [recording] lidar." if not (scans or states) else "",
-        "no-positions": f"GNSS log or trajectory: replace {UNKNOWN} in [recording] gnss."
-        if not (gnss or poses)
-        else "",
+        "no-lidar": f"LiDAR recording: replace {UNKNOWN} in [recording] lidar." if not scans else "",
+        "no-positions": f"GNSS log or trajectory: replace {UNKNOWN} in [recording] gnss." if not positions else "",
         "no-crs": f"CRS of the map: the location is unknown; replace {UNKNOWN} in [crs] map." if crs is None else "",
-        "no-mounting": "Mounting of the scanner: [lidar] xyz_m and rpy_deg. Default: upright at the origin of the "
-        "vehicle frame."
-        if scans or not states
-        else "",
-        "no-antenna": "Position of the GNSS antenna: [antenna] xyz_m. Default: the origin of the vehicle frame."
-        if not poses
-        else "",
-        "no-implement": "Implement: [implement] width_m and xy_m. Without them, worked ground is not computed."
-        if not states
-        else "Position of the implement: [implement] xy_m. Default: at the recorded positions.",
     }
     return [Notice(code, text) for code, text in texts.items() if text]
 
 
-def _head(folder: Path) -> str:
+def _head(folder: Path, machine: Machine) -> str:
     return f"""\
 # Session file proposed by `furrowmap init`. Lines that begin with a hash sign are comments. Check the values, measure
 # what is missing, and remove the hash sign of the lines that you fill in.
-furrowmap = {SCHEMA}
+{head_words(machine)}furrowmap = {SCHEMA}
 name = {_quoted(folder.resolve().name or "session")}
 """
 
@@ -337,9 +311,9 @@ files = {_names(poses, folder)}
 """
 
 
-def _imu(inertial: Sequence[Examined], folder: Path) -> str:
+def _imu(inertial: Sequence[Examined], folder: Path, machine: Machine) -> str:
     comments = "\n".join(_described([(recording, recording.position_clock) for recording in inertial]))
-    return f"[imu]\n{comments}\nfiles = {_names(inertial, folder)}\n{_IMU}"
+    return f"[imu]\n{comments}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine)}"
 
 
 def _attitude(logs: Sequence[Examined], folder: Path) -> str:
@@ -354,8 +328,10 @@ def _attitude(logs: Sequence[Examined], folder: Path) -> str:
     )
 
 
-def _implement(states: Sequence[Examined], folder: Path) -> str:
+def _implement(states: Sequence[Examined], folder: Path, machine: Machine) -> str:
     """The implement of recordings with tool states, with their working width."""
+    if machine.implement is not None:
+        return f"{implement_table(machine)}states = {_names(states, folder)}\n"
     widths = [width for recording in states if (width := recording.inspection.facts.get("width_m"))]
     width = f"{widths[0]}   # largest width logged while working" if widths else "1.0   # FILL-IN: not in the recording"
     return f"""\
@@ -367,10 +343,10 @@ states = {_names(states, folder)}
 """
 
 
-def _lidar(lidar: Sequence[Examined]) -> str:
+def _lidar(lidar: Sequence[Examined], machine: Machine) -> str:
     model = next((model for r in lidar if (model := _model(r.inspection.facts))), None)
     stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
-    return f"[lidar]\n{stated}{_MOUNTING}"
+    return f"[lidar]\n{stated}{lidar_lines(machine)}"
 
 
 def _model(facts: Mapping[str, Any]) -> str | None:

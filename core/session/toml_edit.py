@@ -12,8 +12,14 @@ _HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
 _VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
 
 
-def with_value(text: str, table: str, key: str, value: str) -> str:
+_CALIBRATED: Final = re.compile(r"(;\s*|#\s*)?calibrated with the recording of .*$")
+
+
+def with_value(text: str, table: str, key: str, value: str, origin: str = "") -> str:
     """The text with a key of a table set; a missing table or key is added.
+
+    In a table with a header, `origin` becomes a comment behind the value: it follows the comment that is there, and
+    replaces that of an earlier calibration.
 
     The table may be written as ``[table]``, ``table.key = …`` or ``table = { … }``. Line ends are kept.
 
@@ -22,7 +28,7 @@ def with_value(text: str, table: str, key: str, value: str) -> str:
     """
     windows = "\r\n" in text
     plain = text.replace("\r\n", "\n")
-    changed = _changed(plain, table, key, value)
+    changed = _changed(plain, table, key, value, origin)
     wanted = tomllib.loads(plain)
     wanted.setdefault(table, {})[key] = tomllib.loads(f"value = {value}")["value"]
     try:
@@ -39,10 +45,10 @@ def with_value(text: str, table: str, key: str, value: str) -> str:
     return changed.replace("\n", "\r\n") if windows else changed
 
 
-def _changed(text: str, table: str, key: str, value: str) -> str:
+def _changed(text: str, table: str, key: str, value: str, origin: str) -> str:
     head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
     if head is not None:
-        return _in_table(text, head, key, value)
+        return _in_table(text, head, key, value, origin)
     first = _HEADER.search(text)
     end = first.start() if first is not None else len(text)
     root, rest = text[:end], text[end:]
@@ -56,18 +62,27 @@ def _changed(text: str, table: str, key: str, value: str) -> str:
     if dotted:
         last = dotted[-1].end()
         return f"{root[:last]}\n{table}.{key} = {value}{root[last:]}{rest}"
-    return f"{text.rstrip()}\n\n[{table}]\n{key} = {value}\n"
+    return f"{text.rstrip()}\n\n[{table}]\n{key} = {value}{_commented('', origin)}\n"
 
 
-def _in_table(text: str, head: re.Match[str], key: str, value: str) -> str:
+def _commented(comment: str, origin: str) -> str:
+    """The comment behind a value, with where it is from."""
+    if not origin:
+        return comment
+    words = comment.rstrip()
+    kept = _CALIBRATED.sub("", words).rstrip()
+    return (f"{kept}; {origin}" if kept.lstrip(" #") else f"   # {origin}") + comment[len(words) :]
+
+
+def _in_table(text: str, head: re.Match[str], key: str, value: str, origin: str) -> str:
     after = _HEADER.search(text, head.end())
     end = after.start() if after is not None else len(text)
     body = text[head.end() : end]
     line = re.compile(rf"^([ \t]*{key}\s*=\s*){_VALUE}", re.MULTILINE)
     if line.search(body):
-        body = line.sub(lambda found: found.group(1) + value + found.group(3), body, count=1)
+        body = line.sub(lambda found: found.group(1) + value + _commented(found.group(3), origin), body, count=1)
     else:
-        body = f"{key} = {value}\n{body}"
+        body = f"{key} = {value}{_commented('', origin)}\n{body}"
     before = text[: head.end()]
     return (before if before.endswith("\n") else before + "\n") + body + text[end:]
 

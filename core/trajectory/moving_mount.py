@@ -44,7 +44,7 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
     notices: list[Notice] = []
     motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
     notices += _gaps(motion, located.trajectory, file)
-    pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.xyz_m
+    pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.mounting.xyz_m
     return mount_trajectory(located.trajectory, motion, pivot_m), notices
 
 

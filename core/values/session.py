@@ -24,6 +24,7 @@ ELLIPSOIDAL: Final = "ellipsoidal"
 """Value of `heights` without a geoid model."""
 
 Vector3 = tuple[float, float, float]
+ORIGIN: Final[Vector3] = (0.0, 0.0, 0.0)
 _Positive = Annotated[float, Meta(gt=0.0)]
 
 
@@ -99,20 +100,20 @@ class Lidar(_Part, frozen=True):
 
     Attributes:
         model: such as "VLP-16"; overrides the packets.
-        xyz_m: the sensor origin in the vehicle frame.
-        rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame.
+        xyz_m: the sensor origin in the vehicle frame; None where it is not stated.
+        rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame; None where they are not stated.
         rpy_walk_deg_rts: random walk of these angles, for a mounting that changes slowly during a flight.
     """
 
-    xyz_m: Vector3 = (0.0, 0.0, 0.0)
-    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    xyz_m: Vector3 | None = None
+    rpy_deg: Vector3 | None = None
     rpy_walk_deg_rts: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     model: str | None = None
 
     @property
     def mounting(self) -> Mounting:
-        """The mounting (extrinsic calibration) of the scanner."""
-        return Mounting(self.xyz_m, self.rpy_deg)
+        """The mounting (extrinsic calibration) of the scanner; zero where it is not stated."""
+        return Mounting(self.xyz_m or ORIGIN, self.rpy_deg or ORIGIN)
 
 
 WIDEST_M: Final = 100.0
@@ -404,6 +405,21 @@ class Session(_Part, frozen=True):
     run: Run = Run()
     report: Report = Report()
     camera: CameraSource | None = None
+
+    @property
+    def unstated(self) -> tuple[str, ...]:
+        """Keys of the places that a cloud rests on and that are not stated: zero is then assumed.
+
+        Without a scanner there is no cloud; poses of [trajectory] are those of the vehicle, whatever the antenna.
+        """
+        if not self.recording.lidar:
+            return ()
+        known = {
+            "antenna.xyz_m": self.antenna is not None or self.trajectory is not None,
+            "lidar.xyz_m": self.lidar.xyz_m is not None,
+            "lidar.rpy_deg": self.lidar.rpy_deg is not None,
+        }
+        return tuple(key for key, stated in known.items() if not stated)
 
 
 EXAMPLES: Final = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 
@@ -125,6 +125,10 @@ class Trajectory:
             rotation = Rotation.from_quat(self.quaternion[part.start : part.stop + 1], scalar_first=True)
             turn[part] = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
         return turn
+
+    def without_accuracy(self) -> Trajectory:
+        """The same poses with unknown standard deviations."""
+        return replace(self, sigma=np.full(self.sigma.shape, np.nan))
 
     def interval(self, t_s: ArrayLike) -> tuple[NDArray[np.intp], FloatArray, NDArray[np.bool_]]:
         """For each time the knot before, the share (0 to 1) of the interval to the next, whether there is a pose."""

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from furrowmap.core.adjustment.confirmation import unconfirmed
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.local_time import zone_at
@@ -65,6 +66,11 @@ class RunResult:
     strip_differences: StripDifferences | None = None
     strip_adjustment: StripAdjustment | None = None
     image_aid: ImageAid | None = None
+
+    @cached_property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """Keys of stated places that the recording does not show: standard deviations hold if these are right."""
+        return unconfirmed(self.session, self.located, self.matched, self.boresight)
 
     @cached_property
     def zone(self) -> ZoneInfo:

@@ -291,10 +291,22 @@ def _accuracy(found: RunResult) -> str:
         worked = work.ground.figures.worked
         rows.append(("worked, in the map's plane", f"{area(worked.grid_m2)} {_margin(worked)}"))
         rows.append(("worked, on the ellipsoid", area(worked.ellipsoid_m2)))
-    sigmas = table(("median standard deviation", ""), rows)
+    sigmas = table(("median standard deviation", ""), rows) + _conditions(found)
     notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>No warnings.</p>"
     return sigmas + remark("On this page, ± is twice the standard deviation (95 % confidence).") + listed
+
+
+def _conditions(found: RunResult) -> str:
+    """What the standard deviations rest on, and why there are none."""
+    missing, unsure = found.session.unstated, found.unconfirmed
+    if missing:
+        return remark(f"No accuracy is stated, because the session leaves out {', '.join(missing)}.")
+    if unsure:
+        return remark(
+            f"These figures hold if {', '.join(unsure)} in the session is right: the recording does not show it."
+        )
+    return ""
 
 
 def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:

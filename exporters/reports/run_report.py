@@ -128,7 +128,16 @@ def _strip(ground: StripGround) -> dict[str, Any]:
 
 
 AT_TOP: Final = frozenset(
-    {"clock-offset", "facing-assumed", "gnss-steps", "lever-assumed", "mounting-height", "mounting-off"}
+    {
+        "antenna-unknown",
+        "clock-offset",
+        "facing-assumed",
+        "gnss-steps",
+        "lever-assumed",
+        "mounting-height",
+        "mounting-identity",
+        "mounting-off",
+    }
 )
 """Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
 
@@ -178,6 +187,8 @@ def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
         parameters["geoid"] = frame.heights.source
     if frame.parameters is not None:
         parameters["epoch_parameters"] = frame.parameters.name
+    if session.unstated:
+        parameters["not_stated"] = f"{', '.join(session.unstated)}: assumed to be zero, so the accuracy is unknown"
     if frame.stated is not None:
         parameters["coordinate_epoch"] = f"{frame.stated.epoch:.10g}"
     return Origin(
@@ -301,7 +312,8 @@ def _accuracy(found: RunResult) -> dict[str, Any]:
         out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
     level_assumed = found.located.source == "gnss" and found.matched is None
     assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if level_assumed else []
-    return out | {"assumed": assumed, "matching": found.matched.figures if found.matched is not None else None}
+    out |= {"assumed": assumed, "unstated": found.session.unstated, "unconfirmed": found.unconfirmed}
+    return out | {"matching": found.matched.figures if found.matched is not None else None}
 
 
 def _observability(found: RunResult) -> dict[str, Any]:

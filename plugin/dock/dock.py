@@ -18,12 +18,12 @@ from ..previews import open_preview
 from ..products import product
 from ..results import NoResultsError, groups_of, opening, read_report
 from .base_map_chooser import BaseMapChooser
-from .dropped import PREVIEW, RESULTS, SESSION, local_paths, recognise
+from .dropped import MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
+from .machines import NotSimpleError, add_machine, read_places
 from .previewer import Previewer
 from .replay import replay
 from .result_page import ResultPage
 from .run_page import RunPage
-from .session_lines import NotSimpleError
 from .session_page import SessionPage
 from .start_page import StartPage
 from .tasks import CommandTask, RunTask
@@ -73,6 +73,8 @@ class FurrowmapDock(QgsDockWidget):
         self.session.preview_wanted.connect(self.preview_session)
         self.session.replace_wanted.connect(lambda session: self.run_session(session, overwrite=True))
         self.session.keep_wanted.connect(lambda session: self.run_session(session, free_folder_for(session)))
+        self.session.machine_wanted.connect(self.save_machine)
+        self.session.calibration_wanted.connect(self.calibrate)
         self.previewer = Previewer(self)
         self.previewer.status_changed.connect(self.session.show_preview_status)
         self.previewer.opened.connect(self._zoom_to_first)
@@ -107,30 +109,130 @@ class FurrowmapDock(QgsDockWidget):
                 self._zoom_to_first(layers)
         elif dropped.kind == SESSION:
             self.open_session(dropped.paths[0])
+            self._use_machine(dropped.machine)
+        elif dropped.kind == MACHINE:
+            self.add_machine(dropped.paths[0])
         else:
-            self.begin_session(dropped.paths)
+            self.begin_session(dropped.paths, dropped.machine)
 
     # sessions
 
-    def begin_session(self, recordings):
-        """Have the worker create a session file from recordings."""
+    def begin_session(self, recordings, machine=None):
+        """Have the worker create a session file from recordings.
+
+        Args:
+            recordings: files and folders.
+            machine: profile that was dropped with them; None for none.
+        """
         program = self._program() if self._task is None else None
         if program is None:
+            return
+        known = self.session.recordings_beside(recordings) if self.pages.currentWidget() is self.session else None
+        if known:
+            self._complete(program, [*known, *recordings])
             return
         session = session_for(recordings)
         if session.exists():
             self.open_session(session)
+            self._use_machine(machine)
             self.report(self.tr("Opened the existing session of these recordings."), Qgis.MessageLevel.Info)
             return
-        self.run.begin(self.tr("Inspecting the recordings"))
+        words = ["init", *map(str, recordings), "-o", str(session)]
+        words += ["--machine", str(machine)] if machine is not None else []
+        self._command(program, self.tr("Inspecting the recordings"), words, self._proposed, self._failed)
+
+    def _complete(self, program, recordings):
+        """Propose the session in the form again, with the recordings that were missing; what was typed is kept."""
+        self._session, places = self.session.path, self.session.places()
+
+        def proposed(answer):
+            self._proposed(answer)
+            self.session.use_places(places)
+
+        words = ["init", *map(str, recordings), "-o", str(self._session), "--overwrite"]
+        self._command(program, self.tr("Inspecting the recordings"), words, proposed, self._back_with_error)
+
+    def _command(self, program, title, words, on_answer, on_failure):
+        """Have the worker do a command, with its progress on a page."""
+        self.run.begin(title)
         self.pages.setCurrentWidget(self.run)
-        task = CommandTask(
-            self.tr("furrowmap: inspecting recordings"), program, ["init", *map(str, recordings), "-o", str(session)]
-        )
-        task.answered.connect(self._proposed)
-        task.failed.connect(self._failed)
+        task = CommandTask(f"furrowmap: {title}", program, words)
+        task.answered.connect(on_answer)
+        task.failed.connect(on_failure)
         task.taskTerminated.connect(self._stopped)
         self._begin(task)
+
+    # machines
+
+    def add_machine(self, path):
+        """Add a profile to the saved machines; an open form gets its places."""
+        try:
+            name = add_machine(path)
+        except OSError as error:
+            self.report(self.tr("{path} cannot be added: {reason}.").format(path=path, reason=error.strerror))
+            return
+        if self.pages.currentWidget() is self.session:
+            self._use_machine(path)
+            self.session.show_machines(name)
+        self.report(
+            self.tr("Added the machine {name}. Choose it in the form of a session.").format(name=name),
+            Qgis.MessageLevel.Success,
+        )
+
+    def _use_machine(self, path):
+        """Fill the places of a profile into the form."""
+        if path is None or self.pages.currentWidget() is not self.session:
+            return
+        try:
+            self.session.use_places(read_places(path))
+        except (OSError, UnicodeDecodeError, NotSimpleError):
+            self.report(self.tr("The machine {name} cannot be read.").format(name=Path(path).name))
+
+    def save_machine(self, session, name):
+        """Have the worker save the machine of a session."""
+        program = self._program() if self._task is None else None
+        if program is None:
+            return
+        self._session = Path(session)
+
+        def saved(_answer):
+            self._ended()
+            self.session.show_machines(name)
+            self.report(self.tr("Saved the machine {name}.").format(name=name), Qgis.MessageLevel.Success)
+
+        words = ["machine", "save", str(session), name]
+        self._command(program, self.tr("Saving the machine"), words, saved, self._back_with_error)
+
+    def calibrate(self, session, machine):
+        """Have the worker find the scanner's angles, and write them into the session and its machine."""
+        program = self._program() if self._task is None else None
+        if program is None:
+            return
+        self.previewer.cancel()
+        self._session = Path(session)
+
+        def found(answer):
+            self._ended()
+            self.session.show_machines(machine)
+            changed = answer.get("written")
+            text = self.tr("Calibrated: the session has the angles that the recording shows.")
+            unchanged = self.tr("Calibrated: the recording shows no other angles than the session states.")
+            self.report(text if changed else unchanged, Qgis.MessageLevel.Success)
+
+        words = ["calibrate", str(session), "--write", *(["--machine", machine] if machine else [])]
+        self._command(program, self.tr("Calibrating"), words, found, self._back_with_error)
+
+    def _ended(self):
+        self._task = None
+        self.run.end()
+        self._back_to_session()
+
+    def _back_with_error(self, text):
+        self._ended()
+        if self.pages.currentWidget() is self.session:
+            self.session.show_error(text, may_replace=False)
+        else:
+            self.report(text, Qgis.MessageLevel.Critical)
 
     def open_session(self, path, findings=None):
         """Show a session in the form; a session that the form cannot edit is run as it is."""
@@ -388,7 +490,7 @@ def session_for(recordings):
 
     A folder may have the recordings of many drives.
     """
-    folder = Path(_common([str(Path(path).resolve().parent) for path in recordings]))
+    folder = Path(_common([str(home_of(path)) for path in recordings]))
     number = 1
     while True:
         session = folder / ("session.toml" if number == 1 else f"session-{number}.toml")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What was dropped: the folder of a run or of a preview, a session file, or recordings."""
+"""What was dropped: the folder of a run or of a preview, a session file, a machine's profile, or recordings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,8 +7,9 @@ from pathlib import Path
 from ..previews import ACCOUNT
 from ..products import product
 from ..results import CLOUD, FIELD_LAYERS, REPORT
+from .machines import is_machine
 
-RESULTS, PREVIEW, SESSION, RECORDINGS = "results", "preview", "session", "recordings"
+RESULTS, PREVIEW, SESSION, MACHINE, RECORDINGS = "results", "preview", "session", "machine", "recordings"
 _PRODUCTS = (REPORT, FIELD_LAYERS, CLOUD)
 
 
@@ -17,12 +18,14 @@ class Dropped:
     """What was dropped.
 
     Attributes:
-        kind: "results", "preview", "session" or "recordings".
-        paths: one folder of results or of a preview, one session file, or the recordings.
+        kind: "results", "preview", "session", "machine" or "recordings".
+        paths: one folder of results or of a preview, one session file, one profile, or the recordings.
+        machine: profile that was dropped with recordings; None for none.
     """
 
     kind: str
     paths: tuple
+    machine: object = None
 
 
 def recognise(paths):
@@ -37,8 +40,25 @@ def recognise(paths):
     preview = next((folder for folder in previews if (folder / ACCOUNT).is_file()), None)
     if preview is not None:
         return Dropped(PREVIEW, (preview,))
-    session = next((path for path in paths if path.suffix.lower() == ".toml"), None)
-    return Dropped(SESSION, (session,)) if session is not None else Dropped(RECORDINGS, paths)
+    machine = next(filter(is_machine, paths), None)
+    paths = tuple(path for path in paths if path != machine)
+    sessions = [path / "session.toml" if path.is_dir() else path for path in paths]
+    session = next((path for path in sessions if path.suffix.lower() == ".toml" and path.is_file()), None)
+    if session is not None:
+        return Dropped(SESSION, (session,), machine)
+    return Dropped(RECORDINGS, paths, machine) if paths else Dropped(MACHINE, (machine,))
+
+
+def home_of(recording):
+    """The folder for the session of a recording: a folder of recordings itself, else the one that it is in."""
+    path = Path(recording).resolve()
+    return path if path.is_dir() and not _is_recording(path) else path.parent
+
+
+def _is_recording(folder):
+    """Whether a folder is one recording: a ROS 2 bag or task data."""
+    names = [path.name.lower() for path in folder.iterdir()]
+    return any(name in ("metadata.yaml", "taskdata.xml") or name.endswith((".db3", ".mcap")) for name in names)
 
 
 def results_folder(path):

@@ -8,6 +8,7 @@ from qgis.core import QgsCoordinateReferenceSystem
 from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import (
+    QComboBox,
     QDoubleSpinBox,
     QHBoxLayout,
     QLabel,
@@ -20,7 +21,8 @@ from qgis.PyQt.QtWidgets import (
 
 from .findings import findings_html
 from .form_parts import escaped, fill, group_box, row_of, small_text, texts_of, values_of
-from .session_lines import SessionLines
+from .machines import PLACES, machine_names, machine_path, read_places
+from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import Placement, VehicleView
 
 MAX_OFFSET_M = 15.0
@@ -39,6 +41,8 @@ class SessionPage(QWidget):
         left: back, without saving.
         replace_wanted: with the session file, to run it in place of the products of another recording.
         keep_wanted: with the session file, to run it into a folder of its own.
+        machine_wanted: with the saved session file and a name, to save its machine.
+        calibration_wanted: with the saved session file and the name of its machine, or "".
     """
 
     run_wanted = pyqtSignal(object)
@@ -47,10 +51,13 @@ class SessionPage(QWidget):
     left = pyqtSignal()
     replace_wanted = pyqtSignal(object)
     keep_wanted = pyqtSignal(object)
+    machine_wanted = pyqtSignal(object, str)
+    calibration_wanted = pyqtSignal(object, str)
 
     def __init__(self, parent=None):
         super().__init__(parent)
-        self._path = self._lines = None
+        self._path = self._lines = self._found = None
+        self._files = []
         inside = QWidget()
         layout = QVBoxLayout(inside)
         self.findings = small_text("furrowmapFindings")
@@ -58,6 +65,7 @@ class SessionPage(QWidget):
         layout.addWidget(self._error())
         layout.addWidget(self.findings)
         layout.addWidget(self._session_group())
+        layout.addWidget(self._machine_group())
         layout.addWidget(self.vehicle)
         layout.addWidget(self._antenna_group())
         layout.addWidget(self._lidar_group())
@@ -96,25 +104,94 @@ class SessionPage(QWidget):
         self.name.setText(str(lines.get("", "name") or ""))
         files = [*texts_of(lines.get("recording", "lidar")), *texts_of(lines.get("recording", "gnss"))]
         files += [*texts_of(lines.get("trajectory", "files")), *texts_of(lines.get("implement", "states"))]
-        self.recordings.setText("\n".join(files))
+        self._files = files
+        words = {UNKNOWN: self.tr("(missing: drop the recording here)")}
+        self.recordings.setText("\n".join(words.get(file, file) for file in files))
         code = lines.get("crs", "map")
         self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, UNKNOWN) else str(code)))
-        self.antenna_group.setChecked(lines.has("antenna"))
-        fill(self.antenna, lines.get("antenna", "xyz_m"))
-        fill(self.lidar_xyz, lines.get("lidar", "xyz_m"))
-        fill(self.lidar_rpy, lines.get("lidar", "rpy_deg"))
-        self.implement_group.setChecked(lines.has("implement"))
-        self.kind.setText(str(lines.get("implement", "kind") or ""))
-        fill([self.width_m], [lines.get("implement", "width_m")])
-        fill(self.implement_xy, lines.get("implement", "xy_m"))
-        fill([self.depth_m], [lines.get("implement", "working_depth_m")])
+        self._fill_places({place: lines.get(*place) for place in PLACES})
         self.boundary.setDefaultRoot(str(self._path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
-        self.findings.setText(findings_html(findings))
+        self._found = findings
         self.error.hide()
         self.show_preview_status("")
+        self.show_machines()
         self._draw()
+        self.findings.setText(findings_html(findings, self.missing()))
         self._scroll.verticalScrollBar().setValue(0)
+
+    def _fill_places(self, places):
+        self.antenna_group.setChecked(places["antenna", "xyz_m"] is not None)
+        fill(self.antenna, places["antenna", "xyz_m"])
+        fill(self.lidar_xyz, places["lidar", "xyz_m"])
+        fill(self.lidar_rpy, places["lidar", "rpy_deg"])
+        self.implement_group.setChecked(places["implement", "width_m"] is not None)
+        self.kind.setText(str(places["implement", "kind"] or ""))
+        fill([self.width_m], [places["implement", "width_m"]])
+        fill(self.implement_xy, places["implement", "xy_m"])
+        fill([self.depth_m], [places["implement", "working_depth_m"]])
+
+    def places(self):
+        """What the form states of the machine, by table and key."""
+        with_tool = self.implement_group.isChecked()
+        return {
+            ("antenna", "xyz_m"): values_of(self.antenna) if self.antenna_group.isChecked() else None,
+            ("lidar", "xyz_m"): values_of(self.lidar_xyz),
+            ("lidar", "rpy_deg"): values_of(self.lidar_rpy),
+            ("implement", "kind"): self.kind.text() if with_tool else None,
+            ("implement", "width_m"): self.width_m.value() if with_tool else None,
+            ("implement", "xy_m"): values_of(self.implement_xy) if with_tool else None,
+            ("implement", "working_depth_m"): self.depth_m.value() if with_tool else None,
+        }
+
+    def use_places(self, places):
+        """Fill in the places of a machine; what it does not have stays as it is."""
+        known = {place: value for place, value in places.items() if value not in (None, "")}
+        self._fill_places(self.places() | known)
+        self._draw()
+        self.findings.setText(findings_html(self._found, self.missing()))
+
+    def show_machines(self, chosen=""):
+        """List the saved machines; the one with the form's places is selected unless another one is chosen."""
+        self.machine.clear()
+        self.machine.addItems(machine_names())
+        self.machine.setEditText(chosen)
+
+    @property
+    def path(self):
+        """The session file; None before the first."""
+        return self._path
+
+    def recordings_beside(self, recordings):
+        """The recordings of a session in the form that lacks one, if `recordings` are in its folder; else None."""
+        if UNKNOWN not in self._files:
+            return None
+        folder = self._path.parent.resolve()
+        inside = all(Path(path).resolve().is_relative_to(folder) for path in recordings)
+        return [folder / name for name in self._files if name != UNKNOWN] if inside else None
+
+    def missing(self):
+        """Codes of what is still to be filled in, as `furrowmap init` has them."""
+        needed = {
+            "no-lidar": UNKNOWN in texts_of(self._lines.get("recording", "lidar")),
+            "no-positions": UNKNOWN in texts_of(self._lines.get("recording", "gnss")),
+            "no-crs": not self.crs.crs().isValid(),
+            "no-mounting": self._without_mounting(),
+            "no-antenna": self._without_antenna(),
+            "no-implement": not self.implement_group.isChecked(),
+        }
+        return [code for code, wanted in needed.items() if wanted]
+
+    def _without_mounting(self):
+        stated = None not in (self._lines.get("lidar", "xyz_m"), self._lines.get("lidar", "rpy_deg"))
+        scans = bool(texts_of(self._lines.get("recording", "lidar")))
+        return scans and not stated and not any(values_of(self.lidar_xyz))
+
+    def _without_antenna(self):
+        stated = self._lines.get("antenna", "xyz_m") is not None or self._lines.has("trajectory")
+        return not (self.antenna_group.isChecked() and any(values_of(self.antenna))) and not (
+            stated and (self.antenna_group.isChecked() or self._lines.has("trajectory"))
+        )
 
     def show_error(self, text, *, may_replace):
         """Show why a run failed, in full, above the form.
@@ -127,6 +204,7 @@ class SessionPage(QWidget):
         what, *rest = text.splitlines()[: 2 if may_replace else None]
         self.error_text.setText("<br>".join([f"<b>{escaped(what)}</b>", *map(escaped, rest)]))
         self.choice.setVisible(may_replace)
+        self.anyway.hide()
         self.error.show()
         self._scroll.verticalScrollBar().setValue(0)
 
@@ -137,12 +215,12 @@ class SessionPage(QWidget):
 
     def fault_of_preview(self):
         """Why the session in the form cannot be previewed; "" if it can."""
+        if UNKNOWN in self._files:
+            return self.tr(
+                "A recording is missing. Drop it here: the scanner's recording and the receiver's log, from one folder."
+            )
         if not self.crs.crs().isValid():
             return self.tr("Choose the map's coordinate reference system.")
-        if UNKNOWN in self.recordings.text():
-            return self.tr(
-                "A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder."
-            )
         return ""
 
     def fault(self):
@@ -162,13 +240,17 @@ class SessionPage(QWidget):
         """
         lines = self._lines
         lines.set("", "name", self.name.text())
-        lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
-        if self.antenna_group.isChecked():
-            lines.set("antenna", "xyz_m", values_of(self.antenna))
-        else:
+        if self.crs.crs().isValid():
+            lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
+        # Zeros that nobody typed are not written: the run takes what is not stated as unknown.
+        if not self.antenna_group.isChecked():
             lines.drop("antenna")
-        if lines.has("lidar") or any(values_of(self.lidar_xyz) + values_of(self.lidar_rpy)):
+        elif any(values_of(self.antenna)) or lines.has("antenna"):
+            lines.set("antenna", "xyz_m", values_of(self.antenna))
+        placed = any(values_of(self.lidar_xyz))
+        if placed or lines.get("lidar", "xyz_m") is not None:
             lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
+        if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
             lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
         self._save_implement(lines)
         boundary = self._boundary()
@@ -215,14 +297,70 @@ class SessionPage(QWidget):
             row.addWidget(button)
         layout = QVBoxLayout(self.error)
         layout.setContentsMargins(0, 0, 0, 0)
+        self.anyway = QPushButton(self.tr("Run without accuracy"), objectName="furrowmapRunAnyway")
+        self.anyway.clicked.connect(self._run_anyway)
         layout.addWidget(self.error_text)
         layout.addWidget(self.choice)
+        layout.addWidget(self.anyway)
         self.error.hide()
         return self.error
 
     def _run_again(self, signal, *_):
         if self._is_saved():
             signal.emit(self._path)
+
+    def _run_anyway(self):
+        if self._is_saved():
+            self.run_wanted.emit(self._path)
+
+    def _machine_group(self):
+        group, form = group_box(self.tr("Machine"))
+        self.machine = QComboBox(objectName="furrowmapMachine", editable=True)
+        self.machine.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
+        self.machine.lineEdit().setPlaceholderText(self.tr("Choose a saved machine, or type a name"))
+        self.machine.activated.connect(self._use_machine)
+        row = QWidget()
+        layout = QHBoxLayout(row)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for name, text, slot in (
+            ("furrowmapSaveMachine", self.tr("Save as machine"), self._save_machine),
+            ("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate),
+        ):
+            button = QPushButton(text, objectName=name)
+            button.clicked.connect(slot)
+            layout.addWidget(button)
+        button.setToolTip(
+            self.tr("Find the scanner's angles in the recording; write them into the session and the chosen machine.")
+        )
+        form.addRow(self.machine)
+        form.addRow(row)
+        return group
+
+    def _use_machine(self, *_):
+        name = self.machine.currentText()
+        try:
+            self.use_places(read_places(machine_path(name)))
+        except (OSError, UnicodeDecodeError, NotSimpleError):
+            self._show_fault(self.tr("The machine {name} cannot be read.").format(name=name))
+
+    def _save_machine(self):
+        name = self.machine.currentText().strip()
+        if not name:
+            self._show_fault(self.tr("Type a name for the machine."))
+        elif {"no-mounting", "no-antenna"} & set(self.missing()):
+            self._show_fault(self.tr("Fill in the positions of antenna and scanner first."))
+        elif self._is_saved():
+            self.machine_wanted.emit(self._path, name)
+
+    def _calibrate(self):
+        fault = self.fault()
+        if not fault and self._without_mounting():
+            fault = self.tr("Fill in the position and the approximate angles of the scanner first.")
+        if fault:
+            self._show_fault(fault)
+        elif self._is_saved():
+            name = self.machine.currentText().strip()
+            self.calibration_wanted.emit(self._path, name if name in machine_names() else "")
 
     def _session_group(self):
         group, form = group_box(self.tr("Session"))
@@ -231,6 +369,8 @@ class SessionPage(QWidget):
         self.recordings.setWordWrap(True)
         self.crs = QgsProjectionSelectionWidget()
         self.crs.setObjectName("furrowmapCrs")
+        self.crs.setOptionVisible(QgsProjectionSelectionWidget.CrsOption.CrsNotSet, True)  # noqa: FBT003
+        self.crs.setNotSetText(self.tr("Not known: choose it"))
         self.crs.crsChanged.connect(self._draw)
         form.addRow(self.tr("Name"), self.name)
         form.addRow(self.tr("Recordings"), self.recordings)
@@ -247,14 +387,14 @@ class SessionPage(QWidget):
             small_text(
                 text=self.tr(
                     "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
-                    "forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0."
+                    "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
                 )
             )
         )
         return self.antenna_group
 
     def _lidar_group(self):
-        group, form = group_box(self.tr("Scanner"))
+        self.lidar_group, form = group_box(self.tr("Scanner"))
         self.lidar_xyz = self._metres("furrowmapLidar", 3)
         self.lidar_rpy = [self._spin(f"furrowmapLidarTurn{k}", 360.0, "°", 1, 1.0) for k in range(3)]
         form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
@@ -267,7 +407,7 @@ class SessionPage(QWidget):
                 )
             )
         )
-        return group
+        return self.lidar_group
 
     def _implement_group(self):
         self.implement_group, form = group_box(self.tr("Implement"), self._draw)
@@ -330,8 +470,18 @@ class SessionPage(QWidget):
         fault = self.fault()
         if fault:
             self._show_fault(fault)
+        elif {"no-mounting", "no-antenna"} & set(self.missing()):
+            self._ask()
         elif self._is_saved():
             self.run_wanted.emit(self._path)
+
+    def _ask(self):
+        """Ask before a run whose places are not filled in."""
+        self.error_text.setText(findings_html(None, [c for c in self.missing() if c in ("no-mounting", "no-antenna")]))
+        self.choice.hide()
+        self.anyway.show()
+        self.error.show()
+        self._scroll.verticalScrollBar().setValue(0)
 
     def _is_saved(self):
         """Save; returns whether that succeeded, else shows why not."""
@@ -349,6 +499,9 @@ class SessionPage(QWidget):
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_):
+        if self._lines is not None:
+            self._mark(self.antenna_group, self.tr("GNSS antenna"), self._without_antenna())
+            self._mark(self.lidar_group, self.tr("Scanner"), self._without_mounting())
         checked = self.implement_group.isChecked()
         self.vehicle.show_placement(
             Placement(
@@ -360,6 +513,11 @@ class SessionPage(QWidget):
                 self.depth_m.value() if checked else 0.0,
             )
         )
+
+    def _mark(self, group, title, missing):
+        """Say in the title of a group that it is still to be filled in."""
+        group.setTitle(self.tr("{title}: not filled in").format(title=title) if missing else title)
+        group.setStyleSheet("QGroupBox::title { color: #b45f06; }" if missing else "")
 
     def _metres(self, name, count):
         return [self._spin(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)]

@@ -37,7 +37,9 @@ class StartPage(QWidget):
         self.setup = self._setup_offer()
         layout.addWidget(self.setup)
         here = QLabel(
-            self.tr("Drop here:\nthe recordings of a drive,\na session.toml\nor the folder of a run"),
+            self.tr(
+                "Drop here:\nrecordings of a drive,\ntheir folder, a session.toml,\na machine or the folder of a run"
+            ),
             objectName="furrowmapHere",
         )
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)

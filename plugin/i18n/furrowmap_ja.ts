@@ -4,6 +4,7 @@
 <context>
   <name>Algorithms</name>
   <message><source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source><translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation></message>
+  <message><source>A name, or a file to pass on that ends with .toml.</source><translation>名前、または人に渡すためのファイル（末尾は .toml）。</translation></message>
   <message><source>A surface or terrain model (GeoTIFF), or a cloud of bare soil.</source><translation>地表モデルまたは地形モデル（GeoTIFF）、または裸地の点群。</translation></message>
   <message><source>A surface through the bare soil around the parcels (default), or a plane around each.</source><translation>区画の周囲の裸地を通る曲面（既定）、または区画ごとの平面。</translation></message>
   <message><source>A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for all in its folder, with their times in EXIF data.</source><translation>画像とその時刻の表（CSV：file、time_unix_s）、または画像の一つ。画像を選ぶと同じフォルダの全画像を意味し、時刻は EXIF から読みます。</translation></message>
@@ -174,9 +175,14 @@
   <message><source>Length of a plot along the base line [default: what the two corners leave].</source><translation>基線に沿った試験区の長さ。省略時は二つの角の距離から求めます。</translation></message>
   <message><source>Length of a square's sides.</source><translation>正方形の一辺の長さ。</translation></message>
   <message><source>LiDAR captures or bags, GNSS logs and trajectories of one drive.</source><translation>1 回の走行の LiDAR キャプチャまたは bag、GNSS ログ、軌跡。</translation></message>
+  <message><source>List the saved machines</source><translation>保存した機械の一覧</translation></message>
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
+  <message><source>Lists the machines whose places of sensors and tools are saved.</source><translation>センサーと作業機の位置を保存した機械を一覧にします。</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
   <message><source>Logs to evaluate</source><translation>評価するログ</translation></message>
+  <message><source>Machine</source><translation>機械</translation></message>
+  <message><source>Machine whose sensors' places are copied: the name of a saved one, or its profile.</source><translation>センサーの位置をコピーする機械。保存した機械の名前、またはプロファイル。</translation></message>
+  <message><source>Machines (JSON)</source><translation>機械（JSON）</translation></message>
   <message><source>Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the first plot, and the other end of the first row.</source><translation>試験区を、番号とブロックを持つ長方形の格子として作成します。最初の試験区の外側の角と、最初の行のもう一方の端を地図上でクリックしてください。</translation></message>
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
@@ -276,6 +282,8 @@
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
+  <message><source>Save the machine of a session</source><translation>セッションの機械を保存</translation></message>
+  <message><source>Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>
   <message><source>Session file to write [default: session.toml beside RECORDING].</source><translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation></message>
@@ -345,6 +353,7 @@
   <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
   <message><source>Write the estimates into the session file</source><translation>推定値をセッションファイルに書き込む</translation></message>
   <message><source>Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point takes the colour of the best image that sees it; points that no image sees are black.</source><translation>任意の LAS、LAZ、COPC 点群に、セッションの画像の色を付けて書き出します。各点は、その点が最もよく見える画像の色になります。どの画像にも写っていない点は黒です。</translation></message>
+  <message><source>Write the mounting into this machine's profile, with the day and the standard deviations.</source><translation>取付角を、日付と標準偏差とともにこの機械のプロファイルに書き込みます。</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
   <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
@@ -387,6 +396,7 @@
 </context>
 <context>
   <name>Figures</name>
+  <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
   <message><source>Duration</source><translation>所要時間</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
@@ -401,13 +411,15 @@
   <message><source>Start</source><translation>開始</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
+  <message><source>if {keys} is right, which the recording does not show</source><translation>{keys} が正しい場合の値（記録からは確認できません）</translation></message>
+  <message><source>unknown, because the session leaves out {keys}</source><translation>不明（セッションに {keys} の記入がありません）</translation></message>
   <message><source>{area}, {share:.0f} % of it worked</source><translation>{area}、うち {share:.0f} % を作業済み</translation></message>
 </context>
 <context>
   <name>Findings</name>
   <message><source>CRS: the recordings contain no position.</source><translation>CRS：記録に位置がありません。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
-  <message><source>GNSS antenna: position. Until then it is assumed on the ground below the rear axle.</source><translation>GNSS アンテナ：位置。入力するまでは後車軸の真下の地面にあるとみなします。</translation></message>
+  <message><source>GNSS antenna: position. Until then no accuracy is stated.</source><translation>GNSS アンテナ：位置。記入するまで精度は示されません。</translation></message>
   <message><source>Implement: width and position. Until then no worked ground is computed.</source><translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation></message>
   <message><source>Missing</source><translation>不足している項目</translation></message>
   <message><source>Scanner: position and orientation. Until then the surfaces are not usable.</source><translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation></message>
@@ -418,17 +430,24 @@
   <name>FurrowmapDock</name>
   <message><source>A task is running. Wait for its end, or cancel it.</source><translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation></message>
   <message><source>Add the session to the map first.</source><translation>先にセッションを地図に追加してください。</translation></message>
+  <message><source>Added the machine {name}. Choose it in the form of a session.</source><translation>機械 {name} を追加しました。セッションのフォームで選んでください。</translation></message>
+  <message><source>Calibrated: the recording shows no other angles than the session states.</source><translation>キャリブレーション完了：記録が示す角度はセッションの記入と同じです。</translation></message>
+  <message><source>Calibrated: the session has the angles that the recording shows.</source><translation>キャリブレーション完了：記録が示す角度をセッションに書き込みました。</translation></message>
+  <message><source>Calibrating</source><translation>キャリブレーション中</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
   <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
   <message><source>Log</source><translation>ログ</translation></message>
   <message><source>Opened the existing session of these recordings.</source><translation>この記録の既存のセッションを開きました。</translation></message>
   <message><source>Running {name}</source><translation>{name} を実行中</translation></message>
+  <message><source>Saved the machine {name}.</source><translation>機械 {name} を保存しました。</translation></message>
   <message><source>Saved {path}</source><translation>{path} を保存しました</translation></message>
+  <message><source>Saving the machine</source><translation>機械を保存中</translation></message>
   <message><source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source><translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation></message>
   <message><source>The form cannot edit line {number} of {name}. The session is run as it is.</source><translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation></message>
+  <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
-  <message><source>furrowmap: inspecting recordings</source><translation>furrowmap：記録を調べています</translation></message>
+  <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
   <message><source>{path} does not exist.</source><translation>{path} が存在しません。</translation></message>
 </context>
@@ -589,37 +608,50 @@
 </context>
 <context>
   <name>SessionPage</name>
+  <message><source>(missing: drop the recording here)</source><translation>（未指定：記録をここにドロップしてください）</translation></message>
   <message><source>A projected CRS in metres, for computation and output.</source><translation>計算と出力に使う、メートル単位の投影 CRS。</translation></message>
-  <message><source>A recording is missing. Drop the scanner's recording and the receiver's log together, from one folder.</source><translation>記録が不足しています。スキャナの記録と受信機のログを、同じフォルダから一緒にドロップしてください。</translation></message>
+  <message><source>A recording is missing. Drop it here: the scanner's recording and the receiver's log, from one folder.</source><translation>記録が足りません。スキャナの記録と受信機のログを、同じフォルダからここにドロップしてください。</translation></message>
   <message><source>Back</source><translation>戻る</translation></message>
   <message><source>Boundary</source><translation>境界</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
+  <message><source>Calibrate</source><translation>キャリブレーション</translation></message>
+  <message><source>Choose a saved machine, or type a name</source><translation>保存した機械を選ぶか、名前を入力</translation></message>
   <message><source>Choose the map's coordinate reference system.</source><translation>地図の座標参照系を選んでください。</translation></message>
   <message><source>Depth</source><translation>深さ</translation></message>
   <message><source>Enter the width of the implement, or uncheck 'Implement'.</source><translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
+  <message><source>Fill in the position and the approximate angles of the scanner first.</source><translation>先にスキャナの位置とおおよその角度を記入してください。</translation></message>
+  <message><source>Fill in the positions of antenna and scanner first.</source><translation>先にアンテナとスキャナの位置を記入してください。</translation></message>
+  <message><source>Find the scanner's angles in the recording; write them into the session and the chosen machine.</source><translation>記録からスキャナの角度を求め、セッションと選んだ機械に書き込みます。</translation></message>
   <message><source>GNSS antenna</source><translation>GNSS アンテナ</translation></message>
   <message><source>Implement</source><translation>作業機</translation></message>
   <message><source>Keep both</source><translation>両方残す</translation></message>
   <message><source>Kind</source><translation>種類</translation></message>
+  <message><source>Machine</source><translation>機械</translation></message>
   <message><source>Name</source><translation>名前</translation></message>
+  <message><source>Not known: choose it</source><translation>不明：選んでください</translation></message>
   <message><source>Optional: a polygon in the session's folder, to find missed ground.</source><translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation></message>
-  <message><source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: 0, 0, 0.</source><translation>後車軸中央の真下の地面から見たアンテナの位相中心：前、左、上の順。精度は 1 cm で十分です。チェックを外すと 0, 0, 0 とします。</translation></message>
+  <message><source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: not known.</source><translation>アンテナの位相中心。後車軸中央の直下の地面からの位置（前、左、上）。1 cm の精度で十分です。チェックなし：不明。</translation></message>
   <message><source>Polygons (*.geojson *.gpkg *.shp *.kml)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation></message>
   <message><source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source><translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation></message>
   <message><source>Preview</source><translation>プレビュー</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
   <message><source>Replace them</source><translation>置き換える</translation></message>
+  <message><source>Run without accuracy</source><translation>精度なしで実行</translation></message>
   <message><source>Save</source><translation>保存</translation></message>
   <message><source>Save and run</source><translation>保存して実行</translation></message>
+  <message><source>Save as machine</source><translation>機械として保存</translation></message>
   <message><source>Scanner</source><translation>スキャナ</translation></message>
   <message><source>Session</source><translation>セッション</translation></message>
+  <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
+  <message><source>Type a name for the machine.</source><translation>機械の名前を入力してください。</translation></message>
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source><translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation></message>
   <message><source>roll, pitch, yaw</source><translation>ロール、ピッチ、ヨー</translation></message>
   <message><source>x, y</source><translation>x、y</translation></message>
   <message><source>x, y, z</source><translation>x、y、z</translation></message>
   <message><source>{path} cannot be written: {reason}.</source><translation>{path} に書き込めません：{reason}。</translation></message>
+  <message><source>{title}: not filled in</source><translation>{title}：未記入</translation></message>
 </context>
 <context>
   <name>Stages</name>
@@ -654,12 +686,12 @@
   <name>StartPage</name>
   <message><source>Choose recordings or a session…</source><translation>記録またはセッションを選択…</translation></message>
   <message><source>Drop here:
-the recordings of a drive,
-a session.toml
-or the folder of a run</source><translation>ここにドロップ：
+recordings of a drive,
+their folder, a session.toml,
+a machine or the folder of a run</source><translation>ここにドロップ：
 走行の記録、
-session.toml、
-または実行結果のフォルダ</translation></message>
+そのフォルダ、session.toml、
+機械または実行結果のフォルダ</translation></message>
   <message><source>Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python environment. QGIS's Python is not changed.</source><translation>既存の結果はすぐに開けます。セッションを実行するには、furrowmap のワーカー（独立した Python 環境）を設定してください。QGIS の Python は変更しません。</translation></message>
   <message><source>Folder that 'furrowmap run' wrote</source><translation>'furrowmap run' が書き出したフォルダ</translation></message>
   <message><source>Open the folder of a run…</source><translation>実行結果のフォルダを開く…</translation></message>

@@ -147,6 +147,7 @@ ALGORITHMS = (
                 "RECORDINGS", "Recordings", "LiDAR captures or bags, GNSS logs and trajectories of one drive."
             ),
             "--output": parameter("OUTPUT", "Session file", filter="TOML (*.toml)"),
+            "--machine": parameter("MACHINE", "Machine", required=False),
         },
         advanced=OVERWRITE,
         outputs=(
@@ -191,6 +192,7 @@ ALGORITHMS = (
         "Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: "
         "on average the ground is level, and ground scanned twice coincides.",
         basic={**SESSION, "--write": parameter("WRITE", "Write the estimates into the session file")},
+        advanced={"--machine": parameter("MACHINE", "Machine", required=False)},
         outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
     ),
     Algorithm(
@@ -232,6 +234,24 @@ ALGORITHMS = (
             **OVERWRITE,
         },
         outputs=(*numbers(MOUNT_FIGURES), Output("WITH_BOARD", "number", "Images with the board", item(BOARDS))),
+    ),
+    Algorithm(
+        "machine save",
+        "Save the machine of a session",
+        "session",
+        "Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the "
+        "same machine.",
+        basic={**SESSION, "name": parameter("NAME", "Machine", "A name, or a file to pass on that ends with .toml.")},
+        advanced=OVERWRITE,
+        outputs=(Output("MACHINE", "file", "Machine", item("machine")),),
+    ),
+    Algorithm(
+        "machine list",
+        "List the saved machines",
+        "session",
+        "Lists the machines whose places of sensors and tools are saved.",
+        basic={},
+        outputs=(Output("MACHINES", "text", "Machines (JSON)", lambda answer: as_json(answer["machines"])),),
     ),
     Algorithm(
         "simulate",

@@ -21,7 +21,10 @@ FLAGS = {
         name: {"overwrite"}
         for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "features", "fields", "growth", "mosaic")
     },
-    **{name: {"overwrite"} for name in ("parcels", "plots", "propose_session", "response", "simulate", "surface")},
+    **{
+        name: {"overwrite"}
+        for name in ("parcels", "plots", "propose_session", "response", "save_machine", "simulate", "surface")
+    },
 }
 """What a function does only if asked to."""
 TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": (), "board_on": "body", "board_rpy_deg": (0.0, 0.0, 0.0)}

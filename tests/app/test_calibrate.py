@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import shutil
 import tomllib
 from pathlib import Path
@@ -14,6 +15,7 @@ from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.workflows.calibrate import Calibration, calibrated_text
 
+ORIGIN = "calibrated with the recording of 2026-06-11: ± 0.10, 0.10, 0.10 degrees"
 SESSION = """\
 furrowmap = 1
 [recording]
@@ -39,13 +41,25 @@ def found(*, turned: bool, late: bool) -> Calibration:
         stated_offset_s=0.1,
         offset_s=(0.25 if late else 0.101, 0.003),
         clock_differs=late,
+        date=dt.date(2026, 6, 11),
     )
 
 
 def test_what_was_found_takes_its_place_and_nothing_else_changes() -> None:
     text = calibrated_text(SESSION, found(turned=True, late=True))
     expected = SESSION.replace("[0.0, 40.0, 180.0]", "[0.500, 39.500, 180.250]").replace("= 0.1 ", "= 0.2500 ")
-    assert text == expected
+    assert text == expected.replace("# measured", f"# measured; {ORIGIN}")
+    again = calibrated_text(text, found(turned=True, late=True))
+    assert again == text
+
+
+def test_what_was_found_says_where_it_is_from() -> None:
+    """As a comment behind the value, also where there was no comment or no line."""
+    for before in ("rpy_deg = [0.0, 40.0, 180.0]\n", ""):
+        text = SESSION.replace("rpy_deg = [0.0, 40.0, 180.0]   # measured\n", before)
+        assert f"rpy_deg = [0.500, 39.500, 180.250]   # {ORIGIN}\n" in calibrated_text(
+            text, found(turned=True, late=False)
+        )
 
 
 def test_what_is_right_stays_as_it_is() -> None:

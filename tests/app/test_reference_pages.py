@@ -78,7 +78,7 @@ def refusal(text: str) -> str:
         ("run.fixes", None, "Default: fixed and float if there is any fixed position, else all."),
         ("antenna", None, "Without `[antenna]`, the antenna is at the vehicle origin"),
         ("trajectory", None, "optional: replaces GNSS and scan matching"),
-        ("lidar.xyz_m", (0.0, 0.0, 0.0), "sensor origin in the vehicle frame"),
+        ("lidar.xyz_m", None, "Without `xyz_m` or `rpy_deg` of `[lidar]`, these are zero"),
     ],
 )
 def test_session_page__defaults(key: str, default: object, words: str) -> None:

@@ -162,10 +162,12 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
     shutil.copy(shared_data / "tractor_loop" / "gnss.nmea", tmp_path)
     (tmp_path / "session.toml").write_text(
         SESSION[: SESSION.index("[trajectory]")].replace("[crs]", 'gnss = ["gnss.nmea"]\n[crs]')
-        + "[lidar]\nxyz_m = [-0.55, 0.0, 2.35]\nrpy_deg = [0.8, 40.6, 179.3]\n"
+        + "[antenna]\nxyz_m = [1.85, 0.0, 1.62]\n[lidar]\nxyz_m = [-0.55, 0.0, 2.35]\nrpy_deg = [0.8, 40.6, 179.3]\n"
     )
     accuracy = furrowmap.run(tmp_path / "session.toml", tmp_path / "result").report["accuracy"]
     assert accuracy.pop("assumed") == ["sigma_roll_deg", "sigma_pitch_deg"]
+    assert accuracy.pop("unstated") == []
+    assert accuracy.pop("unconfirmed") == ["antenna.xyz_m", "lidar.xyz_m", "lidar.rpy_deg"]
     assert accuracy.pop("matching") is None
     assert accuracy.pop("swaths") is None
     assert not (tmp_path / "result" / "swaths.tif").exists()
@@ -178,6 +180,8 @@ def test_report__tells_sigmas_that_were_measured_from_those_assumed(shared_data:
 def test_report__leaves_sigmas_open_that_a_trajectory_file_does_not_state(session: Path, tmp_path: Path) -> None:
     accuracy = furrowmap.run(session, tmp_path / "result").report["accuracy"]
     assert accuracy.pop("assumed") == []
+    assert accuracy.pop("unstated") == ["lidar.xyz_m", "lidar.rpy_deg"]
+    assert accuracy.pop("unconfirmed") == []
     assert accuracy.pop("matching") is None
     assert accuracy.pop("swaths") is None
     assert {value for told in accuracy.values() for value in told.values()} == {None}

@@ -135,6 +135,26 @@ def test_form__shows_what_is_missing_and_does_not_run(seen: dict[str, Any]) -> N
     assert "width of the implement" in seen["fault"]
 
 
+def test_form__asks_before_a_run_whose_places_are_not_filled_in(seen: dict[str, Any]) -> None:
+    assert seen["asked"]["may_go_on"]
+    assert "no accuracy is stated" in seen["asked"]["words"]
+    assert seen["asked"]["marked"] == ["GNSS antenna: not filled in", "Scanner: not filled in"]
+
+
+def test_machines__are_saved_from_the_form_chosen_from_the_list_and_dropped(seen: dict[str, Any]) -> None:
+    assert seen["machines"] == ["Tractor 1.toml"]
+    assert seen["chosen"] == [1.847, -0.052, 1.624]
+    assert seen["machines_after_drop"] == ["Tractor 1.toml", "passed on.toml"]
+
+
+def test_drop__of_a_folder_with_one_recording_says_what_is_missing_and_takes_it(seen: dict[str, Any]) -> None:
+    assert seen["alone"]["session"].endswith("alone/session.toml")
+    assert seen["alone"]["recordings"] == "(missing: drop the recording here)\ngnss.nmea"
+    assert "A recording is missing" in seen["alone"]["fault"]
+    assert seen["completed"] == "recording.pcap.gz\ngnss.nmea"
+    assert seen["kept"] == [0.8, 40.6, 179.3]
+
+
 def test_cancel__leaves_nothing(seen: dict[str, Any]) -> None:
     assert seen["workers_at_work"] == 1
     assert seen["workers_after_cancel"] == []

@@ -7,6 +7,8 @@ Each step is a part of one long story; what was seen is printed at its end as on
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +19,7 @@ from qgis.core import Qgis, QgsApplication, QgsFeedback, QgsLocatorContext, QgsP
 from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtTest import QTest
-from qgis.PyQt.QtWidgets import QApplication, QPushButton, QWidget
+from qgis.PyQt.QtWidgets import QApplication, QGroupBox, QPushButton, QWidget
 
 RECORDINGS, EARLIER, WORKER, OUT = arguments  # noqa: F821 - given by qgis_desktop.sh
 WINDOW = iface.mainWindow()  # noqa: F821
@@ -28,6 +30,8 @@ MOUNTING = {
     "furrowmapLidarTurn": (0.8, 40.6, 179.3),
     "furrowmapImplementXy": (-1.62, 0.0),
 }
+MACHINES = Path(OUT) / "machines"
+os.environ["FURROWMAP_MACHINES"] = str(MACHINES)
 SEEN: dict[str, Any] = {}
 LOGGED: list[str] = []
 BUSY = {"cpu_s": 0.0, "last_s": time.thread_time()}
@@ -153,6 +157,16 @@ def new_session() -> Iterator[Any]:
     yield
     SEEN["fault"] = widget("furrowmapFindings").text()
     SEEN["still_in_form"] = page("session")()
+    widget("furrowmapWidth").setValue(1.7)
+    click("furrowmapRun")  # neither antenna nor scanner is placed
+    yield
+    titles = [box.title() for box in plugin().dock.session.findChildren(QGroupBox)]
+    SEEN["asked"] = {
+        "words": widget("furrowmapErrorText").text(),
+        "may_go_on": widget("furrowmapRunAnyway").isVisible(),
+        "marked": [title for title in titles if "not filled in" in title],
+    }
+    shot(f"{OUT}/asked.png")  # noqa: F821
     for name, values in MOUNTING.items():
         for k, value in enumerate(values):
             widget(f"{name}{k}").setValue(value)
@@ -167,6 +181,42 @@ def new_session() -> Iterator[Any]:
     drop(plugin().dock, [Path(plugin().dock.previewer._folders[-1])])  # what `furrowmap run --preview` writes, too
     SEEN["dropped_preview"] = groups()
     shot(f"{OUT}/session.png")  # noqa: F821
+
+
+def machines() -> Iterator[Any]:
+    """The places are saved as a machine, come back from the list and by a dropped profile; a capture alone says so."""
+    widget("furrowmapMachine").setEditText("Tractor 1")
+    click("furrowmapSaveMachine")
+    yield page("run")
+    yield page("session")
+    SEEN["machines"] = sorted(path.name for path in MACHINES.iterdir())
+    alone = Path(OUT) / "alone"
+    alone.mkdir()
+    shutil.copyfile(f"{RECORDINGS}/gnss.nmea", alone / "gnss.nmea")
+    drop(plugin().dock, [alone])
+    yield page("run")
+    yield page("session")
+    SEEN["alone"] = {"recordings": widget("furrowmapRecordings").text(), "session": str(plugin().dock.session.path)}
+    click("furrowmapRun")
+    yield
+    SEEN["alone"]["fault"] = widget("furrowmapFindings").text()
+    shot(f"{OUT}/alone.png")  # noqa: F821
+    box = widget("furrowmapMachine")
+    box.setCurrentIndex(box.findText("Tractor 1"))
+    box.activated.emit(box.currentIndex())
+    SEEN["chosen"] = [widget(f"furrowmapAntenna{k}").value() for k in range(3)]
+    shutil.copyfile(f"{RECORDINGS}/recording.pcap.gz", alone / "recording.pcap.gz")
+    drop(plugin().dock, [alone / "recording.pcap.gz"])
+    yield page("run")
+    yield page("session")
+    SEEN["completed"] = widget("furrowmapRecordings").text()
+    SEEN["kept"] = [widget(f"furrowmapLidarTurn{k}").value() for k in range(3)]
+    profile = Path(OUT) / "passed on.toml"
+    shutil.copyfile(MACHINES / "Tractor 1.toml", profile)
+    drop(plugin().dock, [profile])
+    SEEN["machines_after_drop"] = sorted(path.name for path in MACHINES.iterdir())
+    drop(plugin().dock, [Path(RECORDINGS) / "session.toml"])
+    yield page("session")
 
 
 def refused_run() -> Iterator[Any]:
@@ -294,7 +344,7 @@ def _round_trip(project: Any) -> bool:
 
 
 def story() -> Iterator[Any]:
-    for part in (reloads, without_worker, new_session, cancelled_run, refused_run, whole_run, on_the_map):
+    for part in (reloads, without_worker, new_session, machines, cancelled_run, refused_run, whole_run, on_the_map):
         yield from part()
     SEEN["dialogs"] = [w.windowTitle() for w in QApplication.topLevelWidgets() if w.isVisible() and w is not WINDOW]
     SEEN["modal"] = QApplication.activeModalWidget() is not None

@@ -1,0 +1,172 @@
+"""Reading and writing of machines' profiles."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.session.file import FARTHEST_M
+from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.machine import (
+    MACHINE_SCHEMA,
+    NOT_SHOWN_DEG,
+    Calibrated,
+    Machine,
+    MachineCamera,
+    MachineImplement,
+    MachineImu,
+)
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.session import ORIGIN, Lidar, Session
+from furrowmap.core.values.toml_text import parse_toml
+
+REFERENCE: Final = "docs/how-to/machine-profiles.md shows a whole one"
+_HEAD: Final = """\
+# A machine: where its sensors and its tool sit in the vehicle frame (origin on the ground below the middle of the rear
+# axle; x forward, y left, z up; metres and degrees). `furrowmap init --machine` copies it into sessions.
+"""
+
+
+@dataclass(frozen=True)
+class LearnedMounting:
+    """The mounting of a scanner as a recording shows it.
+
+    Attributes:
+        mounting: of the scanner.
+        sigma_deg: standard deviations about the vehicle's axes; inf where the recording does not show an angle.
+        date: UTC day of the recording.
+        session: its name.
+    """
+
+    mounting: Mounting
+    sigma_deg: tuple[float, float, float]
+    date: dt.date
+    session: str = ""
+
+
+def load_machine(path: Path) -> Machine:
+    """Load a machine's profile.
+
+    Raises:
+        InputError: if it cannot be read, is no profile, or has an unknown key or an invalid value.
+    """
+    try:
+        return parse_machine(path.read_text(encoding="utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}.",
+            "The machine's profile could not be read.",
+            "Give the path of a profile, or the name of a saved machine; `furrowmap machine list` shows them.",
+            code="machine-unreadable",
+        ) from None
+
+
+def parse_machine(text: str, name: str = "machine.toml") -> Machine:
+    """Parse a profile; `name` is the file name in messages.
+
+    Raises:
+        InputError: as :func:`load_machine`.
+    """
+    try:
+        data = parse_toml(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _invalid(name, f"it is not valid TOML: {error}") from None
+    if data.get("furrowmap_machine") != MACHINE_SCHEMA:
+        raise _invalid(name, f"it is no profile of a machine, which begins with furrowmap_machine = {MACHINE_SCHEMA}")
+    try:
+        machine = msgspec.convert(data, Machine)
+    except msgspec.ValidationError as error:
+        raise _invalid(name, str(error)) from None
+    fault = _fault(msgspec.to_builtins(machine))
+    if fault:
+        raise _invalid(name, fault)
+    return machine
+
+
+def machine_text(machine: Machine) -> str:
+    """The profile as a file: a table for each part, a value a line."""
+    values = msgspec.to_builtins(machine)
+    lines = [f"furrowmap_machine = {MACHINE_SCHEMA}", f"name = {toml_value(values['name'])}"]
+    for table, content in values.items():
+        if isinstance(content, dict):
+            lines += ["", f"[{table}]"]
+            lines += [
+                f"{key} = {toml_value(value)}" for key, value in content.items() if value is not None and value != ""
+            ]
+    return _HEAD + "\n".join(lines) + "\n"
+
+
+def machine_of(session: Session, name: str) -> Machine:
+    """The machine that a session describes; what it does not state is left out."""
+    imu, camera, tool = session.imu, session.camera, session.implement
+    places = (camera.xyz_m, camera.rpy_deg) if camera is not None else (ORIGIN, ORIGIN)
+    return Machine(
+        name=name,
+        antenna=session.antenna,
+        lidar=session.lidar if session.lidar != Lidar() else None,
+        imu=MachineImu(xyz_m=imu.xyz_m, rpy_deg=imu.rpy_deg, kind=imu.kind) if imu is not None else None,
+        camera=MachineCamera(xyz_m=places[0], rpy_deg=places[1]) if places != (ORIGIN, ORIGIN) else None,
+        implement=MachineImplement(
+            width_m=tool.width_m,
+            xy_m=tool.xy_m,
+            kind=tool.kind,
+            working_depth_m=tool.working_depth_m,
+            lift_m=tool.lift_m,
+        )
+        if tool is not None
+        else None,
+    )
+
+
+def learned(machine: Machine, found: LearnedMounting) -> Machine:
+    """The machine with the mounting of its scanner as a recording shows it."""
+    lidar = machine.lidar or Lidar()
+    roll, pitch, yaw = (round(sigma, 4) if math.isfinite(sigma) else NOT_SHOWN_DEG for sigma in found.sigma_deg)
+    (x, y, z), (a, b, c) = found.mounting.xyz_m, found.mounting.rpy_deg
+    return msgspec.structs.replace(
+        machine,
+        lidar=msgspec.structs.replace(
+            lidar,
+            xyz_m=(round(x, 4), round(y, 4), round(z, 4)) if lidar.xyz_m is not None or any((x, y, z)) else None,
+            rpy_deg=(round(a, 3), round(b, 3), round(c, 3)),
+        ),
+        calibrated=Calibrated(date=found.date, rpy_sigma_deg=(roll, pitch, yaw), session=found.session),
+    )
+
+
+def _fault(value: Any, key: str = "") -> str:
+    """What is wrong with the numbers of a profile; empty if nothing is."""
+    if isinstance(value, dict):
+        return next(filter(None, (_fault(item, f"{key}.{name}" if key else name) for name, item in value.items())), "")
+    if isinstance(value, list | tuple):
+        return next(filter(None, (_fault(item, key) for item in value)), "")
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{key} must be finite, not {value}"
+    if isinstance(value, float) and key.endswith(("xyz_m", "xy_m")) and abs(value) > FARTHEST_M:
+        return f"{key} holds {value:g}, more than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
+    return ""
+
+
+def toml_value(value: Any) -> str:
+    """A text, a number or a list of these in TOML, which JSON reads as well: so does the form of a session."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml_value, value))}]"
+    return repr(value)
+
+
+def _invalid(name: str, why: str) -> InputError:
+    return InputError(
+        f"{name}: {why}.",
+        "The places of the machine's sensors are not known.",
+        f"Correct the file, or save the machine again from one of its sessions; {REFERENCE}.",
+        code="machine-value",
+    )

@@ -1,0 +1,125 @@
+"""Places of sensors and tool in a proposed session: from the machine's profile, or as comments to fill in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from furrowmap.core.session.machine import toml_value
+from furrowmap.core.values.errors import Notice, printable
+from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
+
+_MOUNTING: Final = """\
+# Mounting of the scanner in the vehicle frame: origin on the ground below the middle of the rear axle; x forward,
+# y left, z up; metres and degrees. R = Rz(yaw) Ry(pitch) Rx(roll) rotates sensor coordinates to the vehicle frame.
+# Measure it, and remove the hash signs.
+# xyz_m = [-0.55, 0.0, 2.35]
+# rpy_deg = [0.0, 40.0, 180.0]
+"""
+_IMU: Final = """\
+# Place of the IMU in the vehicle frame, roll, pitch, yaw of its axes there, and its model or class ("consumer",
+# "industrial", "tactical"). Measure them, and remove the hash signs.
+# xyz_m = [-0.04, -0.01, -0.29]
+# rpy_deg = [180.0, 0.0, 0.0]
+# class = "industrial"
+"""
+_ANTENNA: Final = """\
+# Lever arm: phase centre of the GNSS antenna in the vehicle frame. Measure it, and remove the hash signs.
+# [antenna]
+# xyz_m = [1.85, 0.0, 1.62]
+"""
+_IMPLEMENT: Final = """\
+# Working width of the implement, and the middle of its working line in the vehicle frame; needed for worked ground.
+# [implement]
+# kind = "rotary tiller"
+# width_m = 1.70
+# xy_m = [-1.45, 0.0]
+# working_depth_m = 0.12
+"""
+
+
+def antenna_table(machine: Machine) -> str:
+    """The table of the antenna."""
+    if machine.antenna is None:
+        return _ANTENNA
+    head = "# Lever arm: phase centre of the GNSS antenna in the vehicle frame.\n[antenna]\n"
+    return head + _lines(machine.antenna, "xyz_m")
+
+
+def lidar_lines(machine: Machine) -> str:
+    """The place of the scanner in its table."""
+    if machine.lidar is None:
+        return _MOUNTING
+    text = "# Mounting of the scanner in the vehicle frame.\n" + _lines(machine.lidar, "xyz_m", "rpy_deg")
+    if machine.calibrated is None:
+        return text
+    known = machine.calibrated.rpy_sigma_deg
+    sigma = ", ".join("not shown" if value >= NOT_SHOWN_DEG else f"{value:.2f}" for value in known)
+    return f"{text}# Angles calibrated with the recording of {machine.calibrated.date}: ± {sigma} degrees.\n"
+
+
+def imu_lines(machine: Machine) -> str:
+    """The place of the IMU in its table."""
+    return _IMU if machine.imu is None else _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
+
+
+def implement_table(machine: Machine) -> str:
+    """The table of the implement."""
+    if machine.implement is None:
+        return _IMPLEMENT
+    head = "# Working width of the implement, and the middle of its working line in the vehicle frame.\n[implement]\n"
+    return head + _lines(machine.implement, "kind", "width_m", "xy_m", "working_depth_m", "lift_m")
+
+
+def camera_comment(machine: Machine) -> Sequence[str]:
+    """The place of the camera, as a comment: the machine does not tell whether it took images."""
+    if machine.camera is None:
+        return []
+    lines = _lines(machine.camera, "xyz_m", "rpy_deg").splitlines()
+    return ["\n".join(["# [camera]", '# files = ["images/*.jpg"]', *(f"# {line}" for line in lines), ""])]
+
+
+def head_words(machine: Machine) -> str:
+    """A comment that names the machine."""
+    return f"# Places of sensors and tool: machine {printable(machine.name)}.\n" if machine.name else ""
+
+
+def places_missing(machine: Machine, *, scans: bool, states: bool, poses: bool, inertial: bool) -> Sequence[Notice]:
+    """Places that neither the recordings nor the machine's profile show.
+
+    Args:
+        machine: its profile.
+        scans: whether a scanner, or a flight, was recorded.
+        states: whether tool states were recorded.
+        poses: whether the trajectory is from elsewhere.
+        inertial: whether an IMU was recorded.
+    """
+    mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
+    texts = {
+        "no-mounting": "Mounting of the scanner: [lidar] xyz_m and rpy_deg. Without them they are zero, and no "
+        "accuracy is stated."
+        if (scans or not states) and not mounted
+        else "",
+        "no-antenna": "Position of the GNSS antenna: [antenna] xyz_m. Without it, it is taken as the origin of the "
+        "vehicle frame, and no accuracy is stated."
+        if not poses and machine.antenna is None
+        else "",
+        "no-implement": ""
+        if machine.implement is not None
+        else "Position of the implement: [implement] xy_m. Default: at the recorded positions."
+        if states
+        else "Implement: [implement] width_m and xy_m. Without them, worked ground is not computed.",
+        "no-imu-mounting": "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of "
+        "the vehicle frame, with its axes, industrial."
+        if inertial and machine.imu is None
+        else "",
+    }
+    return [Notice(code, text) for code, text in texts.items() if text]
+
+
+def _lines(part: Any, *names: str) -> str:
+    """The values of a part that are known, a line each; the IMU's kind is called class."""
+    known = {
+        "class" if name == "kind" and not hasattr(part, "width_m") else name: getattr(part, name) for name in names
+    }
+    return "".join(f"{key} = {toml_value(value)}\n" for key, value in known.items() if value not in (None, ""))

@@ -1,0 +1,97 @@
+"""A machine: where antenna, scanner, tool and further sensors sit on a vehicle, measured once for all its sessions."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Annotated, Final
+
+import msgspec
+from msgspec import Meta
+
+from furrowmap.core.values.session import WIDEST_M, Antenna, Lidar, Vector3
+
+MACHINE_SCHEMA: Final = 1
+NOT_SHOWN_DEG: Final = 180.0
+"""Standard deviation of an angle that a recording does not show."""
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of the profile: frozen, and strict about its keys."""
+
+
+class MachineImu(_Part, frozen=True, rename={"kind": "class"}):
+    """`[imu]`: place, axes and class of the IMU, as in a session.
+
+    Attributes:
+        xyz_m: its place in the vehicle frame.
+        rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
+        kind: class of device or model; the key is `class`.
+    """
+
+    xyz_m: Vector3
+    rpy_deg: Vector3
+    kind: str | None = None
+
+
+class MachineCamera(_Part, frozen=True):
+    """`[camera]`: place and direction of the camera, as in a session.
+
+    Attributes:
+        xyz_m: the projection centre in the vehicle frame.
+        rpy_deg: roll, pitch, yaw of the optical frame in the vehicle frame.
+    """
+
+    xyz_m: Vector3
+    rpy_deg: Vector3
+
+
+class MachineImplement(_Part, frozen=True):
+    """`[implement]`: the implement, as in a session.
+
+    Attributes:
+        width_m: working width.
+        xy_m: middle of the working line in the vehicle frame.
+        kind: free text.
+        working_depth_m: working depth.
+        lift_m: lift height.
+    """
+
+    width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
+    xy_m: tuple[float, float]
+    kind: str = ""
+    working_depth_m: float | None = None
+    lift_m: Annotated[float, Meta(ge=0.1, le=1.2)] | None = None
+
+
+class Calibrated(_Part, frozen=True):
+    """`[calibrated]`: where the angles of the scanner are from, if a recording showed them.
+
+    Attributes:
+        date: UTC day of the recording.
+        rpy_sigma_deg: standard deviations about the vehicle's axes; NOT_SHOWN_DEG for an angle that was not shown.
+        session: its name.
+    """
+
+    date: dt.date
+    rpy_sigma_deg: Vector3
+    session: str = ""
+
+
+class Machine(_Part, frozen=True):
+    """The content of a machine's profile.
+
+    Attributes:
+        furrowmap_machine: schema version.
+        name: of the machine.
+        antenna, lidar, imu, camera, implement: as in a session; None for none, or not measured.
+        calibrated: where the angles in `lidar` are from; None where they were measured.
+    """
+
+    furrowmap_machine: int = MACHINE_SCHEMA
+    name: str = ""
+    antenna: Antenna | None = None
+    lidar: Lidar | None = None
+    imu: MachineImu | None = None
+    camera: MachineCamera | None = None
+    implement: MachineImplement | None = None
+    calibrated: Calibrated | None = None
