@@ -137,7 +137,6 @@ def run(
     lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = _carrier(opened, located, flown.strip_adjustment)
-    located = _as_stated(located, session)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
@@ -281,9 +280,10 @@ def _calibrated(
     if survey is None:
         lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
         located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
-        return _by_used_clock(lidar, matched), located, matched, _Flown(), implement
+        return _by_used_clock(lidar, matched), _as_stated(located, opened.session), matched, _Flown(), implement
     returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
     located, flown = _flown(opened, guess, returns, carrier)
+    located = _as_stated(located, opened.session)
     return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
 
 

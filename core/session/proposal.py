@@ -112,7 +112,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
     crs = next((b.crs for b in beginnings if b.crs is not None), None)
     undated = any(r.position_clock is None for r in gnss)
     date = next((b.date for b in beginnings if b.date), None) if undated else None
-    machine = machine or Machine()
+    machine, sensed = machine or Machine(), bool(lidar or inertial or attitude)
     text = "\n".join(
         [
             _head(folder, machine),
@@ -136,21 +136,20 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
     missing = [
         *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", b.fault) for b in beginnings if b.fault),
-        *(
-            Notice("recording-unused", f"{r.path.name} ({r.inspection.title}) is not used in a session.")
-            for r in ordered
-            if r not in used
-        ),
-        *_missing(crs, scans=bool(lidar or inertial or attitude or states), positions=bool(gnss or poses)),
-        *places_missing(
-            machine,
-            scans=bool(lidar or inertial or attitude),
-            states=bool(states),
-            poses=bool(poses),
-            inertial=bool(inertial),
-        ),
+        *_unused(ordered, used),
+        *_missing(crs, scans=sensed or bool(states), positions=bool(gnss or poses)),
+        *places_missing(machine, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial)),
     ]
     return Proposal(text, tuple(found), tuple(missing))
+
+
+def _unused(recordings: Sequence[Examined], used: Sequence[Examined]) -> list[Notice]:
+    """Recordings that a session has no place for."""
+    return [
+        Notice("recording-unused", f"{r.path.name} ({r.inspection.title}) is not used in a session.")
+        for r in recordings
+        if r not in used
+    ]
 
 
 def _nothing_recorded(other: Examined) -> InputError:
