@@ -36,6 +36,11 @@ _IMPLEMENT: Final = """\
 # xy_m = [-1.45, 0.0]
 # working_depth_m = 0.12
 """
+NO_IMU_MOUNTING: Final = Notice(
+    "no-imu-mounting",
+    "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of the vehicle frame, with "
+    "its axes, industrial.",
+)
 
 
 def antenna_table(machine: Machine) -> str:
@@ -109,12 +114,9 @@ def places_missing(machine: Machine, *, scans: bool, states: bool, poses: bool, 
         else "Position of the implement: [implement] xy_m. Default: at the recorded positions."
         if states
         else "Implement: [implement] width_m and xy_m. Without them, worked ground is not computed.",
-        "no-imu-mounting": "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of "
-        "the vehicle frame, with its axes, industrial."
-        if inertial and machine.imu is None
-        else "",
     }
-    return [Notice(code, text) for code, text in texts.items() if text]
+    found = [Notice(code, text) for code, text in texts.items() if text]
+    return [*found, NO_IMU_MOUNTING] if inertial and machine.imu is None else found
 
 
 def _lines(part: Any, *names: str) -> str:
