@@ -35,7 +35,7 @@ COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density
 """Rasters in colours, which blend with the hillshade below."""
 SHOWN = (
     *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
-    *("trajectory", "change", "orthophoto", "dsm"),
+    *("plants", "lines", "planes", "trajectory", "change", "orthophoto", "dsm"),
 )
 """Layers that are visible at first."""
 MEASURED = ("trajectory", "events", "tool_path")

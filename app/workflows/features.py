@@ -29,6 +29,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.feature_layers import feature_layers, write_features
+from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.workflows.clean import write_records
 from furrowmap.workflows.cloud_inputs import input_records, input_rows
 
@@ -133,7 +134,7 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
         summary, lost = write_records(clouds, points, staging / CLOUD, box, origin, progress)
     figures = _write_layers(staging, clouds, found, inputs, parameters)
     notices = [notice for survey in surveys for notice in survey.notices()]
-    sparse = _sparse(spacing.cell_m)
+    sparse = sparse_notices(spacing.cell_m)
     return {
         "furrowmap": version("furrowmap"),
         "inputs": input_rows(clouds, inputs),
@@ -150,27 +151,37 @@ def _write_layers(
     staging: Path, clouds: Clouds, found: Found, inputs: Sequence[FileRecord], parameters: dict[str, Any]
 ) -> dict[str, Any]:
     """Write the layers; their figures."""
-    planes = found.joined_planes()
-    lines, plants = found.all_lines(planes), found.all_plants()
+    layers, counts = found_layers(found)
     origin = Origin(
         "features of clouds",
         inputs=[(record.name, record.sha256) for record in inputs],
         parameters={name: str(value) for name, value in parameters.items() if value is not None},
     )
-    write_features(staging / FEATURES, feature_layers(planes, lines, plants), clouds.crs, origin)
-    kinds = [line.kind for line in lines]
+    write_features(staging / FEATURES, layers, clouds.crs, origin)
     return {
         **{f"points_{kind.label}": int(found.points[kind]) for kind in Feature if kind is not Feature.NONE},
+        **counts,
+    }
+
+
+def found_layers(found: Found) -> tuple[list[Layer], dict[str, int]]:
+    """The layers of features, and the numbers of what they hold."""
+    joined = found.joined_planes()
+    lines, plants = found.all_lines(joined), found.all_plants()
+    planes = [plane for plane in joined if not plane.is_open]
+    kinds = [line.kind for line in lines]
+    return feature_layers(planes, lines, plants), {
         "planes_horizontal": sum(not plane.vertical for plane in planes),
         "planes_vertical": sum(plane.vertical for plane in planes),
         "poles": kinds.count("pole"),
         "wires": kinds.count("wire"),
         "fences": kinds.count("fence"),
+        "ditches": kinds.count("ditch"),
         "plants": len(plants),
     }
 
 
-def _sparse(cell_m: float) -> list[Notice]:
+def sparse_notices(cell_m: float) -> list[Notice]:
     """A warning where points are too far apart for thin things."""
     if cell_m < CELLS_M[1]:
         return []

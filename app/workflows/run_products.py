@@ -52,11 +52,12 @@ from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.parcels import WrittenParcels, parcel_settings, session_parcels, write_parcels
 from furrowmap.workflows.run_cloud import RunCloud, RunSink
 from furrowmap.workflows.run_colours import ColourFigures, RunColours
+from furrowmap.workflows.run_features import RunFeatures, run_features
 
 
 @dataclass(frozen=True)
 class Made:
-    """The result of a run, and the figures of its cloud, rasters, parcels and colours; None where there are none."""
+    """The result of a run, and what was made of its cloud; None where there is none."""
 
     found: RunResult
     inputs: list[FileRecord]
@@ -65,6 +66,7 @@ class Made:
     seconds: dict[str, float] = field(default_factory=dict)
     parcels: WrittenParcels | None = None
     colours: ColourFigures | None = None
+    features: RunFeatures | None = None
 
 
 class RunProducts:
@@ -121,11 +123,11 @@ class RunProducts:
         if coloured is not None:
             found = replace(found, notices=(*found.notices, *coloured.notices))
         made = Made(found, inputs, summary, rasters.result(), seconds, colours=coloured)
-        if parcels is None:
-            return made
-        noticed = replace(found, notices=(*found.notices, *parcels.result().notices))
-        seconds |= {"parcels": measured - written}
-        return replace(made, found=noticed, seconds=seconds, parcels=parcels.result())
+        if parcels is not None:
+            noticed = replace(found, notices=(*found.notices, *parcels.result().notices))
+            seconds |= {"parcels": measured - written}
+            made = replace(made, found=noticed, seconds=seconds, parcels=parcels.result())
+        return _with_features(made, staging / CLOUD, progress)
 
 
 def write_products(
@@ -154,7 +156,7 @@ def write_products(
             found.work,
             found.frame.words,
             provenance,
-            [*_strips(made), *([parcel_layer(made.parcels.found)] if made.parcels is not None else [])],
+            _more_layers(made),
             found.zone,
         )
     if found.work.states is not None:
@@ -162,7 +164,9 @@ def write_products(
     if found.work.seen is not None:
         save_implement(staging / LEARNED, found.work.seen)
     crops = made.parcels.found if made.parcels is not None else ()
-    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters, crops)
+    features = made.features.account if made.features is not None else None
+    counts = features["figures"] if features is not None else None
+    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters, crops, counts)
     layers = perf_counter() - layers
     (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
@@ -171,6 +175,8 @@ def write_products(
     content["colours"] = made.colours.plain() if made.colours is not None else None
     if made.parcels is not None:
         content["parcels"] = made.parcels.account
+    if features is not None:
+        content["features"] = features
     write_item(staging / ITEM, write_report(staging / REPORT, content))
 
 
@@ -182,6 +188,24 @@ def _parcels_beside(
         return nullcontext()
     settings, crs = parcel_settings(opened), opened.frame.whole_crs
     return beside(partial(write_parcels, staging, crops, settings, crs, origin), progress)
+
+
+def _with_features(made: Made, cloud: Path, progress: Progress) -> Made:
+    """With the features of the finished cloud, where the session asks for them."""
+    stated = made.found.session.features
+    if stated is None or made.cloud is None or not made.cloud.points:
+        return made
+    begin = perf_counter()
+    features = run_features(cloud, stated, progress)
+    noticed = replace(made.found, notices=(*made.found.notices, *features.notices))
+    seconds = {**made.seconds, "features": perf_counter() - begin}
+    return replace(made, found=noticed, seconds=seconds, features=features)
+
+
+def _more_layers(made: Made) -> list[Layer]:
+    """The layers of strips, parcels and features."""
+    crops = [parcel_layer(made.parcels.found)] if made.parcels is not None else []
+    return [*_strips(made), *crops, *(made.features.layers if made.features is not None else [])]
 
 
 def _strips(made: Made) -> list[Layer]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +15,7 @@ from furrowmap.core.features.eigenfeatures import Eigenfeatures, of_columns
 from furrowmap.core.features.ground_surface import heights_above_ground
 from furrowmap.core.features.lines import LINEARITY, Line, lines
 from furrowmap.core.features.neighbours import columns
-from furrowmap.core.features.planes import FILL, PURITY, Plane, planes
+from furrowmap.core.features.planes import PURITY, Plane, planes
 from furrowmap.core.features.segment_votes import VOTED, colour_segments, voted
 from furrowmap.core.features.voxels import Voxels, voxels
 
@@ -202,7 +203,7 @@ def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[L
     linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
     direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)
     bars = lines(xyz_m, linearity, direction, cell_m)
-    open_planes = planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, FILL))
+    open_planes = planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, math.inf))
     fences = []
     for plane in open_planes:
         flat, _ = plane.flat(xyz_m[plane.members])

@@ -6,16 +6,26 @@ import math
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.features.breaklines import CELL_M, BreakPoints, break_points, breaklines
 from furrowmap.core.features.classes import Feature, feature_codes
 from furrowmap.core.features.classification import Classified, Tile, classify
-from furrowmap.core.features.objects import LineObject, PlanePiece, joined, line_objects, piece, upright
+from furrowmap.core.features.objects import (
+    LineObject,
+    PlanePiece,
+    ground_lines,
+    joined,
+    joined_lines,
+    line_objects,
+    piece,
+    upright,
+)
 from furrowmap.core.features.planes import Plane
 from furrowmap.core.features.plants import Plants, plants
 from furrowmap.core.pointclouds.cleaning import (
@@ -56,22 +66,22 @@ class Found:
     """Features found in the tiles done so far.
 
     Attributes:
-        planes: horizontal and vertical, by piece.
-        fences: open vertical planes, by piece.
+        planes: horizontal, vertical and open ones, by piece.
         lines: poles and wires.
         plants: by tile.
+        breaks: points of breaklines, by tile.
         points: (6,) number of points of each :class:`Feature`.
     """
 
     planes: list[PlanePiece] = field(default_factory=list)
-    fences: list[PlanePiece] = field(default_factory=list)
     lines: list[LineObject] = field(default_factory=list)
     plants: list[Plants] = field(default_factory=list)
+    breaks: list[BreakPoints] = field(default_factory=list)
     points: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Feature), np.int64))
 
     def add(self, other: Found) -> None:
         """Add what another tile holds."""
-        for name in ("planes", "fences", "lines", "plants"):
+        for name in ("planes", "lines", "plants", "breaks"):
             getattr(self, name).extend(getattr(other, name))
         self.points += other.points
 
@@ -80,9 +90,10 @@ class Found:
         return joined(self.planes)
 
     def all_lines(self, planes: list[PlanePiece]) -> list[LineObject]:
-        """Poles, wires, fences, and the feet of the vertical planes among the planes."""
-        fences = [upright(plane, "fence") for plane in joined(self.fences)]
-        return [*self.lines, *fences, *(upright(plane, "wall") for plane in planes if plane.vertical)]
+        """Poles, wires, fences, the feet of the vertical planes among the planes, and lines in the ground."""
+        stand = [upright(plane, "fence" if plane.is_open else "wall") for plane in planes if plane.vertical]
+        in_ground = ground_lines(breaklines(BreakPoints.joined(self.breaks)))
+        return [*joined_lines(self.lines), *stand, *in_ground]
 
     def all_plants(self) -> Plants:
         """The plants of all tiles."""
@@ -208,37 +219,36 @@ def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) 
     base = result.voxel_m[:, 2] - np.nan_to_num(above)
     side = 2.0 * tile.cell_m
 
-    def pieces(found: list[Plane], side_m: float) -> Iterator[PlanePiece]:
+    def pieces(found: list[Plane], side_m: float, *, is_open: bool) -> Iterator[PlanePiece]:
         for plane in found:
             members = plane.members[count[plane.members] > 0]
             if len(members):
                 cut = piece(plane, result.voxel_m[members], count[members], side_m, float(base[members].min()))
-                yield _moved(cut, corner)
+                yield replace(
+                    cut, centre_m=cut.centre_m + corner, base_m=cut.base_m + float(corner[2]), is_open=is_open
+                )
 
     lines = []
     for line in result.lines:
-        if count[line.members].sum() * 2 > len(line.members):
+        points = int(count[line.members].sum())
+        if points:
             moved = type(line)(line.members, line.path_m + corner, line.direction, line.purity)
-            lines.append((moved, int(count[line.members].sum()), float(base[line.members].min() + corner[2])))
+            lines.append((moved, points, float(base[line.members].min() + corner[2])))
     scatter = result.feature == Feature.SCATTER
     tops = plants(tile.xyz_m[scatter] + corner, np.nan_to_num(result.above_m[scatter]))
-    inside = _inside(tops.top_m, tile.xyz_m[mine] + corner)
+    own = tile.xyz_m[mine] + corner
+    inside = _inside(tops.top_m, own, OWN_CELL_M)
+    breaks = break_points(tile.xyz_m[result.feature == Feature.GROUND] + corner)
     return Found(
-        list(pieces(result.planes, side)),
-        list(pieces(result.fences, 2.0 * side)),
+        [*pieces(result.planes, side, is_open=False), *pieces(result.fences, 2.0 * side, is_open=True)],
         line_objects(lines),
         [Plants(*(values[inside] for values in vars(tops).values()))],
+        [breaks.where(_inside(breaks.xyz_m, own, CELL_M))],
         np.bincount(result.feature[mine], minlength=len(Feature)),
     )
 
 
-def _moved(plane: PlanePiece, corner: FloatArray) -> PlanePiece:
-    return PlanePiece(
-        plane.centre_m + corner, plane.normal, plane.outline, plane.points, plane.rms_m, plane.base_m + corner[2]
-    )
-
-
-def _inside(place: FloatArray, own: FloatArray) -> BoolArray:
+def _inside(place: FloatArray, own: FloatArray, cell_m: float) -> BoolArray:
     """Which places lie in a cell with points of the tile's own."""
-    cells = np.unique(square_keys(*np.floor(own[:, :2].T / OWN_CELL_M)))
-    return np.isin(square_keys(*np.floor(place[:, :2].T / OWN_CELL_M)), cells)
+    cells = np.unique(square_keys(*np.floor(own[:, :2].T / cell_m)))
+    return np.isin(square_keys(*np.floor(place[:, :2].T / cell_m)), cells)

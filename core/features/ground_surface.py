@@ -41,10 +41,10 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
     place = xyz_m[:, :2] / CELL_M - corner
     cell = np.floor(place).astype(np.int64)
     flat = cell[:, 0] * shape[1] + cell[:, 1]
-    known = _medians(flat[ground], xyz_m[ground, 2], shape)
+    known = medians(flat[ground], xyz_m[ground, 2], shape)
     surface = filled(known) if np.count_nonzero(np.isfinite(known)) >= FEWEST_CELLS else from_nearest(known)
     above = xyz_m[:, 2] - map_coordinates(surface, place.T - 0.5, order=1, mode="nearest")
-    spread = _medians(flat[ground], np.abs(above[ground]), shape)
+    spread = medians(flat[ground], np.abs(above[ground]), shape)
     known = np.isfinite(spread)
     around = uniform_filter(np.where(known, spread, 0.0), 3) / np.maximum(uniform_filter(known.astype(float), 3), 1e-9)
     slope = np.hypot(*np.gradient(surface, CELL_M))
@@ -52,7 +52,7 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
     return above, (above < limit) & (ground | (above > -limit))
 
 
-def _medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
+def medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
     """Median of the values in each cell; nan in those without any."""
     out: FloatArray = _medians_of(cell, values, int(np.prod(shape))).reshape(shape)
     return out

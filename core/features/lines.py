@@ -173,12 +173,12 @@ def _line(xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, arou
         return None
     if length < LEAST_WIRE_M and abs(direction[2]) < UPRIGHT:
         return None
-    path = _course(own, s - s.min(), step)
+    path = course(own, s - s.min(), step)
     purity = len(own) / (len(own) + float(disturbed[first : last + 1].sum()))
     return Line(members, path, direction, purity)
 
 
-def _course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
+def course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
     """A straight or parabolic fit through a line's voxels from end to end."""
     pieces = max(1, min(int(s.max() / max(step, 1.0)), 50))
     fit = np.polynomial.polynomial.polyfit(s, own, 1 if pieces < 3 else 2)

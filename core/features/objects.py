@@ -14,11 +14,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import STRtree
 
-from furrowmap.core.features.lines import Line
+from furrowmap.core.features.breaklines import Breakline
+from furrowmap.core.features.lines import Line, course
 from furrowmap.core.features.planes import Plane, axes_of
 
 FloatArray = NDArray[np.float64]
-LineKind = Literal["pole", "wire", "fence", "wall"]
+LineKind = Literal["pole", "wire", "fence", "wall", "ditch", "ridge", "edge"]
 
 SAME_NORMAL: Final = math.cos(math.radians(6.0))
 SAME_M: Final = 0.1
@@ -26,6 +27,11 @@ SAME_M: Final = 0.1
 BESIDE_M: Final = 0.4
 """Gap between them, at most."""
 VERTICAL: Final = 0.7071
+CONTINUED_M: Final = 0.6
+"""Greatest gap between two pieces of one line."""
+ASIDE_M: Final = 0.2
+"""Greatest distance of one from the course of the other."""
+ONE_COURSE: Final = math.cos(math.radians(15.0))
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class PlanePiece:
         points: number of points.
         rms_m: of the distances from it.
         base_m: height of the ground below.
+        is_open: whether it is a fence of wires or mesh rather than filled.
     """
 
     centre_m: FloatArray
@@ -47,6 +54,7 @@ class PlanePiece:
     points: int
     rms_m: float
     base_m: float
+    is_open: bool = False
 
     @property
     def vertical(self) -> bool:
@@ -84,10 +92,12 @@ class LineObject:
     """A line.
 
     Attributes:
-        kind: pole (posts and trunks as well), wire (rails as well), fence, wall (foot of a vertical plane).
+        kind: pole (posts and trunks as well), wire (rails as well), fence, wall (foot of a vertical plane); in the
+            ground ditch, ridge, edge (of a bank).
         shape: line on the map, with heights.
-        height_m: of a pole, fence or wall from its lowest point to its highest; of a wire above the ground.
-        points: number of points.
+        height_m: of a pole, fence or wall from its lowest point to its highest; of a wire above the ground; depth of a
+            ditch, height of a ridge; nan for an edge.
+        points: number of points, of lines in the ground of cells.
     """
 
     kind: LineKind
@@ -133,6 +143,83 @@ def joined(pieces: Sequence[PlanePiece]) -> list[PlanePiece]:
     return sorted((_merged(group) for group in groups), key=lambda plane: -plane.area_m2)
 
 
+def ground_lines(lines: Iterable[Breakline]) -> list[LineObject]:
+    """Breaklines as lines."""
+    return [
+        LineObject(
+            line.kind, shapely.LineString(line.path_m), line.depth_m if line.kind != "edge" else math.nan, line.cells
+        )
+        for line in lines
+    ]
+
+
+def joined_lines(lines: Sequence[LineObject]) -> list[LineObject]:
+    """Lines without the borders of tiles: those of a kind that overlap along one course, or continue it, are one."""
+    if not lines:
+        return []
+    shapes = [line.shape for line in lines]
+    tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(CONTINUED_M) for shape in shapes])
+    a, b = tree.query(tree.geometries)
+    pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and _one_line(lines[i], lines[j])]
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(lines),) * 2)
+    count, label = connected_components(graph, directed=False)
+    return [_merged_lines([lines[k] for k in np.flatnonzero(label == number).tolist()]) for number in range(count)]
+
+
+def _one_line(a: LineObject, b: LineObject) -> bool:
+    """Whether two lines run the same way, and one lies on the other, or begins where the other ends."""
+    if a.kind != b.kind:
+        return False
+    one, other = (shapely.get_coordinates(line.shape, include_z=True) for line in (a, b))
+    axis, along = (_unit(path[-1] - path[0]) for path in (one, other))
+    if abs(float(axis @ along)) < ONE_COURSE:
+        return False
+    s, t = one @ axis, other @ axis
+    gap = max(float(t.min() - s.max()), float(s.min() - t.max()))
+    if gap <= 0.0:
+        return _over(a, b)
+    apart = np.linalg.norm(one[:, None] - other[None, :], axis=2)
+    i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
+    away = other[j] - one[i]
+    return gap <= CONTINUED_M and float(np.linalg.norm(away - (away @ axis) * axis)) <= ASIDE_M
+
+
+def _over(a: LineObject, b: LineObject) -> bool:
+    """Whether the vertices of the shorter that lie beside the longer lie on it."""
+    short, long = sorted((a, b), key=lambda line: line.length_m)
+    path = shapely.get_coordinates(long.shape, include_z=True)
+    place = shapely.get_coordinates(shapely.segmentize(short.shape, 0.5), include_z=True)
+    axis = _unit(path[-1] - path[0])
+    s, at = path @ axis, place @ axis
+    beside = (at >= s.min()) & (at <= s.max())
+    order = np.argsort(s)
+    on = np.column_stack([np.interp(at[beside], s[order], path[order, k]) for k in range(3)])
+    return bool(beside.any() and np.median(np.linalg.norm(place[beside] - on, axis=1)) <= ASIDE_M)
+
+
+def _merged_lines(group: list[LineObject]) -> LineObject:
+    """One line through the vertices of all, a parabola at most."""
+    if len(group) == 1:
+        return group[0]
+    places = [shapely.get_coordinates(shapely.segmentize(line.shape, 0.5), include_z=True) for line in group]
+    own = np.concatenate(places)
+    longest = max(group, key=lambda line: line.length_m)
+    ends = shapely.get_coordinates(longest.shape, include_z=True)[[0, -1]]
+    s = (own - ends[0]) @ _unit(ends[1] - ends[0])
+    path = course(own, s - s.min(), 1.0)
+    points = np.array([line.points for line in group])
+    height = float(np.average([line.height_m for line in group], weights=points))
+    if longest.kind == "pole":
+        height = max(line.height_m for line in group)
+    return LineObject(longest.kind, shapely.LineString(path), height, int(points.sum()))
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    out: FloatArray = vector / max(float(np.linalg.norm(vector)), 1e-9)
+    return out
+
+
 def line_objects(lines: Iterable[tuple[Line, int, float]]) -> list[LineObject]:
     """Poles and wires of lines, each with its number of points and the height of the ground below."""
     out = []
@@ -172,4 +259,5 @@ def _merged(group: list[PlanePiece]) -> PlanePiece:
     outline = shapely.union_all([_in_plane_of(largest, each) for each in group])
     rms = math.sqrt(float(np.average([each.rms_m**2 for each in group], weights=weight)))
     base = min(each.base_m for each in group)
-    return PlanePiece(largest.centre_m, largest.normal, outline, int(weight.sum()), rms, base)
+    is_open = 2.0 * float(weight[[each.is_open for each in group]].sum()) > float(weight.sum())
+    return PlanePiece(largest.centre_m, largest.normal, outline, int(weight.sum()), rms, base, is_open)

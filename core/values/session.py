@@ -352,6 +352,18 @@ class Parcels(_Part, frozen=True):
     soil: str | None = None
 
 
+class FeatureSearch(_Part, frozen=True):
+    """`[features]`: planes, lines and plants are looked for in the cloud.
+
+    Attributes:
+        ground: "class", the ground of the run's cloud, or "smrf", a filter; None for the first where there is any.
+        voxel_m: size of voxels, the least detail; None for the spacing of the points.
+    """
+
+    ground: Literal["class", "smrf"] | None = None
+    voxel_m: Annotated[float, Meta(ge=0.02, le=2.0)] | None = None
+
+
 class Run(_Part, frozen=True):
     """`[run]`: processing options.
 
@@ -385,8 +397,8 @@ class Session(_Part, frozen=True):
     Attributes:
         furrowmap: schema version.
         name: of the session.
-        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, run,
-            report: the tables.
+        recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, features,
+            run, report: the tables.
     """
 
     furrowmap: int
@@ -402,6 +414,7 @@ class Session(_Part, frozen=True):
     field: Field = Field()
     trajectory: TrajectorySource | None = None
     parcels: Parcels | None = None
+    features: FeatureSearch | None = None
     run: Run = Run()
     report: Report = Report()
     camera: CameraSource | None = None
@@ -508,6 +521,8 @@ EXAMPLES: Final = {
     "parcels.treatments": '"treatments.csv"',
     "parcels.method": '"christiansen2017"',
     "parcels.soil": '"plane"',
+    "features.ground": '"smrf"',
+    "features.voxel_m": "0.05",
     "run.standing": "true",
     "run.fixes": '["fixed", "float"]',
     "run.threads": "2",

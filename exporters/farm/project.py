@@ -25,6 +25,7 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Sessions": (SESSIONS, TRACKS),
     "Work in detail": ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
     "Worked ground by day": ("coverage",),
+    "Features": ("plants", "lines", "planes"),
     "Field": ("boundary", "zones"),
     "Tables": (PROVENANCE,),
 }

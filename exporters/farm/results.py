@@ -43,7 +43,21 @@ OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS})
 _LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
 """Layers with other names are not a run's."""
 _DRAWING_ORDER: Final = (
-    *("events", "tool_path", TRACKS, "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones"),
+    *(
+        "events",
+        "tool_path",
+        TRACKS,
+        "misses",
+        "unworked",
+        "boundary",
+        "overlaps",
+        "passes",
+        "coverage",
+        "plants",
+        "lines",
+        "planes",
+        "zones",
+    ),
     SESSIONS,
 )
 _MAX_GAP_S: Final = 1.0

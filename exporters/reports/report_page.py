@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -82,6 +82,7 @@ def write_page(
     summary: CopcSummary | None,
     rasters: RasterFigures | None,
     parcels: Sequence[MeasuredParcel] = (),
+    features: Mapping[str, int] | None = None,
 ) -> None:
     """Write `report.html`.
 
@@ -92,6 +93,7 @@ def write_page(
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
         parcels: with their crops.
+        features: numbers of planes, lines and plants; None where they were not looked for.
 
     Raises:
         OSError: if a file cannot be read or written.
@@ -102,6 +104,7 @@ def write_page(
     sections = [
         section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
         *parcel_sections(parcels),
+        *_features(features),
         *_tool(work),
         *_activity(poses, work),
         *_passes(work, found.zone),
@@ -126,6 +129,14 @@ def write_page(
     page = in_language(filled_in(page, report.area_unit), language_of_user(report.language))
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def _features(counts: Mapping[str, int] | None) -> Iterator[str]:
+    if counts is None:
+        return
+    rows = [[name.replace("_", " "), f"{count:,}"] for name, count in counts.items()]
+    words = "Found in the cloud by the shape around each point: layers planes, lines and plants of field.gpkg."
+    yield section("Features", table(["feature", "number"], rows) + remark(words))
 
 
 def _when(found: RunResult) -> str:

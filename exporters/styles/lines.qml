@@ -7,6 +7,9 @@
    <category value="wire" type="string" symbol="1" label="wire or rail" render="true"/>
    <category value="fence" type="string" symbol="2" label="fence" render="true"/>
    <category value="wall" type="string" symbol="3" label="wall" render="true"/>
+   <category value="ditch" type="string" symbol="4" label="ditch" render="true"/>
+   <category value="ridge" type="string" symbol="5" label="ridge" render="true"/>
+   <category value="edge" type="string" symbol="6" label="edge of a bank" render="true"/>
   </categories>
   <symbols>
    <symbol type="line" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
@@ -52,6 +55,42 @@
       <Option name="line_width" type="QString" value="0.9"/>
       <Option name="line_width_unit" type="QString" value="MM"/>
       <Option name="line_style" type="QString" value="solid"/>
+      <Option name="capstyle" type="QString" value="round"/>
+      <Option name="joinstyle" type="QString" value="round"/>
+     </Option>
+    </layer>
+   </symbol>
+   <symbol type="line" name="4" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleLine" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="line_color" type="QString" value="30,110,200,255"/>
+      <Option name="line_width" type="QString" value="0.7"/>
+      <Option name="line_width_unit" type="QString" value="MM"/>
+      <Option name="line_style" type="QString" value="solid"/>
+      <Option name="capstyle" type="QString" value="round"/>
+      <Option name="joinstyle" type="QString" value="round"/>
+     </Option>
+    </layer>
+   </symbol>
+   <symbol type="line" name="5" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleLine" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="line_color" type="QString" value="150,110,70,255"/>
+      <Option name="line_width" type="QString" value="0.5"/>
+      <Option name="line_width_unit" type="QString" value="MM"/>
+      <Option name="line_style" type="QString" value="solid"/>
+      <Option name="capstyle" type="QString" value="round"/>
+      <Option name="joinstyle" type="QString" value="round"/>
+     </Option>
+    </layer>
+   </symbol>
+   <symbol type="line" name="6" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleLine" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="line_color" type="QString" value="150,110,70,255"/>
+      <Option name="line_width" type="QString" value="0.3"/>
+      <Option name="line_width_unit" type="QString" value="MM"/>
+      <Option name="line_style" type="QString" value="dot"/>
       <Option name="capstyle" type="QString" value="round"/>
       <Option name="joinstyle" type="QString" value="round"/>
      </Option>

@@ -69,7 +69,7 @@ def _lines(lines: Sequence[LineObject]) -> Layer:
     return Layer(
         LINES,
         "2.5D LineString",
-        "Poles, posts and trunks; wires and rails; fences; the feet of walls",
+        "Poles, posts and trunks; wires and rails; fences; the feet of walls; ditches, ridges and edges of banks",
         geometry_array([line.shape for line in lines]),
         {
             "kind": np.array([line.kind for line in lines], object),

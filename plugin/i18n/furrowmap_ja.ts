@@ -499,6 +499,9 @@
   <message><source>drives backwards</source><translation>後退</translation></message>
   <message><source>drives forward</source><translation>前進</translation></message>
   <message><source>fence</source><translation>柵</translation></message>
+  <message><source>ditch</source><translation>水路・溝</translation></message>
+  <message><source>ridge</source><translation>畦・土手</translation></message>
+  <message><source>edge of a bank</source><translation>法肩・法尻</translation></message>
   <message><source>headland</source><translation>枕地</translation></message>
   <message><source>horizontal plane</source><translation>水平面</translation></message>
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>

@@ -79,6 +79,7 @@ def test_keys__the_schema_has_all_tables() -> None:
         "trajectory",
         "camera",
         "parcels",
+        "features",
         "run",
         "report",
     }

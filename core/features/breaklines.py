@@ -1,0 +1,207 @@
+"""Breaklines of the ground: ditches, and the upper and lower edges of banks, where its curvature is greatest.
+
+The curvature is the eigenvalue of the Hessian of the smoothed ground that is greatest in magnitude; a line runs where
+that is a maximum across it. After C. Steger (1998), An unbiased detector of curvilinear structures, IEEE Transactions
+on Pattern Analysis and Machine Intelligence 20, 113-125, and, for terrain, M. Rutzinger, B. Höfle, M. Vetter,
+N. Pfeifer (2011), Digital terrain models from airborne laser scanning for the automatic extraction of natural and
+anthropogenic linear structures, Developments in Earth Surface Processes 15, 475-488.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from furrowmap.core.features.ground_surface import medians
+from furrowmap.core.surfaces.gaps import filled
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BreakKind = Literal["ditch", "ridge", "edge"]
+
+CELL_M: Final = 0.25
+SMOOTH_CELLS: Final = 1.6
+"""Deviation of the smoothing: furrows of a metre and less vanish."""
+DEPTH_CELLS: Final = 0.7
+"""The same for depths, which smoothing makes less."""
+CURVATURE: Final = 0.25
+"""Least curvature, in 1/m: undulations of 0.1 m over 5 m have less."""
+ACROSS_M: Final = (0.5, 1.0, 1.5, 2.0)
+"""Distances from a ditch at which its banks are measured."""
+DEPTH_M: Final = 0.15
+"""Least height of both banks above a ditch."""
+LINK_M: Final = 0.8
+LEAST_LENGTH_M: Final = 3.0
+FEWEST_CELLS: Final = 36
+
+
+@dataclass(frozen=True)
+class BreakPoints:
+    """Points of breaklines: one a cell.
+
+    Attributes:
+        xyz_m: (n, 3) in the ground.
+        concave: (n,) whether the ground turns up there, as in a ditch or at the foot of a bank.
+        depth_m: (n,) least height of both sides above it, or, where it is not concave, of it above both sides; 0 where
+            one side falls and the other rises.
+    """
+
+    xyz_m: FloatArray
+    concave: NDArray[np.bool_]
+    depth_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.concave)
+
+    def where(self, kept: NDArray[np.bool_]) -> BreakPoints:
+        """Some of them."""
+        return BreakPoints(self.xyz_m[kept], self.concave[kept], self.depth_m[kept])
+
+    @classmethod
+    def joined(cls, parts: list[BreakPoints]) -> BreakPoints:
+        """Those of all parts."""
+        return cls(
+            np.concatenate([np.zeros((0, 3)), *(part.xyz_m for part in parts)]),
+            np.concatenate([np.zeros(0, bool), *(part.concave for part in parts)]),
+            np.concatenate([np.zeros(0), *(part.depth_m for part in parts)]),
+        )
+
+
+@dataclass(frozen=True)
+class Breakline:
+    """A ditch, a ridge, or an edge of a bank.
+
+    Attributes:
+        kind: "ditch" where both sides rise, "ridge" where both fall, else "edge".
+        path_m: (k, 3) its course.
+        depth_m: median depth of a ditch, or height of a ridge; 0 for an edge.
+        cells: number of its points.
+    """
+
+    kind: BreakKind
+    path_m: FloatArray
+    depth_m: float
+    cells: int
+
+
+def break_points(xyz_m: FloatArray) -> BreakPoints:
+    """Points of breaklines of the ground points (n, 3) of one tile; cells begin at multiples of :data:`CELL_M`."""
+    nothing = BreakPoints.joined([])
+    if not len(xyz_m):
+        return nothing
+    corner = np.floor(xyz_m[:, :2].min(axis=0) / CELL_M)
+    cell = (np.floor(xyz_m[:, :2] / CELL_M) - corner).astype(np.int64)
+    shape = cell.max(axis=0) + 1
+    height = medians(cell[:, 0] * shape[1] + cell[:, 1], xyz_m[:, 2], shape)
+    known = np.isfinite(height)
+    if np.count_nonzero(known) < FEWEST_CELLS or shape.min() < 3:
+        return nothing
+    rough = filled(height)
+    ground = gaussian_filter(rough, DEPTH_CELLS, mode="nearest")
+    xx, xy, yy = (
+        gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest") / CELL_M**2 for order in ((2, 0), (1, 1), (0, 2))
+    )
+    curvature, across = _principal(xx, xy, yy)
+    column, row = np.nonzero(binary_dilation(known) & (np.abs(curvature) >= CURVATURE))
+    at, way = np.array([column, row]), across[:, column, row]
+    own = curvature[column, row]
+    beside = [map_coordinates(curvature, at + sign * way, order=1, mode="nearest") for sign in (-1.0, 1.0)]
+    top = (np.sign(own) * beside[0] <= np.abs(own)) & (np.sign(own) * beside[1] < np.abs(own))
+    at, way, own = at[:, top], way[:, top], own[top]
+    level = ground[at[0], at[1]]
+    rise = (
+        np.stack(
+            [
+                np.max(
+                    [
+                        np.sign(own)
+                        * (map_coordinates(ground, at + sign * d / CELL_M * way, order=1, mode="nearest") - level)
+                        for d in ACROSS_M
+                    ],
+                    axis=0,
+                )
+                for sign in (-1.0, 1.0)
+            ]
+        )
+        if len(own)
+        else np.zeros((2, 0))
+    )
+    place = (at.T + corner + 0.5) * CELL_M
+    return BreakPoints(np.column_stack([place, level]), own > 0.0, np.maximum(rise.min(axis=0), 0.0))
+
+
+def breaklines(points: BreakPoints) -> list[Breakline]:
+    """Lines of points that are near each other, of one kind each."""
+    deep = points.depth_m >= DEPTH_M
+    return [
+        line
+        for concave, both, kind in _KINDS
+        for line in _linked(points.where((points.concave == concave) & (deep == both)), kind)
+    ]
+
+
+_KINDS: Final[tuple[tuple[bool, bool, BreakKind], ...]] = (
+    (True, True, "ditch"), (False, True, "ridge"), (True, False, "edge"), (False, False, "edge"),
+)  # fmt: skip
+
+
+def _linked(points: BreakPoints, kind: BreakKind) -> list[Breakline]:
+    if len(points) < 2:
+        return []
+    flat = points.xyz_m[:, :2]
+    pairs = cKDTree(flat).query_pairs(LINK_M, output_type="ndarray")
+    if not len(pairs):
+        return []
+    apart = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
+    tree: Any = minimum_spanning_tree(coo_array((apart, (pairs[:, 0], pairs[:, 1])), shape=(len(flat),) * 2).tocsr())
+    _, label = connected_components(tree, directed=False)
+    out = []
+    for number in np.flatnonzero(np.bincount(label) * CELL_M >= 0.5 * LEAST_LENGTH_M).tolist():
+        members = np.flatnonzero(label == number)
+        part = tree[members][:, members]
+        path = members[_longest(part)]
+        xyz = _smoothed(points.xyz_m[path])
+        if np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1).sum() >= LEAST_LENGTH_M:
+            depth = float(np.median(points.depth_m[path])) if kind != "edge" else 0.0
+            out.append(Breakline(kind, xyz, depth, len(members)))
+    return out
+
+
+def _longest(tree: Any) -> IntArray:
+    """The longest path in a tree: from the node farthest from any to that farthest from it."""
+    first = _farthest(tree, 0)
+    last = _farthest(tree, first)
+    _, before = breadth_first_order(tree, first, directed=False)
+    path = [last]
+    while path[-1] != first:
+        path.append(int(before[path[-1]]))
+    return np.array(path, np.int64)
+
+
+def _farthest(tree: Any, node: int) -> int:
+    """The node farthest from a node."""
+    return int(np.argmax(dijkstra(tree, directed=False, indices=np.array([node]))))
+
+
+def _smoothed(path_m: FloatArray) -> FloatArray:
+    """A path of cells as a line of a point a metre: means of its neighbours."""
+    smooth: FloatArray = gaussian_filter(path_m, (2.0, 0.0), mode="nearest")
+    smooth[[0, -1]] = path_m[[0, -1]]
+    step = max(1, round(1.0 / CELL_M))
+    out: FloatArray = smooth[np.unique(np.append(np.arange(0, len(smooth), step), len(smooth) - 1))]
+    return out
+
+
+def _principal(xx: FloatArray, xy: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The eigenvalue of greatest magnitude of symmetric matrices, and its unit vector (2, …)."""
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    value = np.where(mean >= 0.0, mean + half, mean - half)
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + np.where(mean >= 0.0, 0.0, 0.5 * np.pi)
+    return value, np.array([np.cos(angle), np.sin(angle)])
