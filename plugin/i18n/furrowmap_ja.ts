@@ -496,12 +496,11 @@
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
   <message><source>body of the field</source><translation>圃場の本体</translation></message>
   <message><source>differential</source><translation>ディファレンシャル</translation></message>
+  <message><source>ditch</source><translation>水路・溝</translation></message>
   <message><source>drives backwards</source><translation>後退</translation></message>
   <message><source>drives forward</source><translation>前進</translation></message>
-  <message><source>fence</source><translation>柵</translation></message>
-  <message><source>ditch</source><translation>水路・溝</translation></message>
-  <message><source>ridge</source><translation>畦・土手</translation></message>
   <message><source>edge of a bank</source><translation>法肩・法尻</translation></message>
+  <message><source>fence</source><translation>柵</translation></message>
   <message><source>headland</source><translation>枕地</translation></message>
   <message><source>horizontal plane</source><translation>水平面</translation></message>
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
@@ -510,6 +509,7 @@
   <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
   <message><source>pole, post or trunk</source><translation>柱、杭、幹</translation></message>
   <message><source>positions end</source><translation>測位の途切れ</translation></message>
+  <message><source>ridge</source><translation>畦・土手</translation></message>
   <message><source>single</source><translation>単独測位</translation></message>
   <message><source>stop</source><translation>停止</translation></message>
   <message><source>tool down</source><translation>作業機 下</translation></message>
