@@ -100,10 +100,12 @@ class Hints:
     Attributes:
         on_wheels: whether the vehicle's origin moves along its nose, forward or in reverse.
         heading: the vehicle's heading by another device, or by the IMU's own filter; None without.
+        unasked: whether the positions come with headings of two antennas that nobody asked for.
     """
 
     on_wheels: bool = False
     heading: HeadingLog | None = None
+    unasked: bool = False
 
     def of_chain(self, t_s: FloatArray, antenna_m: FloatArray, p: Positions, lever_m: FloatArray) -> HeadingHint | None:
         """The hint for alignment at knots (n,), between which the antenna (n, 3) is at metres on the ground."""
@@ -290,6 +292,8 @@ def _contradiction(problem: Problem, misfit: float) -> InputError:
 def _no_heading(track: InertialTrack, knots: Knots, hints: Hints) -> RefusedError:
     begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
     remedy = "Record some seconds of acceleration, turns or figures of eight, best soon after the start."
+    if hints.unasked:
+        remedy += ' The positions come with headings of two antennas: write `heading = "antennas"` under `[imu]`.'
     if not hints.on_wheels:
         remedy += " Of a vehicle on wheels or tracks, write `on_wheels = true` under `[imu]`: its course then shows it."
     return RefusedError(

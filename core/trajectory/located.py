@@ -125,7 +125,7 @@ def locate(
     track = _of_nose(track, session)
     if beside.inertial is not None and session.imu is not None:
         near_s, told = middle_s(track), _unused_attitude(session, "[imu]")
-        hints = Hints(session.imu.on_wheels)
+        hints = Hints(session.imu.on_wheels, unasked=int(np.isfinite(track.heading_deg).sum()) > 1)
         if session.imu.heading == "attitude" and beside.attitude is not None:
             hints, told = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
         elif session.imu.heading == "antennas":
