@@ -13,7 +13,7 @@ OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin clean
+.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -46,7 +46,11 @@ setup: $(INSTALLED)  ## only the virtual environment
 
 $(INSTALLED): pyproject.toml constraints.txt scripts/setup.sh
 	PYTHON=$(PYTHON) scripts/setup.sh $(VENV)
+	@scripts/web_bundle.sh || echo "The page of furrowmap share is not built; everything else works. To build it later: make web"
 	@touch $@
+
+web:  ## the scripts of the page of furrowmap share, with npm; setup builds them, too, where npm is installed
+	scripts/web_bundle.sh --install
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check

@@ -98,6 +98,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.response import ResponseSettings as ResponseSettings
     from furrowmap.workflows.response import response as response
     from furrowmap.workflows.run import run as run
+    from furrowmap.workflows.share import Shared as Shared
+    from furrowmap.workflows.share import share as share
     from furrowmap.workflows.simulate import simulate as simulate
     from furrowmap.workflows.solve_gnss import SolvedPositions as SolvedPositions
     from furrowmap.workflows.solve_gnss import SolveSettings as SolveSettings
@@ -146,6 +148,7 @@ _HOMES = {
     "ResponseSettings": "workflows.response",
     "Result": "results",
     "Scan": "core.values.scan",
+    "Shared": "workflows.share",
     "Simulated": "core.simulator.simulate",
     "SiteCoordinates": "core.session.site_coordinates",
     "SurfaceSettings": "core.pointclouds.surface_settings",
@@ -184,6 +187,7 @@ _HOMES = {
     "run": "workflows.run",
     "write_report_page": "workflows.report",
     "save_machine": "workflows.machines",
+    "share": "workflows.share",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",
     "SolveSettings": "workflows.solve_gnss",

@@ -38,6 +38,7 @@ COMMANDS: Final = (
     "response",
     "export",
     "report",
+    "share",
     "farm",
     "calibrate",
     "machine",

@@ -27,6 +27,8 @@ STAGES = (
     QT_TRANSLATE_NOOP("Stages", "filling gaps"),
     QT_TRANSLATE_NOOP("Stages", "exporting"),
     QT_TRANSLATE_NOOP("Stages", "reading results"),
+    QT_TRANSLATE_NOOP("Stages", "writing the page"),
+    QT_TRANSLATE_NOOP("Stages", "writing the project"),
     QT_TRANSLATE_NOOP("Stages", "writing the farm map"),
     QT_TRANSLATE_NOOP("Stages", "writing the mosaic"),
     QT_TRANSLATE_NOOP("Stages", "waiting for another process"),

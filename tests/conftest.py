@@ -63,9 +63,9 @@ class QgisRoot:
         return layers
 
 
-def _installed(script: str, what: str) -> str:
+def _installed(script: str, what: str, *arguments: str) -> str:
     """What a script of the project prints. Where it cannot install `what`, CI fails and everybody else skips."""
-    done = subprocess.run([CHECKOUT / "scripts" / script], capture_output=True, text=True, check=False)
+    done = subprocess.run([CHECKOUT / "scripts" / script, *arguments], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         reason = f"no {what} to test with: {done.stderr.strip().splitlines()[-1]}"
         if os.environ.get("CI") == "true":
@@ -89,9 +89,17 @@ def browser() -> Iterator[Browser]:
 
     with sync_playwright() as playwright:
         # Chromium's own sandbox needs rights that root in a container does not have; the pages are our own.
-        chromium = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        # WebGL is drawn by the processor.
+        options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        chromium = playwright.chromium.launch(executable_path=path, args=options)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture(scope="session")
+def page_scripts() -> None:
+    """The scripts of the page of a shared result, built where they are missing."""
+    _installed("web_bundle.sh", "scripts of the page", "--install")
 
 
 @pytest.fixture(scope="session")

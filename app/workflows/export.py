@@ -123,6 +123,16 @@ def _refuse_existing(target: Path, *, overwrite: bool) -> None:
     """
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
+    refuse_result(target)
+    refuse_existing(target, overwrite=overwrite)
+
+
+def refuse_result(target: Path) -> None:
+    """Check that a folder to write to is not the result of a run.
+
+    Raises:
+        RefusedError: if it is.
+    """
     if (target / REPORT).exists():
         raise RefusedError(
             f"{target} is the result folder of a run.",
@@ -130,7 +140,6 @@ def _refuse_existing(target: Path, *, overwrite: bool) -> None:
             "Choose another target with -o.",
             code="output-is-result",
         )
-    refuse_existing(target, overwrite=overwrite)
 
 
 def _usage(what: str, remedy: str) -> UsageError:

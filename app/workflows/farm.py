@@ -19,9 +19,10 @@ from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
-from furrowmap.exporters.farm.project import ProjectLayer, project_archive
+from furrowmap.exporters.farm.project import project_archive
 from furrowmap.exporters.farm.results import SessionResult, drawing_order, read_result
 from furrowmap.exporters.farm.styling import styles
+from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.vectors.field_layers import concatenated
 
 DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")

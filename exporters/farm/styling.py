@@ -10,10 +10,11 @@ from importlib.resources import files
 from typing import Final
 from xml.etree import ElementTree as ET
 
+from furrowmap.exporters.files.qgis_project import DOCTYPE
+
 _BY_DATE: Final = "coverage"
 _HUES: Final = (0.14, 0.62)
 """From the first day (yellow) over green to the last (blue)."""
-DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 
 
 def styles(layers: Iterable[str], dates: Sequence[dt.date]) -> dict[str, str]:

@@ -35,7 +35,7 @@ def filled(
     """
     page = files("furrowmap.exporters.reports").joinpath("report.html").read_text("utf-8")
     return Template(page).substitute(
-        policy=_policy(page),
+        policy=policy(page),
         title=title,
         when=when,
         summary=summary,
@@ -46,11 +46,13 @@ def filled(
     )
 
 
-def _policy(page: str) -> str:
-    """The Content-Security-Policy of a page: its own style sheet, embedded images, and nothing else."""
+def policy(page: str, *more: str) -> str:
+    """The Content-Security-Policy of a page: its own style sheet, embedded images, `more`, and nothing else."""
     sheet = page.partition("<style>")[2].partition("</style>")[0]
+    named = {part.split()[0] for part in more}
     digest = base64.b64encode(hashlib.sha256(sheet.encode()).digest()).decode("ascii")
-    return f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
+    own = ("img-src data:", f"style-src 'sha256-{digest}'", "base-uri 'none'", "form-action 'none'")
+    return "; ".join(("default-src 'none'", *more, *(part for part in own if part.split()[0] not in named)))
 
 
 def escape(text: str) -> str:
@@ -96,3 +98,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def duration_words(length_s: float) -> str:
+    """Seconds, minutes or hours."""
+    whole = round(length_s)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"

@@ -48,6 +48,7 @@ from furrowmap.exporters.reports.image_section import image_sections
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.page_parts import (
     alarm,
+    duration_words,
     escape,
     figure,
     filled,
@@ -183,13 +184,13 @@ def _figures(found: RunResult) -> Iterable[str]:
             field, left = figures.field.area, figures.field.unworked
             yield key_figure(area(left.grid_m2), f"not worked {_margin(left)}, of {area(field.grid_m2)} of field")
         yield key_figure(str(figures.passes), "passes")
-        yield key_figure(_duration(figures.hours.field_s), "in the field")
+        yield key_figure(duration_words(figures.hours.field_s), "in the field")
         yield key_figure(work_rate(figures.work_rate_ha_h), "work rate, turns and stops included")
         yield key_figure(_number(3.6 * figures.speed_mps, 1, " km/h"), "mean speed at work")
-        yield key_figure(_duration(figures.hours.turning_s), "turning and reversing")
-        yield key_figure(_duration(figures.hours.idle_s), "standing")
+        yield key_figure(duration_words(figures.hours.turning_s), "turning and reversing")
+        yield key_figure(duration_words(figures.hours.idle_s), "standing")
     else:
-        yield key_figure(_duration(found.placement.last_s - found.placement.first_s), "recorded")
+        yield key_figure(duration_words(found.placement.last_s - found.placement.first_s), "recorded")
     if found.placement.points:
         yield key_figure(f"{found.placement.points / 1e6:.1f} million", "points in the cloud")
 
@@ -395,10 +396,3 @@ def _number(value: float, digits: int, unit: str) -> str:
 def _median(values: NDArray[np.float64]) -> float:
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else float("nan")
-
-
-def _duration(length_s: float) -> str:
-    whole = round(length_s)
-    if whole >= 3600:
-        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
-    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"

@@ -5,6 +5,7 @@
   <name>Algorithms</name>
   <message><source>A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's password file.</source><translation>GeoPackage の代わりに使う接続 URI（例：postgresql://me@server/farm）。パスワードは PostgreSQL のパスワードファイルに置いてください。</translation></message>
   <message><source>A name, or a file to pass on that ends with .toml.</source><translation>名前、または人に渡すためのファイル（末尾は .toml）。</translation></message>
+  <message><source>A project for QField instead of a web page</source><translation>ウェブページの代わりに QField 用プロジェクト</translation></message>
   <message><source>A surface or terrain model (GeoTIFF), or a cloud of bare soil.</source><translation>地表モデルまたは地形モデル（GeoTIFF）、または裸地の点群。</translation></message>
   <message><source>A surface through the bare soil around the parcels (default), or a plane around each.</source><translation>区画の周囲の裸地を通る曲面（既定）、または区画ごとの平面。</translation></message>
   <message><source>A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for all in its folder, with their times in EXIF data.</source><translation>画像とその時刻の表（CSV：file、time_unix_s）、または画像の一つ。画像を選ぶと同じフォルダの全画像を意味し、時刻は EXIF から読みます。</translation></message>
@@ -122,6 +123,7 @@
   <message><source>Field, drive and sensors. By default a small field that is tilled for a minute.</source><translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation></message>
   <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
   <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
+  <message><source>File to open</source><translation>開くファイル</translation></message>
   <message><source>Files written</source><translation>書き出したファイル</translation></message>
   <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation>最も近い計測値からこの距離までの欠損を補間します。データの外側は補間しません。</translation></message>
   <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
@@ -232,6 +234,7 @@
   <message><source>Output file or folder</source><translation>出力ファイルまたはフォルダ</translation></message>
   <message><source>Output file.</source><translation>出力ファイル。</translation></message>
   <message><source>Output folder</source><translation>出力フォルダ</translation></message>
+  <message><source>Output folder [default: beside RESULT].</source><translation>出力フォルダ［既定：RESULT の隣］。</translation></message>
   <message><source>Output folder.</source><translation>出力フォルダ。</translation></message>
   <message><source>Output raster: .vrt or .tif.</source><translation>出力ラスタ：.vrt または .tif。</translation></message>
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
@@ -274,6 +277,7 @@
   <message><source>Required horizontal RMSE</source><translation>要求する水平 RMSE</translation></message>
   <message><source>Required vertical RMSE</source><translation>要求する鉛直 RMSE</translation></message>
   <message><source>Requirements met</source><translation>要求を満たす</translation></message>
+  <message><source>Result of a run</source><translation>実行結果</translation></message>
   <message><source>Results of runs</source><translation>実行結果</translation></message>
   <message><source>Resume</source><translation>再開</translation></message>
   <message><source>Returns up to this height above the ground are from the ground; in forests 2 is usual.</source><translation>地面からこの高さまでの反射を地面とみなします。森林では 2 m が一般的です。</translation></message>
@@ -291,6 +295,7 @@
   <message><source>Session with the intrinsics</source><translation>内部パラメータのあるセッション</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Sessions (JSON)</source><translation>セッション（JSON）</translation></message>
+  <message><source>Share a result</source><translation>実行結果の共有</translation></message>
   <message><source>Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the directions of its axes in words. A drawing shows them from the side and from above. The recordings are not read.</source><translation>セッションの座標系を示します。地球、地図、車両、各センサの位置と角度、軸の向きを言葉で表します。図では横と上から見た様子を示します。記録は読み込みません。</translation></message>
   <message><source>Side</source><translation>側</translation></message>
   <message><source>Side of a square</source><translation>正方形の一辺</translation></message>
@@ -323,6 +328,7 @@
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
+  <message><source>The report.json of the run; it stands for the folder of the run.</source><translation>実行の report.json。実行結果のフォルダを表します。</translation></message>
   <message><source>The rover stands still</source><translation>移動局は静止</translation></message>
   <message><source>The rover stands still.</source><translation>移動局は静止しています。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
@@ -349,6 +355,7 @@
   <message><source>Working width</source><translation>作業幅</translation></message>
   <message><source>Working width in metres [default: the largest in the logs].</source><translation>作業幅（メートル）。省略時はログにある最大の幅。</translation></message>
   <message><source>Write a CSV table of the errors at each point.</source><translation>各点の誤差の CSV 表を書き出します。</translation></message>
+  <message><source>Write a QGIS project for QField instead of a web page.</source><translation>ウェブページの代わりに、QField 用の QGIS プロジェクトを書き出します。</translation></message>
   <message><source>Write passes, overlaps and misses to this GeoPackage.</source><translation>行程、重複、作業残しを書き出す GeoPackage。</translation></message>
   <message><source>Write the estimates into SESSION; its other lines are kept.</source><translation>推定値をセッションファイルに書き込みます。ほかの行は変更しません。</translation></message>
   <message><source>Write the estimates into the session file</source><translation>推定値をセッションファイルに書き込む</translation></message>
@@ -356,6 +363,7 @@
   <message><source>Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point takes the colour of the best image that sees it; points that no image sees are black.</source><translation>任意の LAS、LAZ、COPC 点群に、セッションの画像の色を付けて書き出します。各点は、その点が最もよく見える画像の色になります。どの画像にも写っていない点は黒です。</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
   <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
+  <message><source>Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.</source><translation>GIS を使わない人のために、実行結果をフォルダに書き出します：地図、レイヤ、数値、3D 点群、計測を備え、ネットワークなしでディスクから開けるウェブページ、または QField 用プロジェクト。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>
   <message><source>fixed: leave out epochs without a fixed solution in the reference.</source><translation>fixed：基準が FIX 解でないエポックを除外します。</translation></message>
   <message><source>furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap.</source><translation>furrowmap のワーカーが設定されていません。「設定 › オプション › furrowmap」で環境を選択または作成してください。</translation></message>
@@ -683,7 +691,9 @@
   <message><source>writing layers</source><translation>レイヤの書き出し</translation></message>
   <message><source>writing the farm map</source><translation>農場マップの書き出し</translation></message>
   <message><source>writing the mosaic</source><translation>モザイクの書き出し</translation></message>
+  <message><source>writing the page</source><translation>ページの書き出し</translation></message>
   <message><source>writing the preview</source><translation>プレビューの書き出し</translation></message>
+  <message><source>writing the project</source><translation>プロジェクトの書き出し</translation></message>
 </context>
 <context>
   <name>StartPage</name>

@@ -629,6 +629,28 @@ ALGORITHMS = (
         ),
     ),
     Algorithm(
+        "share",
+        "Share a result",
+        "exchange",
+        "Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point "
+        "cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.",
+        basic={
+            "result": parameter(
+                "RESULT",
+                "Result of a run",
+                "The report.json of the run; it stands for the folder of the run.",
+                folder_of="*",
+            ),
+            "--qfield": parameter("QFIELD", "A project for QField instead of a web page"),
+            "--output": parameter("OUTPUT", "Output folder", required=True),
+        },
+        advanced=OVERWRITE,
+        outputs=(
+            Output("START", "file", "File to open", item("start")),
+            Output("FILES", "layers", "Files written", item("files")),
+        ),
+    ),
+    Algorithm(
         "farm add",
         "Add results to the farm map",
         "farm",

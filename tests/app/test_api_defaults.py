@@ -17,6 +17,7 @@ FLAGS = {
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
     "write_report_page": {"pdf"},
+    "share": {"overwrite", "qfield"},
     **{
         name: {"overwrite"}
         for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "features", "fields", "growth", "mosaic")
@@ -27,7 +28,13 @@ FLAGS = {
     },
 }
 """What a function does only if asked to."""
-TEXTS = {"product": "dsm", "schema": "furrowmap", "layers": (), "board_on": "body", "board_rpy_deg": (0.0, 0.0, 0.0)}
+TEXTS = {
+    "product": "dsm",
+    "schema": "furrowmap",
+    "layers": (),
+    "board_on": "body",
+    "board_rpy_deg": (0.0, 0.0, 0.0),
+}
 SETTINGS: dict[str, dict[str, Any]] = {
     "check": {"targets": "none", "diameter_m": 0.3},
     "clean": {"cleaning": {"box": None, "without": frozenset(), "every": 1, "outliers": "none", "drop_noise": False,

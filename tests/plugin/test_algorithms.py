@@ -161,6 +161,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "cloud": run("cloud", CLOUDS=[str(cloud)], OUTPUT=folder / "clean.copc.laz", VOXEL=0.5, CLASSES="64,65"),
         "poison": {"do": "settings", "environment": poisons},
         "export": run("export", RESULTS=[str(report)], FORMAT="geojson", LAYERS=["trajectory"], TARGET=folder / "web"),
+        "share": run("share", RESULT=report, QFIELD=True, OUTPUT=folder / "phone"),
         "cure": {"do": "settings", "forget": list(poisons)},
         "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
         "farm_list": run("farm_list", FARM_MAP=base),
@@ -381,6 +382,12 @@ def test_worker__works_where_qgis_has_variables_of_its_own(answers: dict[str, An
     """PYTHONHOME, PYTHONPATH, GDAL_DATA and PROJ_LIB, as QGIS's launchers set them, break other Pythons and GDALs."""
     assert answers["export"]["error"] is None
     assert pyogrio.read_info(folder / "web" / "trajectory.geojson")["features"] == 5
+
+
+def test_share__writes_a_project(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["share"]["error"] is None
+    assert Path(answers["share"]["outputs"]["START"]) == folder / "phone" / "field.qgs"
+    assert "<id>furrowmap_trajectory</id>" in (folder / "phone" / "field.qgs").read_text(encoding="utf-8")
 
 
 def test_inspect__has_the_findings_of_the_others_where_one_file_is_refused(answers: dict[str, Any]) -> None:

@@ -1,0 +1,36 @@
+"""`furrowmap share`: a result for people without a GIS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.core.values.errors import printable
+
+
+@click.command(
+    short_help="Share a result as a web page, or as a project for QField.",
+    epilog="\b\nExample:\n  furrowmap share result\n  furrowmap share result --qfield --lang ja -o for_the_phone",
+)
+@click.argument("result", metavar="RESULT", type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="DIR", help="Output folder [default: beside RESULT].")
+@click.option("--qfield", is_flag=True, help="Write a QGIS project for QField instead of a web page.")
+@click.option("--overwrite", is_flag=True, help="Replace an earlier page or project in DIR.")
+@common_options
+def share(console: Console, result: Path, output: Path | None, *, qfield: bool, overwrite: bool) -> None:
+    """Write the RESULT of `furrowmap run` as a folder for people without a GIS.
+
+    The web page has the map with its layers, the figures, the point cloud in three dimensions, and measures distances
+    and areas. Open index.html from disk, or put the folder on any web server; it needs no network. With --qfield, copy
+    the folder to a phone and open field.qgs in QField; --lang is its language. A page has English and Japanese.
+    """
+    with console.work() as progress:
+        done = furrowmap.share(result, output, qfield=qfield, overwrite=overwrite, progress=progress)
+    console.answer(
+        {"folder": done.folder, "start": done.start, "files": done.files, "size_bytes": done.size_bytes},
+        f"{printable(str(done.start))}  {done.size_bytes / 1e6:.1f} MB",
+    )

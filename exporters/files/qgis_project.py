@@ -1,0 +1,139 @@
+"""The XML of QGIS projects, written without QGIS; QGIS completes it with defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+from xml.etree import ElementTree as ET
+
+from pyproj import CRS
+
+DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+_QGIS: Final = "3.34.0"
+"""The first version that supports everything written here."""
+_MARGIN: Final = 0.05
+_PARTS: Final = ("renderer-v2", "labeling", "temporal", "mapTip", "layerOpacity", "blendMode")
+
+
+@dataclass(frozen=True)
+class ProjectLayer:
+    """A layer as a project names it.
+
+    Attributes:
+        name: of the layer.
+        kind: of geometry, as OGR calls it; empty for a table of attributes.
+        source: data source of its provider.
+        provider: QGIS's name of it.
+        style: QML; None for QGIS's default.
+        title: for people; empty for the name.
+        read_only: whether the features may not be edited.
+    """
+
+    name: str
+    kind: str
+    source: str
+    provider: str
+    style: str | None
+    title: str = ""
+    read_only: bool = False
+
+    @property
+    def id(self) -> str:
+        """Its name within the project."""
+        return f"furrowmap_{self.name}"
+
+
+def project_root(title: str, crs: CRS) -> ET.Element:
+    """A project without layers.
+
+    Args:
+        title: of the project.
+        crs: of the map.
+    """
+    root = ET.Element("qgis", {"version": _QGIS, "projectname": title})
+    put_text(root, "title", title)
+    put_crs(ET.SubElement(root, "projectCrs"), crs)
+    return root
+
+
+def project_text(root: ET.Element) -> str:
+    """The content of a `.qgs` file."""
+    ET.indent(root, " ")
+    return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def put_view(root: ET.Element, crs: CRS, bounds: tuple[float, float, float, float]) -> None:
+    """The first view of a project, and relative paths.
+
+    Args:
+        root: the project.
+        crs: of the map.
+        bounds: west, south, east and north.
+    """
+    view = ET.SubElement(root, "ProjectViewSettings", {"UseProjectScales": "0", "rotation": "0"})
+    west, south, east, north = bounds
+    margin = _MARGIN * max(east - west, north - south, 1.0)
+    box = {"xmin": west - margin, "ymin": south - margin, "xmax": east + margin, "ymax": north + margin}
+    texts = {name: repr(float(value)) for name, value in box.items()}
+    put_crs(ET.SubElement(view, "DefaultViewExtent", texts), crs)
+    canvas = ET.SubElement(root, "mapcanvas", {"name": "theMapCanvas"})  # what QField shows first
+    extent = ET.SubElement(canvas, "extent")
+    for name, text in texts.items():
+        put_text(extent, name, text)
+    put_crs(ET.SubElement(canvas, "destinationsrs"), crs)
+    properties = ET.SubElement(root, "properties")
+    put_text(ET.SubElement(properties, "Paths"), "Absolute", "false", type="bool")
+    put_text(ET.SubElement(properties, "SpatialRefSys"), "ProjectionsEnabled", "1", type="int")
+
+
+def put_vector_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
+    """A vector layer or a table, in the CRS of the map."""
+    geometry = next((word for word in ("Polygon", "Line", "Point") if word in layer.kind), "No geometry")
+    attributes = {"type": "vector", "geometry": geometry, "styleCategories": "AllStyleCategories"}
+    element = _put_layer(within, layer, crs, attributes | {"readOnly": str(int(layer.read_only))})
+    style = ET.fromstring(layer.style) if layer.style else ET.Element("qgis")  # noqa: S314 (of this package)
+    element.extend([part for part in style if part.tag in _PARTS])
+    element.set("labelsEnabled", "0" if style.find("labeling") is None else "1")
+
+
+def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, *, multiply: bool = False) -> None:
+    """A raster in the CRS of the map.
+
+    Args:
+        within: the element of the project's layers.
+        layer: of which the style is a pipe.
+        crs: of the raster.
+        multiply: whether its colours blend with the layers below.
+    """
+    element = _put_layer(within, layer, crs, {"type": "raster", "styleCategories": "AllStyleCategories"})
+    pipe = ET.fromstring(layer.style).find("pipe") if layer.style else None  # noqa: S314 (of this package)
+    if pipe is not None:
+        element.append(pipe)
+    put_text(element, "blendMode", "6" if multiply else "0")
+
+
+def _put_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, attributes: dict[str, str]) -> ET.Element:
+    element = ET.SubElement(within, "maplayer", attributes)
+    put_text(element, "id", layer.id)
+    put_text(element, "datasource", layer.source)
+    put_text(element, "layername", layer.title or layer.name)
+    if layer.kind:
+        put_crs(ET.SubElement(element, "srs"), crs)
+    put_text(element, "provider", layer.provider, encoding="UTF-8")
+    return element
+
+
+def put_crs(parent: ET.Element, crs: CRS) -> None:
+    """A CRS as QGIS stores it."""
+    element = ET.SubElement(parent, "spatialrefsys", {"nativeFormat": "Wkt"})
+    put_text(element, "wkt", crs.to_wkt())
+    authority = crs.to_authority()
+    if authority:
+        put_text(element, "authid", ":".join(authority))
+    put_text(element, "description", crs.name)
+    put_text(element, "geographicflag", "true" if crs.is_geographic else "false")
+
+
+def put_text(parent: ET.Element, tag: str, text: str, **attributes: str) -> None:
+    """An element with text."""
+    ET.SubElement(parent, tag, attributes).text = text

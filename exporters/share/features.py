@@ -1,0 +1,214 @@
+"""The features of vector layers for a page: geometry, symbol, and what a tap shows."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import shapely
+
+from furrowmap.core.geodesy.local_time import clock_words, local_time
+from furrowmap.core.values.errors import printable
+from furrowmap.exporters.reports.area_units import HECTARE, area_words
+from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
+from furrowmap.exporters.share.words import LAYER_TITLES
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+MOST_FEATURES: Final = 5000
+"""Of a layer; of more, every second, third… is shown."""
+TOLERANCE_M: Final = 0.01
+"""By which outlines and lines are simplified."""
+DIGITS: Final = 3
+HIDDEN_AT_FIRST: Final = frozenset({"trajectory", "strip_differences", "strips"})
+Row = tuple[str, str]
+Format = Callable[[Any, Mapping[str, Any]], str]
+"""Of a value, and of the fields of its row."""
+
+
+def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: bool) -> dict[str, Any] | None:
+    """A layer of `field.gpkg` as the page reads it; None for no features.
+
+    Args:
+        name: of the layer.
+        layer: its features.
+        zone: time zone of the field.
+        alone: whether there is no other layer, so that it is shown at first whatever it is.
+    """
+    layer = layer[~(layer.geometry.isna() | layer.geometry.is_empty)]
+    every = max(1, math.ceil(len(layer) / MOST_FEATURES))
+    layer = layer.iloc[::every]
+    if layer.empty:
+        return None
+    geometry = str(layer.geometry.name)
+    style = layer_style(name, {str(column): layer[column] for column in layer if column != geometry})
+    symbols: list[Symbol] = []
+    features = []
+    for shape, row in zip(_geometries(layer), layer.drop(columns=geometry).to_dict("records"), strict=True):
+        known = {str(key): value for key, value in row.items() if not _missing(value)}
+        symbol = _symbol_of(style, known)
+        if symbol not in symbols:
+            symbols.append(symbol)
+        feature = {"symbol": symbols.index(symbol), "geometry": shape, "rows": feature_rows(known, style, zone)}
+        if style.label_attribute in known:
+            feature["label"] = printable(str(known[style.label_attribute]))
+        features.append(feature)
+    return {
+        "name": name,
+        "title": LAYER_TITLES.get(name, name.replace("_", " ")),
+        "shown": alone or name not in HIDDEN_AT_FIRST,
+        "every": every,
+        "legend": _legend(style, symbols, layer),
+        "symbols": [asdict(symbol) for symbol in symbols],
+        "features": features,
+    }
+
+
+def _geometries(layer: gpd.GeoDataFrame) -> list[Any]:
+    """GeoJSON geometries in the plane of the layer's CRS, in millimetres."""
+    flat = shapely.simplify(shapely.force_2d(layer.geometry.to_numpy()), TOLERANCE_M)
+    rounded = shapely.transform(flat, lambda xy: np.round(xy, DIGITS))
+    return [json.loads(text) for text in shapely.to_geojson(rounded)]
+
+
+def _symbol_of(style: LayerStyle, row: Mapping[str, Any]) -> Symbol:
+    if style.ramp is not None and style.ramp.attribute in row:
+        fill = style.ramp.colour(float(row[style.ramp.attribute]), style.opacity)
+        return Symbol(style.default.stroke, fill, style.default.width_mm, style.default.size_mm)
+    return style.by_value.get(str(row.get(style.attribute, "")), style.default)
+
+
+def _legend(style: LayerStyle, symbols: list[Symbol], layer: gpd.GeoDataFrame) -> list[dict[str, Any]]:
+    """The categories that the layer has, or the ends of the ramp."""
+    if style.ramp is not None:
+        ends = dict.fromkeys((style.ramp.low, 0.5 * (style.ramp.low + style.ramp.high), style.ramp.high))
+        legend = []
+        for value in ends:
+            fill = style.ramp.colour(value, style.opacity)
+            symbol = Symbol(style.default.stroke, fill, style.default.width_mm, style.default.size_mm)
+            if symbol not in symbols:
+                symbols.append(symbol)
+            legend.append({"label": _ramp_words(style.ramp.attribute, value), "symbol": symbols.index(symbol)})
+        return legend
+    if not style.by_value or style.attribute not in layer:
+        return []
+    there = {"" if _missing(value) else str(value) for value in layer[style.attribute]}
+    chosen = {value if value in style.by_value else "" for value in there}
+    return [
+        {"label": style.labels[value], "symbol": symbols.index(symbol)}
+        for value, symbol in style.by_value.items()
+        if value in chosen and symbol in symbols
+    ]
+
+
+def _ramp_words(attribute: str, value: float) -> str:
+    if attribute.endswith("_m"):
+        return f"{value:.2f} m"
+    return f"{value:.0f}"
+
+
+def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> list[Row]:
+    """Name and value of what a feature's fields say, for people.
+
+    Args:
+        row: its fields, without those that are NULL.
+        style: of its layer, which names its categories.
+        zone: time zone of the field.
+    """
+    rows: list[Row] = []
+    for field, (label, text) in _FIELDS.items():
+        if field not in row:
+            continue
+        value = row[field]
+        words = style.labels.get(str(value)) if field == style.attribute else None
+        rows.append((label, words or printable(text(value, row))))
+    if "start" in row and "end" in row:
+        rows.append(("Time", f"{_clock(row['start'], zone)} – {_clock(row['end'], zone)} ({zone.key})"))
+    elif "start" in row or "time" in row:
+        rows.append(("Time", f"{_clock(row.get('start', row.get('time')), zone)} ({zone.key})"))
+    return rows
+
+
+def _missing(value: Any) -> bool:
+    return value is None or value != value  # as nan and NaT do
+
+
+def _clock(moment: Any, zone: ZoneInfo) -> str:
+    t_s = float(moment.timestamp())
+    return f"{local_time(t_s, zone):%Y-%m-%d} {clock_words(t_s, zone)}"
+
+
+def _number(digits: int, unit: str = "", factor: float = 1.0, sigma: str = "") -> Format:
+    """Formats a number with its unit and, if its row has it, twice its standard deviation."""
+
+    def words(value: Any, row: Mapping[str, Any]) -> str:
+        spread = f" ± {2.0 * factor * float(row[sigma]):.{digits}f}" if sigma in row else ""
+        return f"{factor * float(value):.{digits}f}{spread}{unit}"
+
+    return words
+
+
+def _area(value: Any, row: Mapping[str, Any]) -> str:
+    sigma = row.get("area_sigma_m2", 0.0)
+    spread = f" ± {area_words(2.0 * float(sigma), HECTARE)}" if sigma > 0.0 else ""
+    return area_words(float(value), HECTARE) + spread
+
+
+def _depth(value: Any, row: Mapping[str, Any]) -> str:
+    spread = f" ± {100.0 * float(row['depth_spread_m']):.1f}" if "depth_spread_m" in row else ""
+    return f"{100.0 * float(value):.0f}{spread} cm"
+
+
+def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)
+    return ("yes" if value else "no") if isinstance(value, bool | np.bool_) else str(value)
+
+
+_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
+    "kind": ("Kind", _text),
+    "zone": ("Kind", _text),
+    "id": ("Parcel", _text),
+    "block": ("Block", _text),
+    "treatment": ("Treatment", _text),
+    "pass": ("Pass", _text),
+    "pass_a": ("Passes concerned", lambda value, row: f"{value}, {row.get('pass_b', '')}"),
+    "strip": ("Strip", _text),
+    "strip_a": ("Strip", lambda value, row: f"{row.get('strip_b', '')} − {value}"),
+    "scan": ("Scan", _text),
+    "implement": ("Tool", _text),
+    "motion": ("Motion", _text),
+    "fix": ("Positioning", _text),
+    "area_m2": ("Area", _area),
+    "worked_share": ("Worked share", _number(1, " %", 100.0)),
+    "length_m": ("Length", _number(1, " m")),
+    "width_m": ("Width", _number(2, " m")),
+    "speed_mps": ("Speed", _number(1, " km/h", 3.6)),
+    "heading_deg": ("Heading", _number(1, "°")),
+    "depth_m": ("Depth (approximate)", _depth),
+    "mean_height_m": ("Mean height", _number(3, " m", sigma="height_sigma_m")),
+    "p95_m": ("95th percentile of heights", _number(3, " m")),
+    "volume_m3": ("Volume", _number(2, " m³", sigma="volume_sigma_m3")),
+    "cover": ("Cover", _number(1, " %", 100.0)),
+    "lodging": ("Lodging", _text),
+    "n_kg_ha": ("Nitrogen", _number(0, " kg/ha")),
+    "points_m2": ("Points a square metre", _number(0)),
+    "after_m": ("Difference", _number(1, " mm", 1000.0)),
+    "before_m": ("Difference with the stated mounting", _number(1, " mm", 1000.0)),
+}
+"""Label and format of the fields that people read; the GeoPackage has all."""
+
+
+def labels() -> Iterable[str]:
+    """The names of fields, for the test of translations."""
+    return (label for label, _ in _FIELDS.values())
+
+
+def moment_s(text: str) -> float:
+    """UTC in seconds since 1970 of a time in a report."""
+    return dt.datetime.fromisoformat(text).timestamp()

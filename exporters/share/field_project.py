@@ -1,0 +1,134 @@
+"""A result as a QGIS project that QField opens on a phone: relative paths, the GeoPackage, the rasters."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Final
+from xml.etree import ElementTree as ET
+
+from pyproj import CRS
+
+from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.errors import printable
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.files.ogr import pyogrio
+from furrowmap.exporters.files.qgis_project import (
+    DOCTYPE,
+    ProjectLayer,
+    project_root,
+    project_text,
+    put_raster_layer,
+    put_vector_layer,
+    put_view,
+)
+from furrowmap.exporters.files.result_folder import (
+    CHANGE,
+    FIELD,
+    HEIGHT_ABOVE_GROUND,
+    ResultFolder,
+    packaged_style,
+    packaged_styles,
+    unreadable,
+)
+from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.exporters.rasters.windows import window, windows
+from furrowmap.exporters.share.features import HIDDEN_AT_FIRST
+from furrowmap.exporters.share.rasters import COLOURED, RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+
+PROJECT: Final = "field.qgs"
+FIELD_PRODUCTS: Final = (PROJECT, FIELD)
+"""Names by which a folder is known to hold a project; its rasters come on top."""
+SURFACES: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
+
+
+def write_field_project(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
+    """Write the project and its data.
+
+    Args:
+        staging: folder to write to.
+        result: of a run.
+        language: of the names of layers and classes: "en" or "ja".
+        progress: receives the stage "writing the project".
+
+    Returns:
+        The names of the files.
+
+    Raises:
+        InputError: if a file of the result is damaged.
+        OSError: if a file cannot be written.
+    """
+    crs, bounds = _place(result)
+    root = project_root(printable(result.name), crs)
+    tree = ET.SubElement(root, "layer-tree-group")
+    within = ET.SubElement(root, "projectlayers")
+    names = (FIELD, *rasters_of(result))
+    for number, name in enumerate(names):
+        progress("writing the project", number / len(names))
+        _copy(result, name, staging)
+    for name in result.layer_names:
+        kind = str(pyogrio.read_info(result.folder / FIELD, layer=name)["geometry_type"])
+        source = f"./{FIELD}|layername={name}"
+        title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
+        layer = ProjectLayer(name, kind, source, "ogr", _style(f"{name}.qml", language), title, read_only=True)
+        put_vector_layer(within, layer, crs)
+        _put_leaf(tree, layer, shown=len(result.layer_names) == 1 or name not in HIDDEN_AT_FIRST)
+    for name in rasters_of(result):
+        title = _in(language, title_of(name, result))
+        layer = ProjectLayer(
+            Path(name).stem, "raster", f"./{name}", "gdal", _style(raster_style(name), language), title
+        )
+        put_raster_layer(within, layer, crs, multiply=name in COLOURED)
+        _put_leaf(tree, layer, shown=name in SHOWN_AT_FIRST)
+    put_view(root, crs, bounds)
+    (staging / PROJECT).write_text(project_text(root), encoding="utf-8")
+    progress("writing the project", 1.0)
+    return sorted([PROJECT, *names])
+
+
+def _copy(result: ResultFolder, name: str, staging: Path) -> None:
+    """A file of the result; of a surface only the heights, which are all that the map draws."""
+    source = result.folder / name
+    if name not in SURFACES:
+        shutil.copyfile(source, staging / name)
+        return
+    with open_geotiff(source, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:
+        cell_m, west, north = raster.transform.a, raster.transform.c, raster.transform.f
+        grid = Grid(cell_m, round(west / cell_m), round(north / cell_m), raster.shape)
+        crs = CRS.from_wkt(raster.crs.to_wkt())
+        with cog_output(staging / name, grid, crs, (Band(str(raster.descriptions[0])),), result.origin) as write:
+            for part, _ in windows(grid, 0):
+                write(part, [raster.read(1, window=window(part, grid))])
+
+
+def _place(result: ResultFolder) -> tuple[CRS, Box]:
+    """CRS and bounds of the layers."""
+    layers = [result.layer(name) for name in result.layer_names]
+    boxes = [layer.total_bounds.tolist() for layer in layers if not layer.geometry.isna().all()]
+    west, south = (min(box[axis] for box in boxes) for axis in (0, 1))
+    east, north = (max(box[axis] for box in boxes) for axis in (2, 3))
+    return CRS.from_user_input(layers[0].crs).to_2d(), (west, south, east, north)
+
+
+def _put_leaf(tree: ET.Element, layer: ProjectLayer, *, shown: bool) -> None:
+    attributes = {"id": layer.id, "name": layer.title, "source": layer.source, "providerKey": layer.provider}
+    checked = "Qt::Checked" if shown else "Qt::Unchecked"
+    ET.SubElement(tree, "layer-tree-layer", attributes | {"checked": checked, "expanded": "0"})
+
+
+def _style(name: str, language: str) -> str | None:
+    """A packaged style with the labels of its classes in a language; None for no such style."""
+    if name not in packaged_styles():
+        return None
+    root = ET.fromstring(packaged_style(name))  # noqa: S314 (a file of this package)
+    for tag in ("category", "item"):
+        for one in root.iter(tag):
+            one.set("label", _in(language, str(one.get("label"))))
+    return DOCTYPE + ET.tostring(root, encoding="unicode")
+
+
+def _in(language: str, text: str) -> str:
+    return JAPANESE.get(text, text) if language == "ja" else text

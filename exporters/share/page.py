@@ -1,0 +1,262 @@
+"""A result as a web page without outside resources, read from disk or from any host."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any, Final, TypeGuard
+from zoneinfo import ZoneInfo
+
+from pyproj import CRS, Proj, Transformer
+
+from furrowmap.core.geodesy.local_time import local_time, zone_words
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.values.languages.catalogue import LANGUAGES
+from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.values.progress import Progress
+from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
+from furrowmap.exporters.reports.area_units import HECTARE, area_words
+from furrowmap.exporters.reports.page_parts import duration_words, escape, policy
+from furrowmap.exporters.share.features import moment_s, shared_layer
+from furrowmap.exporters.share.pictures import picture, write_webp
+from furrowmap.exporters.share.points import BYTES_A_POINT, MOST_POINTS, shared_points
+from furrowmap.exporters.share.rasters import COLOURED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.words import JAPANESE
+
+INDEX: Final = "index.html"
+DATA: Final = "data.js"
+POINTS: Final = "points.js"
+SCRIPTS: Final = ("map.js", "cloud.js", "licences.txt")
+REPORT: Final = "share.json"
+PAGE_PRODUCTS: Final = (INDEX, DATA, POINTS, *SCRIPTS, REPORT)
+"""Names by which a folder is known to hold a page; its pictures come on top."""
+MOST_BYTES: Final = 30_000_000
+"""Of a folder; the cloud takes what the other files leave."""
+MARGIN_M: Final = 2.0
+_SOURCES: Final = "script-src 'self'", "img-src 'self' data:"
+
+
+def write_page(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
+    """Write the page and its files.
+
+    Args:
+        staging: folder to write to.
+        result: of a run.
+        language: in which it begins: "en", "ja" or empty for that of the reader's browser; each page has both.
+        progress: receives the stage "writing the page".
+
+    Returns:
+        The names of the files.
+
+    Raises:
+        InputError: if a file of the result is damaged.
+        RefusedError: if this installation lacks the page's scripts.
+        OSError: if a file cannot be written.
+    """
+    scripts = _scripts()
+    report, zone = result.report, _zone(result)
+    layers, extent, crs = _layers(result, zone)
+    pictures = []
+    rasters = rasters_of(result)
+    for number, name in enumerate(rasters):
+        progress("writing the page", 0.8 * number / len(rasters))
+        pictures.append(_picture(staging, result, name))
+    for name, text in scripts.items():
+        (staging / name).write_text(text, encoding="utf-8")
+    data: dict[str, Any] = {
+        "title": printable(result.name),
+        "when": _when(report, zone),
+        "alarms": [_said(text) for text in _alarms(report)],
+        "warnings": [
+            _said(str(notice.get("text", "")), str(notice.get("code", ""))) for notice in report.get("warnings", ())
+        ],
+        "figures": list(_figures(report)),
+        "about": list(_about(report, zone)),
+        "crs": {"name": crs.name, "scale": _scale(crs, extent)},
+        "extent": extent,
+        "layers": [*layers, *pictures],
+        "language": language,
+        "japanese": JAPANESE,
+    }
+    _write_script(staging / DATA, "furrowmapData", data | {"cloud": None})  # its size counts
+    page = files("furrowmap.exporters.share").joinpath("share.html").read_text("utf-8")
+    filled = Template(page).substitute(
+        policy=policy(page, *_SOURCES), title=escape(result.name), when=escape(data["when"])
+    )
+    (staging / INDEX).write_text(filled, encoding="utf-8", errors="xmlcharrefreplace")
+    progress("writing the page", 0.8)
+    data["cloud"] = _write_points(staging, result, extent)
+    _write_script(staging / DATA, "furrowmapData", data)
+    progress("writing the page", 1.0)
+    return sorted(path.name for path in staging.iterdir())
+
+
+def _scripts() -> dict[str, str]:
+    """The page's scripts and the licences of their libraries, by name of file.
+
+    Raises:
+        RefusedError: if they were not built.
+    """
+    bundle = files("furrowmap.exporters.share").joinpath("bundle")
+    if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
+        raise RefusedError(
+            "The scripts of the page are missing from this installation.",
+            "A page without them shows nothing, so none was written.",
+            "In a checkout, build them with `make web` (it needs npm), or install furrowmap from a wheel.",
+            code="no-web-bundle",
+        )
+    return {name: bundle.joinpath(name).read_text("utf-8") for name in SCRIPTS}
+
+
+def _write_script(path: Path, name: str, content: Any) -> None:
+    """Data as a script that sets a global: a page from disk may read scripts, but no other files."""
+    path.write_text(f"window.{name}={json.dumps(content, separators=(',', ':'), allow_nan=False)};\n", encoding="ascii")
+
+
+def _zone(result: ResultFolder) -> ZoneInfo:
+    """The field's time zone; UTC where the report has none."""
+    name = result.report["figures"].get("time_zone")
+    try:
+        return ZoneInfo(str(name)) if name else ZoneInfo("UTC")
+    except (OSError, ValueError):  # a damaged report, or a zone that this system does not know
+        return ZoneInfo("UTC")
+
+
+def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]], Box, CRS]:
+    """The vector layers, the topmost first; the bounds of all, with a margin; their CRS."""
+    found, boxes, crs = [], [], None
+    for name in result.layer_names:
+        layer = result.layer(name)
+        shared = shared_layer(name, layer, zone, alone=len(result.layer_names) == 1)
+        crs = layer.crs
+        if shared is not None:
+            found.append(shared)
+            boxes.append(layer.total_bounds.tolist())
+    assert crs is not None
+    lows, highs = [min(box[i] for box in boxes) for i in (0, 1)], [max(box[i] for box in boxes) for i in (2, 3)]
+    box = (lows[0] - MARGIN_M, lows[1] - MARGIN_M, highs[0] + MARGIN_M, highs[1] + MARGIN_M)
+    return found, box, CRS.from_user_input(crs).to_2d()
+
+
+def _scale(crs: CRS, box: Box) -> float:
+    """Length in the map's plane over length on the ellipsoid, in the middle of a box."""
+    base = crs.geodetic_crs
+    assert base is not None
+    change = Transformer.from_crs(crs, base.to_2d(), always_xy=True)
+    factors: Any = Proj(crs).get_factors(*change.transform(0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])))
+    return math.sqrt(float(factors.areal_scale))
+
+
+def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
+    shown = picture(result.folder / name, raster_style(name))
+    target = Path(name).with_suffix(".webp").name
+    write_webp(staging / target, shown.rgba)
+    return {
+        "name": Path(name).stem,
+        "title": title_of(name, result),
+        "shown": name in SHOWN_AT_FIRST,
+        "multiply": name in COLOURED,
+        "file": target,
+        "extent": shown.box_m,
+        "legend": [{"colour": colour, "label": label} for colour, label in shown.legend],
+    }
+
+
+def _write_points(staging: Path, result: ResultFolder, extent: Box) -> dict[str, Any] | None:
+    """The points of the cloud, as many as there is room for; None for no cloud."""
+    cloud = result.folder / CLOUD
+    room = MOST_BYTES - sum(path.stat().st_size for path in staging.iterdir()) - 100_000
+    most = min(MOST_POINTS, room // BYTES_A_POINT)
+    points = shared_points(cloud, most) if cloud.is_file() and most > 0 else None
+    if points is None:
+        return None
+    _write_script(staging / POINTS, "furrowmapPoints", points.plain(extent))
+    return {"file": POINTS, "points": len(points.xyz_m), "of": points.of}
+
+
+def _when(report: dict[str, Any], zone: ZoneInfo) -> str:
+    begin_s, end_s = (moment_s(report["figures"][key]) for key in ("start", "end"))
+    begin, end = local_time(begin_s, zone), local_time(end_s, zone)
+    later = "" if end.date() == begin.date() else f"{end:%Y-%m-%d} "
+    return f"{begin:%Y-%m-%d %H:%M:%S} – {later}{end:%H:%M:%S} ({zone_words(begin_s, zone)})"
+
+
+def _alarms(report: dict[str, Any]) -> Iterator[str]:
+    """What casts doubt on all of the result."""
+    verdict = report.get("verdict") or {}
+    if verdict.get("text"):
+        yield str(verdict["text"])
+    yield from (str(doubt) for doubt in verdict.get("doubts") or ())
+
+
+def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The key figures, as in `report.html`: value, name in words of the page, whether it calls for attention."""
+    figures = report["figures"]
+    for name, key in (("Worked", "worked"), ("Overlap", "overlap"), ("Missed", "missed"), ("Not worked", "unworked")):
+        area_m2, sigma_m2 = figures.get(f"{key}_area_m2"), figures.get(f"{key}_area_sigma_m2")
+        if _is_number(area_m2):
+            margin = [f"± {_area(2.0 * sigma_m2)}"] if _is_number(sigma_m2) and sigma_m2 > 0.0 else []
+            yield _figure(_area(area_m2), name, *margin, loud=name == "Missed" and area_m2 > 0.0)
+    hours = figures.get("hours") or {}
+    shown = (
+        ("Field", figures.get("field_area_m2"), _area),
+        ("Worked share of the field", figures.get("worked_share"), lambda share: f"{share:.1%}"),
+        ("Passes", figures.get("passes"), lambda passes: f"{passes:.0f}"),
+        ("In the field", hours.get("field_s"), duration_words),
+        ("Work rate, turns and stops included", figures.get("work_rate_ha_h"), lambda rate: f"{rate:.2f} ha/h"),
+        ("Mean speed at work", figures.get("working_speed_mps"), lambda speed: f"{3.6 * speed:.1f} km/h"),
+        ("Turning and reversing", hours.get("turning_s"), duration_words),
+        ("Standing", hours.get("idle_s"), duration_words),
+        ("Duration", None if hours else figures.get("duration_s"), duration_words),
+        ("Path length", figures.get("distance_m"), lambda length: f"{length:,.0f} m"),
+        ("Points", figures.get("points") or None, lambda points: f"{points:,.0f}"),
+        *_accuracy(report.get("accuracy") or {}),
+    )
+    for name, value, words in shown:
+        if _is_number(value):
+            yield _figure(words(value), name)
+
+
+def _area(area_m2: float) -> str:
+    return area_words(area_m2, HECTARE)
+
+
+def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
+    """Horizontal and vertical accuracy; none where something that they depend on was only assumed."""
+    east, north, up = ((accuracy.get(key) or {}).get("median") for key in ("sigma_e_m", "sigma_n_m", "sigma_h_m"))
+    if accuracy.get("assumed"):
+        return ()
+    across = math.hypot(east, north) if _is_number(east) and _is_number(north) else None
+
+    def words(sigma_m: float) -> str:
+        return f"± {200.0 * sigma_m:.1f} cm"
+
+    return (("Horizontal accuracy", across, words), ("Vertical accuracy", up, words))
+
+
+def _figure(value: str, *name: str, loud: bool = False) -> dict[str, Any]:
+    return {"value": value, "name": name, "loud": loud}
+
+
+def _about(report: dict[str, Any], zone: ZoneInfo) -> Iterator[tuple[str, str]]:
+    coordinates = report["coordinates"]
+    yield "Made with", f"furrowmap {version('furrowmap')}"
+    yield "Recordings", printable(", ".join(str(record["name"]) for record in report["inputs"]))
+    yield "Coordinates", printable(str(coordinates.get("crs") or report["session"]["crs"]["map"]))
+    yield "Heights", printable(str(coordinates.get("heights") or report["session"]["crs"]["heights"]))
+    yield "Time zone", zone.key
+
+
+def _said(text: str, code: str = "") -> dict[str, str]:
+    """A text of the run in the languages of the page."""
+    return {language: printable(translated(text, language, code)) for language in LANGUAGES}
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and math.isfinite(value)

@@ -1,0 +1,42 @@
+"""The rasters of a result in the order of a map: their names for people, their styles, whether they are shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from furrowmap.exporters.files.result_folder import (
+    CHANGE,
+    CROP_HEIGHT,
+    DSM,
+    DSM_BEFORE,
+    DTM,
+    ORTHOPHOTO,
+    RUN_RASTERS,
+    ResultFolder,
+    style_of,
+)
+from furrowmap.exporters.rasters.field_rasters import STYLES
+from furrowmap.exporters.share.words import LAYER_TITLES, RELIEF
+
+RELIEFS: Final = (DSM, DSM_BEFORE, DTM)
+SHOWN_AT_FIRST: Final = frozenset({CHANGE, CROP_HEIGHT, DSM, ORTHOPHOTO})
+COLOURED: Final = frozenset(RUN_RASTERS) - {*RELIEFS, ORTHOPHOTO}
+"""Rasters whose colours blend with the relief below."""
+
+
+def rasters_of(result: ResultFolder) -> list[str]:
+    """Names of the files, the topmost of the map first: colours, the orthophoto, reliefs."""
+    order = [*(name for name in RUN_RASTERS if name in COLOURED), ORTHOPHOTO, *RELIEFS]
+    return [name for name in order if (result.folder / name).is_file()]
+
+
+def raster_style(name: str) -> str:
+    """Name of a raster's packaged style."""
+    return STYLES.get(name, style_of(name))
+
+
+def title_of(name: str, result: ResultFolder) -> str:
+    """A raster's name for people, in English."""
+    worked = result.report["figures"].get("worked_area_m2") is not None
+    return RELIEF if name == DSM and not worked else LAYER_TITLES[Path(name).stem]

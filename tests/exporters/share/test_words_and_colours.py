@@ -1,0 +1,143 @@
+"""Names and colours of shared results are those of the QGIS styles and of the plugin, and all are in Japanese."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+import rasterio
+from pyproj import CRS
+
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
+from furrowmap.exporters.rasters.cog import Band, write_cog
+from furrowmap.exporters.share.features import labels
+from furrowmap.exporters.share.pictures import picture, write_webp
+from furrowmap.exporters.share.points import CLASSES
+from furrowmap.exporters.share.symbols import layer_style
+from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(CHECKOUT / "scripts"))
+from plugin_strings import translations  # noqa: E402
+
+FIELD_LAYERS = ("events", "trajectory", "tool_path", "misses", "unworked", "boundary", "overlaps", "coverage",
+                "passes", "zones", "strips", "strip_differences", "parcels")  # fmt: skip
+NAMES = {"English", "LineString", "Polygon"}
+"""Of a language, and of what OpenLayers draws."""
+NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
+
+
+def texts() -> set[str]:
+    """Every text of a page that is not the user's own."""
+    found = {*LAYER_TITLES.values(), *labels(), *(label for _, _, label in CLASSES)}
+    rasters = {Path(name).with_suffix(".qml").name for name in RUN_RASTERS} & packaged_styles()
+    for name in (*(f"{layer}.qml" for layer in FIELD_LAYERS), *rasters):
+        root = ET.fromstring(packaged_style(name))
+        found |= {str(one.get("label")) for tag in ("category", "item") for one in root.iter(tag)}
+    html = (CHECKOUT / "exporters" / "share" / "share.html").read_text(encoding="utf-8")
+    found |= set(re.findall(r'data-(?:say|label)="([^"]+)"', html))
+    source = (CHECKOUT / "web" / "map.js").read_text(encoding="utf-8")
+    found |= set(re.findall(r'say\("([^"]+)"', source)) | set(re.findall(r'[\[?:] ?"([A-Z][^"]+)"', source))
+    page = ast.parse((CHECKOUT / "exporters" / "share" / "page.py").read_text(encoding="utf-8"))
+    for node in ast.walk(page):
+        if isinstance(node, ast.FunctionDef) and node.name in ("_figures", "_accuracy", "_about"):
+            found |= {
+                one.value
+                for one in ast.walk(node)
+                if isinstance(one, ast.Constant) and isinstance(one.value, str) and one.value[:1].isupper()
+                if " `" not in one.value and not one.value.endswith(".")
+            }
+    return {text for text in found - NAMES if not NUMBER.fullmatch(text)}
+
+
+def test_words__all_are_in_japanese() -> None:
+    assert sorted(texts() - set(JAPANESE)) == []
+    assert all(JAPANESE.values())
+
+
+def test_words__are_those_of_the_plugin() -> None:
+    theirs: dict[str, set[str]] = {}
+    for (context, text), japanese in translations().items():
+        if context in ("Legends", "Classes", "Figures"):
+            theirs.setdefault(text, set()).add(japanese)
+    shared = set(theirs) & set(JAPANESE)
+    assert len(shared) > 30
+    assert {text: JAPANESE[text] for text in shared if JAPANESE[text] not in theirs[text]} == {}
+
+
+def test_classes__have_the_colours_of_the_plugin() -> None:
+    source = ast.parse((CHECKOUT / "plugin" / "styles.py").read_text(encoding="utf-8"))
+    assigned = [node for node in source.body if isinstance(node, ast.Assign)]
+    (listed,) = [node.value for node in assigned if getattr(node.targets[0], "id", "") == "CLASSES"]
+    assert isinstance(listed, ast.Tuple)
+    theirs = []
+    for row in listed.elts:
+        assert isinstance(row, ast.Tuple)
+        code, colour, call = row.elts
+        assert isinstance(call, ast.Call)
+        theirs.append(tuple(ast.literal_eval(one) for one in (code, colour, call.args[1])))
+    assert theirs == list(CLASSES)
+
+
+@pytest.mark.parametrize("name", sorted(packaged_styles() & {f"{name}.qml" for name in LAYER_TITLES}))
+def test_symbols__every_style_is_understood(name: str) -> None:
+    if "rasterrenderer" in packaged_style(name):
+        return
+    text = packaged_style(name)
+    fields = {field: [1, 2, 3] for field in re.findall(r"&quot;(\w+)&quot;", text)}
+    style = layer_style(name.removesuffix(".qml"), fields)
+    assert style.default.fill or style.default.stroke
+    assert set(style.labels) == {str(one.get("value")) for one in ET.fromstring(text).iter("category")}
+    assert (style.ramp is not None) == ("ramp_color" in text)
+
+
+def test_ramp__is_that_of_the_style() -> None:
+    """Orange, green, blue; half way between two of them is their mean."""
+    ramp = layer_style("passes", {"pass": [1, 2, 3, 4, 5]}).ramp
+    assert ramp is not None
+    assert [ramp.colour(n) for n in (1, 3, 5)] == ["rgba(253,212,158,1)", "rgba(120,198,121,1)", "rgba(34,94,168,1)"]
+    assert ramp.colour(2, 0.65) == "rgba(186,205,140,0.65)"
+    assert layer_style("tool_path", {}).by_value["down"].stroke == "rgba(140,70,10,1)"
+    assert layer_style("no such layer", {}).ramp is None
+
+
+def written(path: Path, values: np.ndarray[Any, Any], cell_m: float) -> Path:
+    grid = Grid(cell_m, 0, round(values.shape[0]), values.shape)
+    write_cog(path, grid, CRS.from_epsg(6677), (Band("height"),), [values.astype(np.float32)], Origin("test"))
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_picture__has_the_colours_of_the_style(tmp_path: Path) -> None:
+    values = np.full((8, 6), -0.05)
+    values[:, 3:] = 0.1
+    values[0, 0] = np.nan
+    shown = picture(written(tmp_path / "change.tif", values, 0.5), "change.qml")
+    assert shown.rgba[4, 1].tolist() == [0x80, 0xCD, 0xC1, 255]
+    assert shown.rgba[4, 4].tolist() == [0x8C, 0x51, 0x0A, 255]
+    assert shown.rgba[0, 0, 3] == 0
+    assert shown.box_m == (0.0, 0.0, 3.0, 4.0)
+    assert ("#8c510a", "0.10 m") in shown.legend
+    write_webp(tmp_path / "change.webp", shown.rgba)
+    with rasterio.open(tmp_path / "change.webp") as image:
+        assert image.driver == "WEBP"
+        assert np.abs(image.read()[:3, 4, 1].astype(int) - [0x80, 0xCD, 0xC1]).max() < 20  # chroma is subsampled
+
+
+def test_picture__shades_planes_as_lamberts_law_does(tmp_path: Path) -> None:
+    """Light from the north-west at 45 degrees, heights doubled: a plane's grey is the cosine of light and normal."""
+    columns = np.arange(40) * 0.5
+    for slope in (0.0, 0.3, -0.3):
+        rise = np.tile(slope * columns, (40, 1))  # towards the east
+        shown = picture(written(tmp_path / f"dsm{slope}.tif", rise, 0.5), "dsm.qml")
+        normal = np.array([-2.0 * slope, 0.0, 1.0]) / np.hypot(2.0 * slope, 1.0)
+        light = np.array([-0.5, 0.5, np.sqrt(0.5)])
+        assert np.abs(shown.rgba[5:-5, 5:-5, 0] - 255.0 * (normal @ light)).max() < 1.0
