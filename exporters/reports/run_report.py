@@ -132,6 +132,7 @@ AT_TOP: Final = frozenset(
         "antenna-unknown",
         "clock-offset",
         "facing-assumed",
+        "gnss-heights",
         "gnss-steps",
         "lever-assumed",
         "mounting-height",

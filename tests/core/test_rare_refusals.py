@@ -21,6 +21,7 @@ from furrowmap.core.areas.area import read_area
 from furrowmap.core.crops.logistic import fit_logistic
 from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.placed import Placement
@@ -285,3 +286,17 @@ def test_recordings__without_returns_and_states_of_another_kind(tmp_path: Path) 
     log.write_bytes(2 * sentence("GNGGA,120000.00,3530.0,N,13900.0,E,4,12,0.8,100.0,M,40.0,M,,"))
     with refusal("wrong-kind-of-file", "which gives no tool states"):
         external_states([log], session, still)
+
+
+def test_evaluation__of_one_position_beside_a_log(tmp_path: Path) -> None:
+    def log(name: str, *seconds: int) -> Path:
+        lines = (
+            sentence(f"GNRMC,1200{s:02d}.00,A,3530.0,N,13900.0,E,0.1,90.0,230526,,,R")
+            + sentence(f"GNGGA,1200{s:02d}.00,3530.0,N,13900.0,E,4,12,0.8,100.0,M,40.0,M,,")
+            for s in seconds
+        )
+        (tmp_path / name).write_bytes(b"".join(lines))
+        return tmp_path / name
+
+    found = evaluate_logs(log("one.nmea", 5), str(log("reference.nmea", 3, 4, 5, 6, 7)))
+    assert found.fix.tolist() == [4]
