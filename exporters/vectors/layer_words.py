@@ -79,6 +79,15 @@ VALUES: Final[Mapping[str, Mapping[str, str]]] = {
         "gap": "positions end",
         "between passes": "missed between passes",
         "boundary": "missed along the boundary",
+        "horizontal": "horizontal plane",
+        "vertical": "vertical plane",
+        "pole": "pole, post or trunk",
+        "wire": "wire or rail",
+        "fence": "fence",
+        "wall": "wall",
+        "ditch": "ditch",
+        "ridge": "ridge",
+        "edge": "edge of a bank",
     },
     "fix": {
         "fixed": "RTK fixed",
@@ -104,6 +113,9 @@ NAMES: Final = {
     "parcels": "parcels",
     "strips": "strips of the flight",
     "strip_differences": "differences of strips",
+    "planes": "planes",
+    "lines": "lines",
+    "plants": "plants",
 }
 """Names of layers for people."""
 _OPEN_URL: Final = 5

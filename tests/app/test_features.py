@@ -16,7 +16,6 @@ import pytest
 import furrowmap
 from benchmarks.yards import Yard, yard
 from furrowmap.cli.main import command_line
-from furrowmap.core.features import cloud_features
 from furrowmap.core.values.errors import InputError, RefusedError
 
 EAST, NORTH = -20_000.0, -40_000.0
@@ -95,20 +94,6 @@ def test_layers__have_styles_and_what_stands_in_the_yard(seen: Yard, folder: Pat
     assert len(trees) >= 2
     for west, south, _, east, north, *_ in trees:
         assert np.all((tops > [west, south]) & (tops < [east, north]), axis=1).any()
-
-
-def test_tiles__make_little_difference(
-    cloud: Path, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cloud_features, "TILE_POINTS", 60_000)
-    furrowmap.features([cloud], tmp_path / "tiled")
-    one, many = (laspy.read(each / "cloud.copc.laz") for each in (folder, tmp_path / "tiled"))
-    assert len(one.points) == len(many.points)
-    rows = [each.classification[np.lexsort(each.xyz.T)] for each in (one, many)]
-    assert np.mean(rows[0] == rows[1]) > 0.99
-    areas = [gpd.read_file(each / "features.gpkg", layer="planes").area_m2 for each in (folder, tmp_path / "tiled")]
-    assert areas[1].sum() == pytest.approx(areas[0].sum(), rel=0.1)
-    assert areas[1].max() == pytest.approx(areas[0].max(), rel=0.1)
 
 
 def test_a_classified_cloud__keeps_its_ground(cloud: Path, folder: Path, tmp_path: Path) -> None:
