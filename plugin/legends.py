@@ -46,6 +46,43 @@ BANDS = {
     "density": QT_TRANSLATE_NOOP("Legends", "Points a square metre"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Number of strips"),
 }
+NAMES = {
+    "trajectory": QT_TRANSLATE_NOOP("Legends", "Positions of the vehicle"),
+    "events": QT_TRANSLATE_NOOP("Legends", "Events of the drive"),
+    "tool_path": QT_TRANSLATE_NOOP("Legends", "Cultivated path"),
+    "coverage": QT_TRANSLATE_NOOP("Legends", "Worked ground"),
+    "passes": QT_TRANSLATE_NOOP("Legends", "Passes of the tool"),
+    "overlaps": QT_TRANSLATE_NOOP("Legends", "Ground worked twice"),
+    "misses": QT_TRANSLATE_NOOP("Legends", "Missed ground"),
+    "unworked": QT_TRANSLATE_NOOP("Legends", "Ground not worked"),
+    "boundary": QT_TRANSLATE_NOOP("Legends", "Boundary of the field"),
+    "zones": QT_TRANSLATE_NOOP("Legends", "Headland and body"),
+    "parcels": QT_TRANSLATE_NOOP("Legends", "Parcels of the trial"),
+    "strips": QT_TRANSLATE_NOOP("Legends", "Strips of the flight"),
+    "strip_differences": QT_TRANSLATE_NOOP("Legends", "Differences of strips"),
+    "change": QT_TRANSLATE_NOOP("Legends", "Change of the surface"),
+    "dsm": QT_TRANSLATE_NOOP("Legends", "Surface after the work"),
+    "dsm_before": QT_TRANSLATE_NOOP("Legends", "Surface before the work"),
+    "cloud": QT_TRANSLATE_NOOP("Legends", "Point cloud of the run"),
+    "orthophoto": QT_TRANSLATE_NOOP("Legends", "Orthophoto"),
+    "swaths": QT_TRANSLATE_NOOP("Legends", "Differences of swaths"),
+    "density": QT_TRANSLATE_NOOP("Legends", "Point density"),
+    "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Overlap of strips"),
+    "crop_height": QT_TRANSLATE_NOOP("Legends", "Height of the crop"),
+}
+"""Names in the layer panel; the layers keep those of the products."""
+
+
+def name_node(node):
+    """Show a layer by a name for people in the layer panel.
+
+    Args:
+        node: of the layer in a tree.
+    """
+    name = NAMES.get(node.layer().name())
+    if name:
+        node.setUseLayerName(False)
+        node.setName(QCoreApplication.translate("Legends", name))
 
 
 def translate_categories(layer):

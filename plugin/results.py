@@ -16,7 +16,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from .legends import label_band, translate_categories
+from .legends import label_band, name_node, translate_categories
 from .previews import remove_previews
 from .products import product, read_object
 from .styles import set_terrain, show_as_change, show_as_surface, show_by_class
@@ -102,6 +102,7 @@ def opening(folder, project=None):
         project.addMapLayer(layer, addToLegend=False)
         node = QgsLayerTreeLayer(layer)
         label_band(node)
+        name_node(node)
         group.addChildNode(node)
         node.setItemVisibilityChecked(layer.name() in SHOWN)
         node.setExpanded(False)

@@ -491,17 +491,39 @@
 </context>
 <context>
   <name>Legends</name>
+  <message><source>Boundary of the field</source><translation>圃場の境界</translation></message>
+  <message><source>Change of the surface</source><translation>地表面の変化</translation></message>
+  <message><source>Cultivated path</source><translation>耕うん経路</translation></message>
+  <message><source>Differences of strips</source><translation>ストリップ間の差</translation></message>
+  <message><source>Differences of swaths</source><translation>スワス間の差</translation></message>
+  <message><source>Events of the drive</source><translation>走行中のイベント</translation></message>
+  <message><source>Ground not worked</source><translation>未作業の範囲</translation></message>
+  <message><source>Ground worked twice</source><translation>重複した範囲</translation></message>
+  <message><source>Headland and body</source><translation>枕地と本体</translation></message>
   <message><source>Height above ground (m)</source><translation>地面からの高さ（m）</translation></message>
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
+  <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
+  <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
+  <message><source>Orthophoto</source><translation>オルソ画像</translation></message>
+  <message><source>Overlap of strips</source><translation>ストリップの重なり</translation></message>
   <message><source>PPP</source><translation>PPP</translation></message>
+  <message><source>Parcels of the trial</source><translation>区画</translation></message>
+  <message><source>Passes of the tool</source><translation>行程</translation></message>
+  <message><source>Point cloud of the run</source><translation>点群</translation></message>
+  <message><source>Point density</source><translation>点密度</translation></message>
   <message><source>Points a square metre</source><translation>1 m²あたりの点数</translation></message>
+  <message><source>Positions of the vehicle</source><translation>車両の位置</translation></message>
   <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
   <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
   <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
+  <message><source>Strips of the flight</source><translation>飛行のストリップ</translation></message>
+  <message><source>Surface after the work</source><translation>作業後の地表面</translation></message>
+  <message><source>Surface before the work</source><translation>作業前の地表面</translation></message>
+  <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>body of the field</source><translation>圃場の本体</translation></message>
   <message><source>differential</source><translation>ディファレンシャル</translation></message>
   <message><source>ditch</source><translation>水路・溝</translation></message>

@@ -59,7 +59,7 @@ def session_layout(project, group, report):
     layout.setName(name)
     shown = [layer for layer in project.layerTreeRoot().layerOrder() if _is_shown(project, layer)]
     session = [node.layer() for node in group.findLayers() if node.layer() in shown]
-    passes = next((node.layer() for node in group.findLayers() if node.name() == "passes"), None)
+    passes = next((node.layer() for node in group.findLayers() if node.layer().name() == "passes"), None)
     page_map = _map(layout, project, shown, _extent(project, group))
     _label(layout, _title(group.name()), (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
     _label(layout, _figures(report), (*SIDE_MM, FIGURES_MM), rich=True)
@@ -115,7 +115,7 @@ def _is_shown(project, layer):
 
 def _extent(project, group):
     """Extent in the project's CRS of the worked ground, else of the trajectory, else of all layers."""
-    by_name = {node.name(): node.layer() for node in group.findLayers()}
+    by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
     for names in (("coverage", "boundary"), ("trajectory",), tuple(by_name)):
         box = QgsRectangle()
         for layer in (by_name[name] for name in names if name in by_name):

@@ -14,6 +14,7 @@ import numpy as np
 import pyogrio
 import pytest
 
+from furrowmap.core.values.languages.choice import using_language
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME
@@ -128,3 +129,14 @@ def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgi
     times = dict(zip(FIELDS, (line.split()[:2] for line in told.splitlines()[-len(FIELDS) :]), strict=True))
     assert times["passes"] == times["overlaps"] == times["tool_path"] == ["True", "start"]
     assert times["events"] == ["True", "time"]
+
+
+def test_qgis__shows_names_rounded_figures_words_and_actions_without_the_plugin(tmp_path: Path, qgis: QgisRoot) -> None:
+    poses, work = worked_field()
+    with using_language("ja"):
+        write_field(tmp_path / "field.gpkg", poses, FRAME.crs, work)
+    told = qgis.run("python3", Path(__file__).with_name("words_in_qgis.py"), tmp_path / "field.gpkg").splitlines()[-4:]
+    assert {"行程", "長さ（m）", "面積・地図平面（m²）", "深さ・目安（m）"} <= set(told[0].split("; "))
+    assert told[1] == "27.2; 前進"
+    assert told[2] == f"レポートを開く; file://{tmp_path}/report.html"
+    assert told[3] == f"フォルダを開く; file://{tmp_path}/"

@@ -102,7 +102,7 @@ def traces() -> dict[str, Any]:
 
 def groups() -> dict[str, list[str]]:
     root = QgsProject.instance().layerTreeRoot()
-    return {group.name(): [node.name() for node in group.findLayers()] for group in root.findGroups()}
+    return {group.name(): [node.layer().name() for node in group.findLayers()] for group in root.findGroups()}
 
 
 def reloads() -> Iterator[Any]:
@@ -278,7 +278,7 @@ def whole_run() -> Iterator[Any]:
     SEEN["terrain"] = QgsProject.instance().elevationProperties().terrainProvider().type()
     SEEN["busy_s"] = BUSY["cpu_s"]
     tree, model = QgsProject.instance().layerTreeRoot(), iface.layerTreeView().layerTreeModel()  # noqa: F821
-    changed = next(node for node in tree.findLayers() if node.name() == "change")
+    changed = next(node for node in tree.findLayers() if node.layer().name() == "change")
     SEEN["legend"] = model.layerLegendNodes(changed)[0].data(Qt.ItemDataRole.DisplayRole)
     shot(f"{OUT}/result.png")  # noqa: F821
 
