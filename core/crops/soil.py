@@ -198,20 +198,42 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     middle = cells.xy_m.mean(axis=0)
     inside = shapely.contains_xy(parcel.net.buffer(0.5 * NODE_M), nodes[:, 0], nodes[:, 1])
     design, at_nodes = _design(cells.xy_m, middle, trend), _design(nodes, middle, trend)
-    matrix = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
-    factor = cho_factor(matrix, lower=True)
-    weighted = cho_solve(factor, design)
-    normal = np.linalg.inv(design.T @ weighted)
     base = float(cells.height_m.mean())
-    plane = normal @ (weighted.T @ (cells.height_m - base))
-    off = cho_solve(factor, cells.height_m - base - design @ plane)
+    height = cells.height_m - base
+    plane, covariance, factor = least_squares(SoilCells(cells.xy_m, height, cells.sigma_m), relief, design)
     near = relief.between(nodes, cells.xy_m)
-    heights = base + at_nodes @ plane + near @ off
+    heights = base + at_nodes @ plane + near @ cho_solve(factor, height - design @ plane)
     mean_near, mean_design = near[inside].mean(axis=0), at_nodes[inside].mean(axis=0)
-    lacking = mean_design - weighted.T @ mean_near
-    block = float(relief.between(nodes[inside], nodes[inside]).mean())
-    variance = block - float(mean_near @ cho_solve(factor, mean_near)) + float(lacking @ normal @ lacking)
+    seen = cho_solve(factor, mean_near)
+    lacking = mean_design - design.T @ seen
+    under = nodes[inside]
+    variance = float(relief.between(under, under).mean() - mean_near @ seen + lacking @ covariance @ lacking)
     return SoilPatch(west, south, heights.reshape(shape), math.sqrt(max(variance, 0.0)))
+
+
+def least_squares(
+    cells: SoilCells, relief: Relief, design: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[FloatArray, bool]]:
+    """Parameters of a trend through cells by generalised least squares.
+
+    Args:
+        cells: n cells.
+        relief: of what departs from the trend.
+        design: (n, k) of the trend.
+
+    Returns:
+        (k,) parameters, (k, k) their covariance, and the Cholesky factor of the covariance of the cells' heights.
+    """
+    factor = covariance_factor(cells, relief)
+    covariance: FloatArray = np.linalg.inv(design.T @ cho_solve(factor, design)).astype(np.float64)
+    return covariance @ (design.T @ cho_solve(factor, cells.height_m)), covariance, factor
+
+
+def covariance_factor(cells: SoilCells, relief: Relief) -> tuple[FloatArray, bool]:
+    """The Cholesky factor of the covariance of the heights of cells, as SciPy's `cho_solve` takes it."""
+    matrix = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
+    factor, lower = cho_factor(matrix, lower=True)
+    return factor, bool(lower)
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,23 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 from scipy.stats import chi2
 
 from furrowmap.core.crops.parcel_points import CellsNear
-from furrowmap.core.crops.soil import NODE_M, TRIED, Relief, Soil, SoilPatch, fewer, nearest, nodes_of, relief_of
+from furrowmap.core.crops.soil import (
+    NODE_M,
+    TRIED,
+    Relief,
+    Soil,
+    SoilPatch,
+    covariance_factor,
+    fewer,
+    least_squares,
+    nearest,
+    nodes_of,
+    relief_of,
+)
 from furrowmap.core.crops.soil_cells import CELL_M, REJECTED, SoilCells
 from furrowmap.core.values.parcel import Parcel
 
@@ -72,7 +84,7 @@ class SoilChange:
         block = float(self.relief.between(nodes[inside], nodes[inside]).mean())
         cells = self.departures[parcel.id]
         if len(cells):
-            factor = cho_factor(_matrix(cells, self.relief), lower=True)
+            factor = covariance_factor(cells, self.relief)
             near = self.relief.between(nodes, cells.xy_m)
             heights = heights + near @ cho_solve(factor, cells.height_m)
             mean_near = near[inside].mean(axis=0)
@@ -132,12 +144,12 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
     relief = relief_of([fewer(cells, _GROUP_CELLS) for cells in full[::step][:TRIED]] or [fewer(both, _GROUP_CELLS)])
     some = fewer(both, TREND_CELLS)
     middle = some.xy_m.mean(axis=0)
-    trend, covariance = _least_squares(some, relief, _design(some.xy_m, middle))
+    trend, covariance, _ = least_squares(some, relief, _design(some.xy_m, middle))
     slopes = trend[1:]
     wald = float(slopes @ np.linalg.solve(covariance[1:, 1:], slopes))
     tilted = wald > chi2.isf(TILT_P, 2)
     if not tilted:
-        offset, variance = _least_squares(some, relief, np.ones((len(some), 1)))
+        offset, variance, _ = least_squares(some, relief, np.ones((len(some), 1)))
         trend, covariance = np.array([offset[0], 0.0, 0.0]), np.diag([variance[0, 0], 0.0, 0.0])
     departures = {}
     for parcel in parcels:
@@ -195,16 +207,3 @@ def _even(cells: SoilCells) -> SoilCells:
 
 def _design(xy_m: FloatArray, middle_m: FloatArray) -> FloatArray:
     return np.column_stack([np.ones(len(xy_m)), xy_m - middle_m])
-
-
-def _matrix(cells: SoilCells, relief: Relief) -> FloatArray:
-    """Covariance (n, n) of the heights of cells."""
-    out: FloatArray = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
-    return out
-
-
-def _least_squares(cells: SoilCells, relief: Relief, design: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Parameters and their covariance."""
-    factor = cho_factor(_matrix(cells, relief), lower=True)
-    covariance: FloatArray = np.linalg.inv(design.T @ cho_solve(factor, design)).astype(np.float64)
-    return covariance @ (design.T @ cho_solve(factor, cells.height_m)), covariance
