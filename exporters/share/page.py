@@ -228,9 +228,9 @@ def _area(area_m2: float) -> str:
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
-    """Horizontal and vertical accuracy; none where something that they depend on was only assumed."""
+    """Horizontal and vertical accuracy; none where something that they depend on is not certain."""
     east, north, up = ((accuracy.get(key) or {}).get("median") for key in ("sigma_e_m", "sigma_n_m", "sigma_h_m"))
-    if accuracy.get("assumed"):
+    if any(accuracy.get(key) for key in ("assumed", "unstated", "unconfirmed")):
         return ()
     across = math.hypot(east, north) if _is_number(east) and _is_number(north) else None
 
