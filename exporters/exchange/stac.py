@@ -90,7 +90,7 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
     )
     if contradiction := (report.get("verdict") or {}).get("text"):
         item.properties["furrowmap:contradiction"] = contradiction
-    if unstated := report["accuracy"].get("unstated"):
+    if unstated := (report.get("accuracy") or {}).get("unstated"):
         item.properties["furrowmap:unstated"] = unstated
     projection = ProjectionExtension.ext(item, add_if_missing=True)
     authority = crs.to_authority()
