@@ -37,6 +37,7 @@ from furrowmap.core.values.ahead import SCANS_AHEAD, ahead, behind
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import CONTRADICTION, Notice
+from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
@@ -144,7 +145,8 @@ def run(
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
     camera = aid.camera if aid is not None else None
-    image_notices += _give_frames(opened, located.trajectory, placer.origin_m, camera, frame_sink)
+    if all(notice.code != CONTRADICTING for notice in image_notices):
+        image_notices += _give_frames(opened, located.trajectory, placer.origin_m, camera, frame_sink)
     sink.begin(frame, placer.origin_m)
     moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")

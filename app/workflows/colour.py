@@ -17,7 +17,8 @@ from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clou
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import locate
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import RecordArray
@@ -56,7 +57,7 @@ def colour(
 
     Raises:
         InputError: if the session has no camera, no image has a pose, or a file cannot be read.
-        RefusedError: if the file exists, or is the cloud.
+        RefusedError: if the file exists, or is the cloud, or the images contradict GNSS and IMU.
         OSError: if the file cannot be written.
     """
     source, target, notices = Path(cloud), Path(out), list[Notice]()
@@ -90,6 +91,14 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
     located, aid = aided_session(opened, located, scale, notices, progress)
+    contradicting = next((notice for notice in notices if notice.code == CONTRADICTING), None)
+    if contradicting is not None:
+        raise RefusedError(
+            f"{opened.file}: {contradicting.text}",
+            "The cloud would have the colours of other places.",
+            "Correct [camera], or set camera.aid = false, which colours by the poses as they are stated.",
+            code=contradicting.code,
+        )
     used = aid.camera if aid is not None else opened.camera()
     frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
     if frames is None:

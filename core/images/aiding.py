@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.block_adjustment import (
+    AS_STATED,
     NOTHING_KNOWN,
     AdjustedBlock,
     Block,
@@ -29,7 +30,7 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.images import Images
+from furrowmap.core.values.images import CONTRADICTING, Images
 from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -47,6 +48,12 @@ LEAST_USED: Final = 0.5
 """Share of the observations that must fit the poses together."""
 MOST_NOISE_PX: Final = 2.0
 """Matches with larger residuals are not of this camera or this trajectory."""
+TOLD_PX: Final = 1.0
+"""Residuals of good intrinsics are below half a pixel; beyond this it is told."""
+TOLD_TENSION: Final = 2.0
+"""Of a flight whose camera is as stated it is 0.8 to 1.3."""
+TOLD_SIGMAS: Final = 2.0
+"""Mounting and delay that are so many of their standard deviations off what is stated are told."""
 MOST_TENSION: Final = 3.0
 """Errors found in the poses, in standard deviations of what GNSS and IMU leave open, beyond which they contradict."""
 
@@ -174,21 +181,22 @@ def aided_by_images(
     block = Block(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
     try:
         ties = _ties(block, images, progress)
-        if isinstance(ties, str):
-            notices.append(unused(ties))
+        if isinstance(ties, Notice):
+            notices.append(ties)
             return located, None
         progress("adjusting images", 0.0)
         adjusted, known = adjusted_block(block, ties), NOTHING_KNOWN
-        if control is not None and _doubt(adjusted) is None:
+        if control is not None and doubtful(adjusted) is None:
             adjusted, known = with_control(block, adjusted, control, images, notices)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
         notices.append(unused(f"the adjustment failed ({error})"))
         return located, None
     progress("adjusting images", 1.0)
-    doubt = _doubt(adjusted)
+    doubt = doubtful(adjusted)
     if doubt is not None:
-        notices.append(unused(doubt))
+        notices.append(contradicting(doubt))
         return located, None
+    notices += misstated(adjusted, camera)
     aid = _aid(block, adjusted, known)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
     told = notices_beside(located.notices, known)
@@ -205,6 +213,41 @@ def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, .
 def unused(why: str) -> Notice:
     """The notice of images that do not aid the trajectory."""
     return Notice("images-not-adjusted", f"The images do not aid the trajectory: {why}.")
+
+
+def contradicting(why: str) -> Notice:
+    """The notice of images that contradict what else is known, so that their colours would be wrong as well."""
+    return Notice(CONTRADICTING, f"The images are used neither for the trajectory nor for colours: {why}.")
+
+
+def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
+    """What of the table `[camera]` the images show to be wrong, though they can be used."""
+    found = []
+    late_s = adjusted.camera.shutter_delay_s - stated.shutter_delay_s
+    if abs(late_s) > TOLD_SIGMAS * AS_STATED[3]:
+        text = (
+            f"The images were taken {abs(late_s):.3f} s {'after' if late_s > 0.0 else 'before'} the times stated for "
+            "them; that is used. State it as shutter_delay_s in [camera]."
+        )
+        found.append(Notice("camera-times-off", text))
+    off_deg = float(np.linalg.norm(adjusted.correction_deg))
+    if off_deg > np.degrees(TOLD_SIGMAS * AS_STATED[0]):
+        angles = ", ".join(f"{angle:.2f}" for angle in adjusted.camera.rpy_deg)
+        text = f"The camera is mounted {off_deg:.1f}° off what [camera] states: rpy_deg is [{angles}]; that is used."
+        found.append(Notice("camera-mounting-off", text))
+    if adjusted.tension > TOLD_TENSION:
+        text = (
+            f"The images find errors {adjusted.tension:.1f} times as large as GNSS and IMU leave open. Check fx and fy "
+            "in [camera]: with a focal length some percent off, colours are some pixels off."
+        )
+        found.append(Notice("camera-tension", text))
+    if adjusted.sigma_px > TOLD_PX:
+        text = (
+            f"The images fit their poses to {adjusted.sigma_px:.1f} pixels only: the intrinsics in [camera] are not "
+            "those of the camera, or its shutter rolls. Colours are off by as much, or more."
+        )
+        found.append(Notice("camera-residuals", text))
+    return found
 
 
 def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: list[Notice]) -> Images:
@@ -229,7 +272,7 @@ def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: lis
     return Images(tuple(images.paths[k] for k in chosen.tolist()), images.t_s[chosen], images.lon_lat_h[chosen])
 
 
-def _ties(block: Block, images: Images, progress: Progress) -> Ties | str:
+def _ties(block: Block, images: Images, progress: Progress) -> Ties | Notice:
     """Ties of the images, spread evenly over them; why there are none."""
     poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
     size = block.camera.width, block.camera.height
@@ -239,7 +282,7 @@ def _ties(block: Block, images: Images, progress: Progress) -> Ties | str:
         store.match(following, progress)
         first = _well_met(block, tracks(*store.found()))
         if first.points < LEAST_POINTS:
-            return f"images that follow each other have {first.points} points in common"
+            return unused(f"images that follow each other have {first.points} points in common")
         depth = np.einsum(
             "oi,oi->o",
             poses.rotation[first.frame][:, :, 2],
@@ -247,11 +290,11 @@ def _ties(block: Block, images: Images, progress: Progress) -> Ties | str:
         )
         ahead = depth[depth > 0.0]
         if len(ahead) < LEAST_POINTS:
-            return "the points that they have in common are not in front of the camera: its mounting is another"
+            return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
         store.match(without(overlapping(poses, block.camera, float(np.median(ahead))), following), progress)
         ties = thinned(_well_met(block, tracks(*store.found())), size)
     if ties.points < LEAST_POINTS:
-        return f"they have {ties.points} points in common"
+        return unused(f"they have {ties.points} points in common")
     return ties
 
 
@@ -279,7 +322,7 @@ def with_control(
     return adjusted_block(block, ties, known), known
 
 
-def _doubt(adjusted: AdjustedBlock) -> str | None:
+def doubtful(adjusted: AdjustedBlock) -> str | None:
     """Why an adjustment is not to be used; None where it is."""
     share = float(adjusted.used.mean())
     if share < LEAST_USED or adjusted.sigma_px > MOST_NOISE_PX:

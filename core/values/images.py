@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+CONTRADICTING: Final = "images-contradict"
+"""Code of the notice of images that are used for nothing."""
 RAW: Final = ".raw"
 """End of the names of raw images."""
 

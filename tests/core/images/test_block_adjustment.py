@@ -60,13 +60,14 @@ def seen(poses: FramePoses, xyz_m: np.ndarray, rng: np.random.Generator) -> Ties
 
 
 class Flight:
-    """A block, what its images show, and the truth."""
+    """A block, what its images show of some places of soil, and the truth."""
 
-    def __init__(self, seed: int, control: int = 0) -> None:
+    def __init__(self, seed: int, control: int = 0, places: int = 900) -> None:
         rng = np.random.default_rng(seed)
         self.truth = flown()
         poses = frame_poses(self.truth, true_camera(), T_S, SCALE)
-        soil = np.column_stack([rng.uniform(498, 522, 900), rng.uniform(798, 807, 900), rng.normal(60, 0.2, 900)])
+        east, north = rng.uniform(498, 522, places), rng.uniform(798, 807, places)
+        soil = np.column_stack([east, north, rng.normal(60, 0.2, places)])
         views = np.zeros(len(soil), int)
         for k in range(len(poses)):
             views += inside(STATED, np.nan_to_num(project(true_camera(), poses.in_frame(k, soil)), nan=-1.0))

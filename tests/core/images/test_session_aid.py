@@ -4,18 +4,36 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from furrowmap.core.images.aiding import aided_by_images, notices_beside, with_control
-from furrowmap.core.images.block_adjustment import NOTHING_KNOWN, Known, adjusted_block
+from furrowmap.core.images import session_aid
+from furrowmap.core.images.aiding import (
+    aided_by_images,
+    contradicting,
+    doubtful,
+    misstated,
+    notices_beside,
+    with_control,
+)
+from furrowmap.core.images.block_adjustment import (
+    NOTHING_KNOWN,
+    AdjustedBlock,
+    Block,
+    Known,
+    adjusted_block,
+    adjusted_poses,
+)
 from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
 from furrowmap.core.images.session_aid import read_pixels
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
+from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.progress import silent
@@ -110,3 +128,64 @@ def test_quality_of_positions__is_not_that_of_a_cloud_that_control_points_place(
     known = Known(np.arange(n), np.zeros((n, 3)), np.full((n, 3), 0.005), names)
     quality, other = Notice("gnss-quality", "float"), Notice("epochs-missing", "some")
     assert notices_beside((quality, other), known) == ((quality, other) if kept else (other,))
+
+
+def adjusted_with(camera: Camera, late_s: float = 0.0) -> tuple[Flight, AdjustedBlock]:
+    """The adjustment of a flight whose camera or times are stated otherwise than they are."""
+    flight = Flight(1, places=300)
+    block = Block(flight.block.trajectory, flight.block.errors, camera, T_S + late_s, SCALE)
+    return flight, adjusted_block(block, flight.ties)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"fx": 1.1 * STATED.fx, "fy": 1.1 * STATED.fy}, "contradict GNSS and IMU"),
+        ({"rpy_deg": (180.0, 0.0, 90.0)}, "do not fit its poses together"),
+    ],
+)
+def test_wrong_focal_length_or_sign__is_a_contradiction(changed: dict[str, Any], why: str) -> None:
+    _, adjusted = adjusted_with(replace(STATED, **changed))
+    doubt = doubtful(adjusted)
+    assert doubt is not None
+    assert why in doubt
+    notice = contradicting(doubt)
+    assert notice.code == "images-contradict"
+    assert "neither for the trajectory nor for colours" in notice.text
+
+
+def test_times_a_second_off__are_found_told_and_put_right() -> None:
+    flight, adjusted = adjusted_with(STATED, late_s=1.0)
+    assert doubtful(adjusted) is None
+    (notice,) = misstated(adjusted, STATED)
+    assert notice.code == "camera-times-off"
+    assert "taken 0.980 s before the times stated" in notice.text
+    _, right = adjusted_with(STATED)
+    assert misstated(right, STATED) == []
+    truth = frame_poses(flight.truth, true_camera(), T_S, SCALE).xyz_m
+    for found, late_s in ((adjusted, 1.0), (right, 0.0)):
+        block = replace(flight.block, t_s=T_S + late_s)
+        off = adjusted_poses(block, found).xyz_m - truth
+        assert np.linalg.norm(off - off.mean(axis=0), axis=1).max() < 0.2, "heading is known to 0.5 degrees only"
+
+
+def test_mounting_and_intrinsics_that_are_off__are_told() -> None:
+    _, adjusted = adjusted_with(replace(STATED, rpy_deg=(180.0, 20.0, -90.0)))
+    (turned,) = misstated(adjusted, STATED)
+    assert (turned.code, doubtful(adjusted)) == ("camera-mounting-off", None)
+    _, adjusted = adjusted_with(replace(STATED, k1=0.0, k2=0.0))
+    assert doubtful(adjusted) is None
+    assert "camera-residuals" in {notice.code for notice in misstated(adjusted, STATED)}
+    _, adjusted = adjusted_with(replace(STATED, fx=1.03 * STATED.fx, fy=1.03 * STATED.fy))
+    (strained,) = misstated(adjusted, STATED)
+    assert (strained.code, doubtful(adjusted)) == ("camera-tension", None)
+
+
+def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
+    opened = open_session(shared_data / "uav_wheat" / "session.toml")
+    monkeypatch.setattr(session_aid, "find_spec", lambda name: None if name == "pycolmap" else name)
+    notices: list[Notice] = []
+    place = located()
+    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    (notice,) = notices
+    assert 'pip install "furrowmap[photo]"' in notice.text
