@@ -145,8 +145,9 @@ def run(
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
     camera = aid.camera if aid is not None else None
-    if all(notice.code != CONTRADICTING for notice in image_notices):
-        image_notices += _give_frames(opened, located.trajectory, placer.origin_m, camera, frame_sink)
+    image_notices += _give_frames(
+        opened, located.trajectory, placer.origin_m, camera, _unless(image_notices, frame_sink)
+    )
     sink.begin(frame, placer.origin_m)
     moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
@@ -174,6 +175,11 @@ def _aided_by_images(
     from furrowmap.core.images.session_aid import aided_session
 
     return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
+
+
+def _unless(notices: list[Notice], sink: FrameSink | None) -> FrameSink | None:
+    """What takes the frames; None where they contradict GNSS and IMU."""
+    return None if any(notice.code == CONTRADICTING for notice in notices) else sink
 
 
 def _give_frames(
