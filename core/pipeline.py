@@ -35,7 +35,6 @@ from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values import scratch
 from furrowmap.core.values.ahead import SCANS_AHEAD, ahead, behind
 from furrowmap.core.values.beside import beside
-from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import CONTRADICTION, Notice
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.mounting import Mounting
@@ -144,10 +143,8 @@ def run(
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
-    camera = aid.camera if aid is not None else None
-    image_notices += _give_frames(
-        opened, located.trajectory, placer.origin_m, camera, _unless(image_notices, frame_sink)
-    )
+    frame_sink = _sound(image_notices, frame_sink)
+    image_notices += _give_frames(opened, located.trajectory, placer.origin_m, aid, frame_sink)
     sink.begin(frame, placer.origin_m)
     moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
@@ -177,15 +174,15 @@ def _aided_by_images(
     return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
 
 
-def _unless(notices: list[Notice], sink: FrameSink | None) -> FrameSink | None:
+def _sound(notices: list[Notice], sink: FrameSink | None) -> FrameSink | None:
     """What takes the frames; None where they contradict GNSS and IMU."""
     return None if any(notice.code == CONTRADICTING for notice in notices) else sink
 
 
 def _give_frames(
-    opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, found: Camera | None, sink: FrameSink | None
+    opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, aid: ImageAid | None, sink: FrameSink | None
 ) -> list[Notice]:
-    """Hand the frames that have a pose to `sink`; the camera is `found`, else as stated. Notices about the images."""
+    """Hand the frames that have a pose to `sink`, the camera as they show it, else as stated; notices about them."""
     notices: list[Notice] = []
     camera = opened.session.camera
     if camera is None or sink is None:
@@ -198,7 +195,7 @@ def _give_frames(
         from furrowmap.core.images.frames import frames_along
 
         scale = ground_scale(opened.frame, trajectory)
-        frames = frames_along(images, found or opened.camera(), trajectory, scale, notices)
+        frames = frames_along(images, aid.camera if aid is not None else opened.camera(), trajectory, scale, notices)
         if frames is not None:
             sink.take(frames, origin_m)
     return notices
