@@ -41,6 +41,9 @@ CONVERGED_RAD: Final = 1e-5
 OUTLIER: Final = 6.0
 """Standard deviations beyond which a position is counted as one that does not fit. Of normal noise in two axes 1.1 %
 are beyond three, and on ploughed ground the antenna sways by up to five of its noise."""
+WIDEST: Final = 3.0
+"""Most by which the own scatter of positions widens that limit: on heavy soil antennas sway by two to three times the
+stated noise; what scatters more does not fit the vehicle."""
 USUAL: Final = 1.1774
 """Median of the distance by normal noise in two axes, in standard deviations of one (Rayleigh's distribution)."""
 
@@ -155,7 +158,7 @@ def outliers(normed: FloatArray) -> BoolArray:
     Where all scatter more than stated, as where a tractor sways on heavy soil, they are judged by their own scatter.
     """
     known = normed[np.isfinite(normed)]
-    scatter = max(1.0, float(np.median(known)) / USUAL) if len(known) else 1.0
+    scatter = float(np.clip(np.median(known) / USUAL, 1.0, WIDEST)) if len(known) else 1.0
     return np.asarray(np.nan_to_num(normed) > OUTLIER * scatter)
 
 

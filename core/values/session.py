@@ -455,7 +455,7 @@ EXAMPLES: Final = {
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",
-    "lidar.rpy_walk_deg_rts": "0.01",
+    "lidar.rpy_walk_deg_rts": "0.0",
     "imu.files": '["imu.csv"]',
     "imu.topic": '"/imu/data"',
     "imu.xyz_m": "[-0.04, -0.01, -0.29]",

@@ -16,6 +16,7 @@ from pandas.testing import assert_frame_equal
 
 import furrowmap
 from furrowmap.core import pipeline
+from furrowmap.core.adjustment import session_match
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.lease import leases
@@ -54,7 +55,7 @@ def test_promise_20__resumed_run_uses_the_matching_and_gives_the_same_result(
     with pytest.raises(furrowmap.InputError):  # nothing to read, and what was kept stays
         furrowmap.open_result(folder)
     assert leases(folder)
-    monkeypatch.delattr(pipeline, "matched_to_ground")
+    monkeypatch.setattr(session_match, "matched_to_ground", None)
     resumed = furrowmap.run(simulated.session, folder, resume=True)
     assert not leases(folder)
     assert digests(folder) == digests(result.path)
@@ -72,7 +73,7 @@ def test_kept_matching__is_that_of_the_same_session_and_recordings_only(
     trajectory = pipeline.locate(opened.positions(), opened.session, opened.frame).trajectory
     kept = KeptMatching(tmp_path / "kept", opened, inputs)
     assert kept.load() is None
-    kept.save(pipeline.MatchedSession(trajectory, (), None))
+    kept.save(session_match.MatchedSession(trajectory, (), None))
     back = kept.load()
     assert back is not None
     assert np.array_equal(back.trajectory.xyz_m, trajectory.xyz_m)

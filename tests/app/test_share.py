@@ -142,7 +142,7 @@ def test_page__works_and_asks_for_nothing_outside(
     page = context.new_page()
     asked, faults = [], []
     page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: faults.append(message.text))
+    page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.goto(f"{base}index.html")
     page.wait_for_selector("body[data-map=shown]")

@@ -225,6 +225,8 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             "check", PRODUCT=cloud, POINTS=folder / "points.csv", VERTICAL=1.0, TABLE=folder / "errors.csv", SIGMA=0.01
         ),
         "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
+        "machine_save": run("machine_save", SESSION=folder / "session.toml", NAME=str(folder / "tractor.toml")),
+        "machine_list": run("machine_list"),
         "calibrate_mount": run(
             "calibrate_mount",
             FRAMES=folder / "drive.csv",
@@ -305,7 +307,7 @@ def by_hand(folder: Path) -> Path:
 
 
 def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
-    refused = {"calibrate", "calibrate_mount", "colour"}
+    refused = {"calibrate", "calibrate_mount", "colour", "machine_save"}
     assert set(answers["logged"]) == refused | {"gnss_solve", "growth", "crashing", "foreign", "broken"}
     assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
@@ -418,11 +420,17 @@ def test_features__are_classes_and_layers(answers: dict[str, Any], folder: Path)
     assert answers["features"]["outputs"]["FEATURES"] == str(folder / "features" / "features.gpkg")
 
 
-def test_images__need_an_extra_that_the_worker_does_not_have(answers: dict[str, Any]) -> None:
-    for name, lacking in (("calibrate_mount", "OpenCV"), ("colour", "Pillow")):
-        what, _, remedy = answers[name]["error"].splitlines()
-        assert what == f"{lacking} is not installed."
-        assert "furrowmap[photo]" in remedy
+def test_images__need_an_extra_that_the_worker_does_not_have_and_a_camera(answers: dict[str, Any]) -> None:
+    what, _, remedy = answers["calibrate_mount"]["error"].splitlines()
+    assert what == "OpenCV is not installed."
+    assert "furrowmap[photo]" in remedy
+    assert answers["colour"]["error"].splitlines()[0].endswith("has no table [camera].")
+
+
+def test_machine__of_a_session_without_places_is_refused(answers: dict[str, Any]) -> None:
+    assert answers["machine_save"]["error"].splitlines()[0].endswith("states no place of a sensor or tool.")
+    assert answers["machine_list"]["error"] is None
+    assert isinstance(json.loads(answers["machine_list"]["outputs"]["MACHINES"]), list)
 
 
 def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], folder: Path) -> None:

@@ -109,7 +109,9 @@ def test_tables__have_types_indexes_and_comments(two: str) -> None:
     indexes = {row[0] for row in ask(two, "SELECT indexdef FROM pg_indexes WHERE schemaname = 'furrowmap'")}
     for name in ("sessions", *DETAILS):
         assert any(f"furrowmap.{name} USING gist (geom)" in index.replace('"', "") for index in indexes)
-    assert ask(two, "SELECT obj_description('furrowmap.passes'::regclass)")[0][0].startswith("The ground worked")
+    assert ask(two, "SELECT obj_description('furrowmap.passes'::regclass)")[0][0].startswith(
+        "passes: The ground worked"
+    )
 
 
 def test_new_result__replaces_the_old_one_and_removing_takes_all(new_database: str, results: dict[str, Path]) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.exporters.reports.report_page import _depth_picture, _duration, _median, _number
+from furrowmap.exporters.reports.page_parts import duration_words
+from furrowmap.exporters.reports.report_page import _depth_picture, _median, _number
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,7 @@ from furrowmap.exporters.reports.report_page import _depth_picture, _duration, _
     ],
 )  # fmt: skip
 def test_durations(length_s: float, words: str) -> None:
-    assert _duration(length_s) == words
+    assert duration_words(length_s) == words
 
 
 def test_numbers__that_are_not_known_are_called_so() -> None:
