@@ -4,7 +4,8 @@
 # PLUGINS is the folder that holds the plugin's folder `furrowmap`. The script finds `iface` and its arguments as
 # `arguments`, calls `leave()` when it is done (`leave` may be called by a timer later), and may call `shot(PATH)`.
 # QGIS_SIZE=1600x1000 is the screen's size, QGIS_LOCALE=en its language, QGIS_INTERPRETER the worker's command.
-# Prints what the script prints. Ends with QGIS's own status; 1 where the script raised an exception.
+# Prints what the script prints. Ends with QGIS's own status; 1 where the script raised an exception. A crash of QGIS after it
+# has ended Python is told, and counts as an end.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [ -f /etc/qgis-root ] || exec scripts/in_qgis_root.sh bash scripts/qgis_desktop.sh "$@"
@@ -39,6 +40,7 @@ furrowmap=true
 INI
 
 cat >"$work/start.py" <<'PY'
+import atexit
 import os
 import sys
 import faulthandler
@@ -49,6 +51,8 @@ from qgis.PyQt.QtCore import QTimer
 from qgis.utils import iface
 
 faulthandler.enable()
+# QGIS ends Python when its windows are closed and the plugins are gone; what it destroys after that has no code of a plugin.
+atexit.register(lambda: open(os.path.join(os.environ["DESKTOP_WORK"], "ended"), "w").close())
 
 
 def shot(path):
@@ -105,5 +109,9 @@ DESKTOP_WORK=$work DESKTOP_COMMAND=${command%?} PYTHONUNBUFFERED=1 QT_QPA_PLATFO
   qgis --profiles-path "$work" --nologo --noversioncheck --code "$work/start.py" \
   2> >(grep --line-buffered -vE 'propagateSizeHints|^$' >&2) || status=$?
 kill $(jobs -p) 2>/dev/null || true
+if [ "$status" = 139 ] && [ -e "$work/ended" ]; then
+  echo "qgis_desktop.sh: QGIS itself crashed while it ended, after Python had ended" >&2
+  status=0
+fi
 [ ! -e "$work/failed" ] || status=1
 exit "$status"
