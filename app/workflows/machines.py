@@ -9,10 +9,10 @@ from typing import Final
 
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from furrowmap.core.values.errors import InputError, UsageError
 from furrowmap.core.values.file_names import is_file_name
 from furrowmap.core.values.machine import Machine
-from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.workflows.qgis_plugin import user_data
 
 VARIABLE: Final = "FURROWMAP_MACHINES"
@@ -96,13 +96,7 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
             "Fill in [antenna], [lidar] and [implement] first.",
             code="machine-empty",
         )
-    if target.exists() and not overwrite:
-        raise RefusedError(
-            f"{target} exists already.",
-            "It may hold other measured values, so it was left as it is.",
-            "Choose another name, or replace it with --overwrite.",
-            code="exists",
-        )
+    refuse_existing(target, overwrite=overwrite)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_machine(target, found)
     return KnownMachine(target.stem, target, found)

@@ -6,7 +6,6 @@ import json
 import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
-from functools import cached_property
 from pathlib import Path, PurePosixPath
 from time import perf_counter
 from types import TracebackType
@@ -82,10 +81,10 @@ def run(
         inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
         with _LateProducts(lambda: module().RunProducts(opened, staging)) as products:
             if opened.session.parcels is not None:
-                products.there  # noqa: B018 (what is wrong with the parcels is told before the work)
+                products.ready()  # what is wrong with the parcels is told before the work
             checkpoint = KeptMatching(kept(staging), opened, inputs)
             found = pipeline.run(opened, products, progress, checkpoint, products)
-            made = products.there.made(found, inputs, progress)
+            made = products.ready().made(found, inputs, progress)
         release()
         module().write_products(made, opened, folder, staging, start, progress)
     from furrowmap.results import open_result
@@ -98,6 +97,7 @@ class _LateProducts:
 
     def __init__(self, make: Callable[[], RunProducts]) -> None:
         self._make, self._stack = make, ExitStack()
+        self._made: RunProducts | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -107,22 +107,23 @@ class _LateProducts:
     ) -> None:
         self._stack.__exit__(kind, error, trace)
 
-    @cached_property
-    def there(self) -> RunProducts:
-        """The products."""
-        return self._stack.enter_context(self._make())
+    def ready(self) -> RunProducts:
+        """The products; the first call makes them, and raises what is wrong with their settings."""
+        if self._made is None:
+            self._made = self._stack.enter_context(self._make())
+        return self._made
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
         """Pass the local origin on."""
-        self.there.points.begin(frame, origin_m)
+        self.ready().points.begin(frame, origin_m)
 
     def add(self, placed: PlacedScan) -> None:
         """Pass the points of a scan on."""
-        self.there.points.add(placed)
+        self.ready().points.add(placed)
 
     def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
         """Pass the frames of the camera on."""
-        self.there.frames.take(frames, origin_m)
+        self.ready().frames.take(frames, origin_m)
 
 
 def _expect_space(folder: Path, opened: OpenSession) -> None:

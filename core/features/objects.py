@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import STRtree
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.features.breaklines import Breakline
 from furrowmap.core.features.lines import Line, course
@@ -132,15 +133,9 @@ def joined(pieces: Sequence[PlanePiece]) -> list[PlanePiece]:
     """Planes of pieces: those that continue each other are one; the largest first."""
     if not pieces:
         return []
-    shapes = [each.shape for each in pieces]
-    tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(BESIDE_M) for shape in shapes])
-    a, b = tree.query(tree.geometries)
-    pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and _one(pieces[i], pieces[j])]
-    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(pieces),) * 2)
-    count, label = connected_components(graph, directed=False)
-    groups = [[pieces[k] for k in np.flatnonzero(label == number).tolist()] for number in range(count)]
-    return sorted((_merged(group) for group in groups), key=lambda plane: -plane.area_m2)
+    groups = _groups([each.shape for each in pieces], BESIDE_M, lambda i, j: _one(pieces[i], pieces[j]))
+    merged = (_merged([pieces[k] for k in group]) for group in groups)
+    return sorted(merged, key=lambda plane: -plane.area_m2)
 
 
 def ground_lines(lines: Iterable[Breakline]) -> list[LineObject]:
@@ -157,14 +152,25 @@ def joined_lines(lines: Sequence[LineObject]) -> list[LineObject]:
     """Lines without the borders of tiles: those of a kind that overlap along one course, or continue it, are one."""
     if not lines:
         return []
-    shapes = [line.shape for line in lines]
-    tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(CONTINUED_M) for shape in shapes])
+    groups = _groups([line.shape for line in lines], CONTINUED_M, lambda i, j: _one_line(lines[i], lines[j]))
+    return [_merged_lines([lines[k] for k in group]) for group in groups]
+
+
+def _groups(shapes: Sequence[BaseGeometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
+    """Numbers of shapes in groups: two are in one if `same` says so of them, or of others between them.
+
+    Args:
+        shapes: of the objects.
+        reach_m: half of the distance beyond which `same` is not asked.
+        same: whether two objects, by their numbers, are parts of one.
+    """
+    tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(reach_m) for shape in shapes])
     a, b = tree.query(tree.geometries)
-    pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and _one_line(lines[i], lines[j])]
+    pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and same(i, j)]
     first, second = np.array(pairs, np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(lines),) * 2)
+    graph = coo_array((np.ones(len(first), bool), (first, second)), shape=(len(shapes),) * 2)
     count, label = connected_components(graph, directed=False)
-    return [_merged_lines([lines[k] for k in np.flatnonzero(label == number).tolist()]) for number in range(count)]
+    return [np.flatnonzero(label == number).tolist() for number in range(count)]
 
 
 def _one_line(a: LineObject, b: LineObject) -> bool:
