@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import STRtree
-from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.features.breaklines import Breakline
 from furrowmap.core.features.lines import Line, course
@@ -156,7 +155,7 @@ def joined_lines(lines: Sequence[LineObject]) -> list[LineObject]:
     return [_merged_lines([lines[k] for k in group]) for group in groups]
 
 
-def _groups(shapes: Sequence[BaseGeometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
+def _groups(shapes: Sequence[shapely.Geometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
     """Numbers of shapes in groups: two are in one if `same` says so of them, or of others between them.
 
     Args:
