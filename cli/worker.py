@@ -11,7 +11,8 @@ Protocol 1: one JSON object per line, UTF-8. The worker writes to standard outpu
 - ``done`` last: ``status``, the exit status of the command.
 
 It reads from standard input: first ``{"type": "start", "arguments": ["run", "session.toml", ...]}``, then optionally
-``{"type": "cancel"}``. The end of standard input also cancels.
+``{"type": "cancel"}``. The end of standard input also cancels. A worker that has not ended :data:`ABANDONED_S` later
+ends itself, as if it were killed.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ import msgspec
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
-from furrowmap.core.values.errors import FurrowmapError, Notice, UsageError
+from furrowmap.core.values.errors import Cancelled, FurrowmapError, Notice, UsageError
 from furrowmap.core.values.languages.choice import language_of_user, using_language
 from furrowmap.core.values.languages.translation import translated_notice
 from furrowmap.core.values.progress import Progress
@@ -44,6 +45,8 @@ from furrowmap.process import prepare_process, reporting_compilation
 
 PROTOCOL: Final = 1
 PERIOD_S: Final = 0.1
+ABANDONED_S: Final = 20.0
+"""Time to clean up once nobody listens any more; longer than any kernel is being compiled."""
 _LONGEST_LINE: Final = 1 << 20
 
 
@@ -77,7 +80,7 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
     """Send hello, read the start message, run the command.
 
     Args:
-        orders: lines of JSON; its end cancels the command.
+        orders: lines of JSON; its end cancels the command, and the process ends within :data:`ABANDONED_S` of it.
         answers: receives lines of JSON.
 
     Returns:
@@ -205,10 +208,21 @@ def _misunderstood(what: str) -> UsageError:
 
 
 def _heed(orders: BinaryIO) -> None:
-    """Cancel the command on a cancel message or at the end of the input."""
+    """Cancel the command on a cancel message or at the end of the input; after that end, see that the process ends.
+
+    The exception of an interruption can be lost or leave a lock behind where it meets a library, as in the midst of a
+    compilation. Nobody is there then to end the process.
+    """
     while line := orders.readline(_LONGEST_LINE):
         with suppress(ValueError):
             if json.loads(line) == {"type": "cancel"}:
-                break
-    INTERRUPTION.asked = True
-    _thread.interrupt_main(signal.SIGINT)
+                _cancel()
+    _cancel()
+    time.sleep(ABANDONED_S)
+    os._exit(Cancelled.exit_status)
+
+
+def _cancel() -> None:
+    if not INTERRUPTION.asked:
+        INTERRUPTION.asked = True
+        _thread.interrupt_main(signal.SIGINT)

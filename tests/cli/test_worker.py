@@ -149,6 +149,29 @@ def test_worker__whose_program_was_killed_does_not_stay(shared_data: Path, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
+def test_worker__that_hangs_ends_when_its_program_is_gone() -> None:
+    code = (
+        "import time\n"
+        "from furrowmap.cli import worker\n"
+        "def hang(*_):\n"
+        "    while True:\n"
+        "        try: print('hangs', flush=True); time.sleep(60)\n"
+        "        except KeyboardInterrupt: pass\n"
+        "worker.ABANDONED_S, worker.attempt = 0.3, hang\n"
+        "worker.worker([], standalone_mode=False)"
+    )
+    order = json.dumps({"type": "start", "arguments": ["run", "session.toml"]}).encode() + b"\n"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        process.stdin.write(order)
+        process.stdin.flush()
+        assert process.stderr.readline() == b"hangs\n"
+        process.stdin.close()
+        assert process.wait(30) == 130
+
+
 def _alive(pid: int) -> bool:
     """Whether a process still runs; one that ended and nobody has asked about does not."""
     try:
