@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import subprocess
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from hypothesis import settings
 
+import furrowmap
 from furrowmap.process import keep_blas_single, keep_kernels
 
 if TYPE_CHECKING:
@@ -34,6 +36,22 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("the sample recordings (../shared/data) are not beside this checkout")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[Path], Path]], furrowmap.Result]:
+    """Runs a session once for the tests of all processes; takes a name and what writes the session to a folder."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "runs"
+    folder.mkdir(exist_ok=True)
+
+    def result(name: str, session_in: Callable[[Path], Path]) -> furrowmap.Result:
+        out = folder / name / "out"
+        with (folder / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return furrowmap.open_result(out) if out.is_dir() else furrowmap.run(session_in(folder / name / "in"), out)
+
+    return result
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from playwright.sync_api import Browser
 
 import furrowmap
 from furrowmap.core.values.clock import las_time_to_utc
-from tests.test_end_to_end import TRACTORS, rover_session, session_folder, tool_module
+from tests.test_end_to_end import TRACTORS, RunOnce, rover_session, session_folder, tool_module
 
 AREA_LAYERS = ("zones", "passes", "coverage", "overlaps", "misses")
 
@@ -37,18 +37,17 @@ class Result:
 
 
 @pytest.fixture(scope="module")
-def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Result]:
+def result(shared_data: Path, run_once: RunOnce) -> Callable[[str], Result]:
     """A sample's run as its session says, one for all tests."""
 
     @cache
     def run_of(name: str) -> Result:
-        folder = tmp_path_factory.mktemp(name)
-        report = furrowmap.run(session_folder(shared_data, name, folder / "in", truth=False), folder / "out").report
+        run = run_once(name, lambda folder: session_folder(shared_data, name, folder, truth=False))
         tool = tool_module(shared_data, "evaluate")
         truth = tool.Truth(shared_data / name)
-        track = tool.read_layer(folder / "out", "trajectory", truth.session["crs"]["map"])
-        implement = tool.judge_implement(folder / "out", truth, track)
-        return Result(folder / "out", implement, tool.judge_work(folder / "out", truth), report)
+        track = tool.read_layer(run.path, "trajectory", truth.session["crs"]["map"])
+        implement = tool.judge_implement(run.path, truth, track)
+        return Result(run.path, implement, tool.judge_work(run.path, truth), dict(run.report))
 
     return run_of
 
@@ -202,11 +201,12 @@ def test_a_session_without_implement_has_states_but_no_ground(shared_data: Path,
     assert "how wide it is" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_rover_has_no_implement_and_a_page_all_the_same(shared_data: Path, tmp_path: Path) -> None:
-    report = furrowmap.run(rover_session(shared_data, tmp_path / "in", poses=True), tmp_path / "out").report
+def test_a_rover_has_no_implement_and_a_page_all_the_same(shared_data: Path, run_once: RunOnce) -> None:
+    result = run_once("rover", lambda folder: rover_session(shared_data, folder, poses=True))
+    report, out = result.report, result.path
     assert report["figures"]["implement"] is None
     assert "implement-never-moves" in {warning["code"] for warning in report["warnings"]}
-    track = pyogrio.read_dataframe(tmp_path / "out" / "field.gpkg", layer="trajectory", read_geometry=False)
+    track = pyogrio.read_dataframe(out / "field.gpkg", layer="trajectory", read_geometry=False)
     assert set(track["implement"]) == {"unknown"}
-    assert "<svg" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert json.loads((tmp_path / "out" / "report.json").read_text())["products"] == report["products"]
+    assert "<svg" in (out / "report.html").read_text(encoding="utf-8")
+    assert json.loads((out / "report.json").read_text())["products"] == report["products"]
