@@ -13,7 +13,7 @@ OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin web clean
+.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -21,7 +21,10 @@ help:  ## this list
 demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show a map
 	$(BIN)/python scripts/demo.py
 
-test: lint typecheck  ## everything that must hold: style, types, tests
+test: lint  ## everything that must hold: style, types, tests
+	@$(MAKE) --no-print-directory -j 2 typecheck all-tests
+
+all-tests: $(INSTALLED)
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz

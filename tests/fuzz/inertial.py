@@ -88,9 +88,9 @@ def read_stated_columns(path: Path) -> None:
 
 
 INERTIAL = (
-    Entry("rosbag-imu", bag_seeds, read_bag, trials=150),
-    Entry("line-scanner", line_seeds, read_line, trials=150),
-    Entry("vectornav", vectornav_seeds, read_recording, trials=150),
-    Entry("imu-csv-iso", lambda folder: [{"dji.csv": dji_log()}], read_stated_columns, trials=150),
-    Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=150),
+    Entry("rosbag-imu", bag_seeds, read_bag, trials=60),
+    Entry("line-scanner", line_seeds, read_line, trials=60),
+    Entry("vectornav", vectornav_seeds, read_recording, trials=60),
+    Entry("imu-csv-iso", lambda folder: [{"dji.csv": dji_log()}], read_stated_columns, trials=60),
+    Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=60),
 )

@@ -381,8 +381,8 @@ def use_order(path: Path) -> None:
 
 
 PLACES = [
-    Entry("places-result", result_seeds, sound(use_result), trials=100),
-    Entry("places-session", session_seeds, sound(use_session), trials=100),
-    Entry("places-archive", archive_seeds, sound(use_archive), trials=100),
-    Entry("places-order", order_seeds, sound(use_order), trials=100),
+    Entry("places-result", result_seeds, sound(use_result), trials=50),
+    Entry("places-session", session_seeds, sound(use_session), trials=50),
+    Entry("places-archive", archive_seeds, sound(use_archive), trials=50),
+    Entry("places-order", order_seeds, sound(use_order), trials=50),
 ]

@@ -79,9 +79,9 @@ def orders(folder: Path) -> list[Files]:
 
 
 PRODUCTS = (
-    Entry("implement", implements, load_implement, trials=200),
-    Entry("survey", surveys, lambda path: read_points(path, MAP), trials=200),
-    Entry("scenario", lambda folder: [{"scenario.toml": SCENARIO}], load_scenario, trials=200),
+    Entry("implement", implements, load_implement, trials=50),
+    Entry("survey", surveys, lambda path: read_points(path, MAP), trials=50),
+    Entry("scenario", lambda folder: [{"scenario.toml": SCENARIO}], load_scenario, trials=50),
     Entry("result", results, read_result, trials=60),
-    Entry("order", orders, lambda path: _arguments(path.read_bytes()), trials=300),
+    Entry("order", orders, lambda path: _arguments(path.read_bytes()), trials=50),
 )

@@ -144,8 +144,8 @@ def read_surface(path: Path) -> None:
 
 RECORDINGS = (
     Entry("geotiff", raster_seeds, read_surface),
-    Entry("las", las_seeds, read_cloud, trials=600),
-    Entry("laz", laz_seeds, read_cloud, trials=500),
+    Entry("las", las_seeds, read_cloud, trials=200),
+    Entry("laz", laz_seeds, read_cloud, trials=200),
     Entry("copc", copc_seeds, read_cloud),
     Entry("capture", capture_seeds, read_recording),
     Entry("capture-packed", packed_seeds, read_recording),

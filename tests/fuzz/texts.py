@@ -185,13 +185,13 @@ def drive(path: Path) -> None:
 
 
 TEXTS = (
-    Entry("boundary", boundaries, read_field, trials=150),
-    Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=150),
-    Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=150),
+    Entry("boundary", boundaries, read_field, trials=60),
+    Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=60),
+    Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=60),
     Entry("parameters", parameters, read_par),
-    Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=150),
-    Entry("session", sessions, read_session, trials=150),
+    Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=60),
+    Entry("session", sessions, read_session, trials=60),
     Entry("task-data-zip", archives, read_recording),
-    Entry("fields", worked, lambda path: fields(path.parent), trials=80),
-    Entry("drive", lambda folder: [{"gnss.nmea": nmea(40)}], drive, mend_nmea, trials=150),
+    Entry("fields", worked, lambda path: fields(path.parent), trials=50),
+    Entry("drive", lambda folder: [{"gnss.nmea": nmea(40)}], drive, mend_nmea, trials=60),
 )

@@ -44,7 +44,7 @@ class Entry:
     seeds: Callable[[Path], Sequence[Files]]
     read: Callable[[Path], object]
     mend: Callable[[bytes], bytes] | None = None
-    trials: int = 300
+    trials: int = 100
 
 
 @dataclass(frozen=True)
