@@ -63,9 +63,12 @@ typecheck: $(INSTALLED) layout
 	$(BIN)/mypy -p furrowmap
 
 # The folders under their import names, as an installation has them, for what reads the source without importing it.
+# Links that are right stay: others may be reading by them.
 layout:
-	@rm -rf build/typing && mkdir -p build/typing/furrowmap
-	@for part in $(PARTS) $(wildcard app/*); do ln -sfn ../../../$$part build/typing/furrowmap/$${part##*/}; done
+	@mkdir -p build/typing/furrowmap
+	@find build/typing/furrowmap -xtype l -delete
+	@for part in $(PARTS) $(filter-out app/__pycache__,$(wildcard app/*)); do \
+	  link=build/typing/furrowmap/$${part##*/}; [ -L $$link ] || ln -s ../../../$$part $$link; done
 
 docs: $(INSTALLED) layout  ## the documentation as a site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir build/site
