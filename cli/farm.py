@@ -51,7 +51,7 @@ _schema = click.option(
     "--time-zone",
     "zone",
     metavar="ZONE",
-    help="Time zone of the dates, such as Asia/Tokyo [default: that of the place].",
+    help="Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].",
 )
 @_schema
 @common_options

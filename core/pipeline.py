@@ -21,8 +21,8 @@ from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.classifying import classifier
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
 from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.pointclouds.position_notices import position_notices, quality_notices
 from furrowmap.core.pointclouds.run_notices import (
-    gap_notices,
     placement_notices,
     refuse_empty,
     session_notices,
@@ -155,7 +155,7 @@ def run(
     work = implement.work(located.trajectory, frame, boundary, states)
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
-    notices += session_notices(session, located, matched=matched is not None) + gap_notices(placement, located)
+    notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
     if located.source == "imu" and matched is None:
         notices += boresight_notices(flown.boresight, session.lidar.mounting)
@@ -396,8 +396,10 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     known = FieldWork(boundary=boundary, external=states)
     work = with_ground(known, located.trajectory, opened.frame, session.implement)
     watch.lap("work")
-    notices = [*positions.notices, *located.notices, *aid_notices, *field_notices, *state_notices, *work.notices]
-    found = _result(opened, located, Placement.without_scans(located.trajectory), work, (), notices, watch)
+    placement = Placement.without_scans(located.trajectory)
+    notices = [*positions.notices, *located.notices, *quality_notices(placement.poses), *aid_notices]
+    notices += [*field_notices, *state_notices, *work.notices]
+    found = _result(opened, located, placement, work, (), notices, watch)
     return replace(found, image_aid=aid)
 
 

@@ -10,6 +10,7 @@ LABELS = (
     QT_TRANSLATE_NOOP("Legends", "PPP"),
     QT_TRANSLATE_NOOP("Legends", "differential"),
     QT_TRANSLATE_NOOP("Legends", "single"),
+    QT_TRANSLATE_NOOP("Legends", "no position"),
     QT_TRANSLATE_NOOP("Legends", "other, or from a file"),
     QT_TRANSLATE_NOOP("Legends", "tool lowered"),
     QT_TRANSLATE_NOOP("Legends", "tool lifted"),

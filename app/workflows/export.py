@@ -93,7 +93,7 @@ def export(
             chosen, result = FORMATS[to], opened[0]
             found: Layers = {name: result.layer(name) for name in (layers or result.layer_names)}
             found, notices = changed_crs(found, chosen.crs or wanted)
-            files, lost = write_vectors(chosen, target, found, result.origin)
+            files, lost = write_vectors(chosen, target, found, result.origin, result.zone)
             notices += lost
     return Exported(target, tuple(files), tuple(notices))
 

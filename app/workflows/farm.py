@@ -103,7 +103,7 @@ def add_to_farm_map(
         folders: that `furrowmap run` wrote.
         crs: of a new farm map; None for that of the first session.
         same_crs: refuse sessions of another CRS instead of transforming them.
-        zone: time zone of the dates; None for the nautical zone of each place.
+        zone: time zone of the dates and times; None for that of each run.
         schema: of the tables in a database.
         progress: receives the stages.
 
@@ -262,7 +262,7 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     """Store the styles and the QGIS project for the current content."""
     sessions, kinds, crs = edit.sessions(), edit.layers(), edit.crs()
     assert crs is not None
-    own = styles(kinds, [session.date for session in sessions])
+    own = styles(kinds, sessions)
     notices = edit.store_styles(own)
     layers = []
     for name in drawing_order(list(kinds)):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
 from typing import Final
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from pyproj import CRS, Transformer
 
 HOUR_DEG: Final = 15.0
+_UTC: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z")
+"""Times as :func:`~furrowmap.core.values.clock.iso_utc` writes them."""
 
 
 def zone_at(lon_deg: float, lat_deg: float) -> ZoneInfo:
@@ -55,3 +58,15 @@ def zone_words(t_s: float, zone: ZoneInfo) -> str:
     """Name of a zone and its offset at a UTC time: "Asia/Tokyo, UTC+09:00"."""
     offset = f"{local_time(t_s, zone):%z}"
     return f"{zone.key}, UTC{offset[:3]}:{offset[3:5]}"
+
+
+def in_local_time(text: str, zone: ZoneInfo) -> str:
+    """A text of the product with its times in UTC changed to those of a zone, which it names after the last of them."""
+    times = list(_UTC.finditer(text))
+    parts, behind = [], 0
+    for found in times:
+        moment = dt.datetime.fromisoformat(found[0]).astimezone(zone)
+        name = f" ({zone.key})" if found is times[-1] else ""
+        parts += [text[behind : found.start()], f"{moment:%Y-%m-%d %H:%M:%S}.{moment.microsecond // 100_000}{name}"]
+        behind = found.end()
+    return "".join([*parts, text[behind:]])

@@ -132,21 +132,6 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
     return notices
 
 
-def gap_notices(placement: Placement, located: Located) -> list[Notice]:
-    """Gaps of the trajectory during the scans."""
-    gaps = located.trajectory.gaps_s
-    inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
-    if not len(inside):
-        return []
-    length = inside[:, 1] - inside[:, 0]
-    longest = int(np.argmax(length))
-    text = (
-        f"Positions are missing for {length.sum():.1f} s during the scans ({len(inside)} gaps, the longest of "
-        f"{length[longest]:.1f} s from {iso_utc(float(inside[longest, 0]))}). Scans in gaps have no pose."
-    )
-    return [Notice("gaps", text)]
-
-
 def placement_notices(placement: Placement) -> list[Notice]:
     """Scans and points that are not in the cloud."""
     notices = []

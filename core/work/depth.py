@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -16,6 +17,9 @@ FloatArray = NDArray[np.float64]
 SETTLING_S: Final = 1.0
 """Time at both ends of a pass in which the tool still moves."""
 FEWEST: Final = 5
+SOIL_SIGMA_M: Final = 0.02
+"""Standard deviation of the soil's height beside the tool over that which the tool works: loosened by the pass before,
+rows, clods, straw. On the samples, whose passes are all 12 cm deep, depths are off by this."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +29,12 @@ class Depth:
     Attributes:
         depth_m: median; nan where unknown.
         spread_m: standard deviation within the pass, robust; nan where unknown.
+        sigma_m: standard deviation of the depth, if the stated one is right; nan where unknown.
     """
 
     depth_m: float
     spread_m: float
+    sigma_m: float
 
 
 def pass_depths(
@@ -55,10 +61,16 @@ def pass_depths(
     known = np.isfinite(medians)
     usual_m = float(np.median(np.array(medians)[known])) if known.any() else float("nan")
     stated_m = working_depth_m if working_depth_m is not None else float("nan")
-    return tuple(
-        Depth(stated_m + median - usual_m, 1.4826 * float(np.median(np.abs(part - median))) if len(part) else median)
-        for part, median in zip(sunk, medians, strict=True)
-    )
+    return tuple(_depth(part, stated_m + median - usual_m, median) for part, median in zip(sunk, medians, strict=True))
+
+
+def _depth(part: FloatArray, depth_m: float, median_m: float) -> Depth:
+    """The depth with its standard deviations.
+
+    What varies within a pass varies over metres, so its mean is hardly better than a single value.
+    """
+    spread_m = 1.4826 * float(np.median(np.abs(part - median_m))) if len(part) else float("nan")
+    return Depth(depth_m, spread_m, math.hypot(SOIL_SIGMA_M, spread_m) if math.isfinite(depth_m) else float("nan"))
 
 
 def _within(when: PassTimes, t_s: FloatArray, sunk_m: FloatArray) -> FloatArray:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -13,9 +16,12 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.values.errors import Notice, printable
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated
 from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY
+from furrowmap.exporters.vectors.layer_words import ALIASES, VALUES
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -25,13 +31,14 @@ _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """The first of these fields that a feature has is its name."""
 
 
-def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin) -> list[Notice]:
-    """Write one KML file with a folder a layer; the trajectory becomes one line.
+def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin, zone: ZoneInfo) -> list[Notice]:
+    """Write one KML file with a folder a layer; the trajectory becomes a line for each quality of its positions.
 
     Args:
         path: of the file.
         layers: in WGS 84; heights are left out, as viewers relate them to their own terrain model.
         origin: provenance, with the title of the document.
+        zone: time zone of the times in fields.
     """
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = ET.SubElement(root, "Document")
@@ -46,11 +53,12 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
         folder = ET.SubElement(document, "Folder")
         _text(folder, "name", name.replace("_", " "))
         if name == TRAJECTORY:
-            _add_line(folder, layer)
-            notices.append(Notice("kml-trajectory", "The trajectory is one line in KML, without the scans' fields."))
+            _add_lines(folder, layer, looks[name])
+            text = "The trajectory is a line for each quality of its positions in KML, without the scans' fields."
+            notices.append(Notice("kml-trajectory", text))
         else:
             for row in layer.to_dict("records"):
-                _add_placemark(folder, name, row, str(layer.geometry.name), looks[name])
+                _add_placemark(folder, name, _in_zone(row, zone), str(layer.geometry.name), looks[name], zone)
     ET.indent(root)
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
     return notices
@@ -73,17 +81,37 @@ def _add_style(document: ET.Element, name: str, look: Look) -> None:
     _text(ET.SubElement(style, "PolyStyle"), "color", look.fill)
 
 
-def _add_line(folder: ET.Element, trajectory: gpd.GeoDataFrame) -> None:
+def _add_lines(folder: ET.Element, trajectory: gpd.GeoDataFrame, looks: LayerLooks) -> None:
+    """The trajectory in parts of one quality of the positions; each begins where the one before ends."""
     points = trajectory.geometry
     if len(points) < 2:
         return
-    mark = ET.SubElement(folder, "Placemark")
-    _text(mark, "name", "trajectory")
-    _text(mark, "styleUrl", "#trajectory")
-    _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(np.column_stack([points.x, points.y])))
+    xy = np.column_stack([points.x, points.y])
+    known = "fix" in trajectory
+    fix = np.array([_field_text(value) or "" for value in trajectory["fix"]] if known else [""] * len(xy), object)
+    edges = np.flatnonzero(fix[1:] != fix[:-1]) + 1
+    for begin, end in pairwise([0, *edges.tolist(), len(xy)]):
+        part = xy[max(begin - 1, 0) : end]
+        if len(part) > 1:
+            mark = ET.SubElement(folder, "Placemark")
+            value = str(fix[begin])
+            _text(mark, "name", translated(VALUES["fix"].get(value, "trajectory"), language_of_user()))
+            _text(mark, "styleUrl", f"#{looks.name(TRAJECTORY, {'fix': value})}")
+            _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(part))
 
 
-def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry: str, looks: LayerLooks) -> None:
+def _in_zone(row: dict[str, Any], zone: ZoneInfo) -> dict[str, Any]:
+    """The fields of a feature with its times in a zone."""
+    return {name: value.astimezone(zone) if _is_time(value) else value for name, value in row.items()}
+
+
+def _is_time(value: Any) -> bool:
+    return isinstance(value, dt.datetime) and value == value and value.tzinfo is not None  # NaT is not itself
+
+
+def _add_placemark(
+    folder: ET.Element, layer: str, row: dict[str, Any], geometry: str, looks: LayerLooks, zone: ZoneInfo
+) -> None:
     shape = row.pop(geometry)
     if shape is None or shape.is_empty:
         return
@@ -95,7 +123,11 @@ def _add_placemark(folder: ET.Element, layer: str, row: dict[str, Any], geometry
     _text(mark, "styleUrl", f"#{looks.name(layer, fields)}")
     data = ET.SubElement(mark, "ExtendedData")
     for name, text in fields.items():
-        _text(ET.SubElement(data, "Data", name=name), "value", text)
+        field = ET.SubElement(data, "Data", name=name)
+        if name in ALIASES:
+            label = translated(ALIASES[name], language_of_user())
+            _text(field, "displayName", label.replace("UTC", zone.key))
+        _text(field, "value", text)
     _add_shape(mark, shape)
 
 
@@ -133,7 +165,8 @@ def _field_text(value: Any) -> str | None:
     if value is None or value != value:  # as nan and NaT do
         return None
     if hasattr(value, "isoformat"):
-        return f"{value.isoformat(timespec='milliseconds').removesuffix('+00:00')}Z"
+        text = str(value.isoformat(timespec="milliseconds"))
+        return text.replace("+00:00", "Z") if value.tzinfo is not None else f"{text}Z"
     return f"{value:.4f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 

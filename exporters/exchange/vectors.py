@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from furrowmap.exporters.vectors.geopackage import write_styles
 if TYPE_CHECKING:
     import geopandas as gpd
 
+UTC: Final = ZoneInfo("UTC")
 WGS84: Final = CRS("EPSG:4326")
 DIGITS_DEG: Final = 9
 """Decimals of degrees in texts: a tenth of a millimetre."""
@@ -55,16 +57,23 @@ class VectorFormat:
     """
 
     suffix: str
-    write_all: Callable[[Path, Layers, Origin], list[Notice]] | None = None
+    write_all: Callable[[Path, Layers, Origin, ZoneInfo], list[Notice]] | None = None
     write_one: Callable[[Path, gpd.GeoDataFrame], None] | None = None
     notices: Callable[[Layers], list[Notice]] = lambda _: []
     crs: CRS | None = None
 
 
 def write_vectors(
-    chosen: VectorFormat, target: Path, layers: Layers, origin: Origin
+    chosen: VectorFormat, target: Path, layers: Layers, origin: Origin, zone: ZoneInfo = UTC
 ) -> tuple[list[Path], list[Notice]]:
     """Write layers into one file, or into a folder with a file a layer and their provenance.
+
+    Args:
+        chosen: the format.
+        target: file or folder.
+        layers: by name.
+        origin: provenance.
+        zone: time zone of the times that people read: in map tips, and in a KML's fields.
 
     Returns:
         The files, and what the format could not keep.
@@ -75,7 +84,7 @@ def write_vectors(
     """
     if chosen.write_all is not None:
         with atomic_output(target) as unfinished:
-            return [target], chosen.write_all(unfinished, layers, origin)
+            return [target], chosen.write_all(unfinished, layers, origin, zone)
     assert chosen.write_one is not None
     with staged_folder(target) as staging, naming(target):
         for path, layer in zip(_layer_files(staging, list(layers), chosen.suffix), layers.values(), strict=True):
@@ -136,12 +145,14 @@ def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDa
     }, list(change.notices)
 
 
-def _write_geopackage(path: Path, layers: Layers, origin: Origin) -> list[Notice]:
+def _write_geopackage(path: Path, layers: Layers, origin: Origin, zone: ZoneInfo) -> list[Notice]:
     """One GeoPackage with its styles."""
     for name, layer in layers.items():
         metadata = None if path.exists() else origin.metadata
         layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=metadata)
-    write_styles(path, list(layers))
+    times = [layer[name].dropna() for layer in layers.values() for name in ("start", "end", "time") if name in layer]
+    seconds = [moment.timestamp() for part in times if len(part) for moment in (part.min(), part.max())]
+    write_styles(path, list(layers), (zone, min(seconds), max(seconds)) if seconds else None)
     return []
 
 

@@ -12,7 +12,7 @@ from pyproj import CRS
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.exporters.vectors.field_layers import Layer
 
-SCHEMA: Final = 1
+SCHEMA: Final = 2
 """Version of the tables; a farm map of another version is refused."""
 SETTINGS: Final = "furrowmap_base"
 """The table of names and values that makes a database a farm map."""
@@ -29,6 +29,7 @@ class KnownSession:
         session: its identity.
         name: of the session.
         date: the day at the place where it began.
+        time_zone: of the times that people read.
         start: of the session, in UTC.
         end: of the session, in UTC.
         worked_area_m2: None where unknown.
@@ -43,6 +44,7 @@ class KnownSession:
     session: str
     name: str
     date: dt.date
+    time_zone: str
     start: dt.datetime
     end: dt.datetime
     worked_area_m2: float | None
@@ -59,8 +61,8 @@ class KnownSession:
 
 
 KNOWN_COLUMNS: Final = (
-    's.session, s.name, s.date, s."start", s."end", s.worked_area_m2, s.passes, s.crs, s.heights, s.folder, '
-    "p.recordings, p.digest"
+    's.session, s.name, s.date, s.time_zone, s."start", s."end", s.worked_area_m2, s.passes, s.crs, s.heights, '
+    "s.folder, p.recordings, p.digest"
 )
 """Those of :class:`KnownSession`, in its order, from `sessions` as s and `provenance` as p."""
 
@@ -119,6 +121,6 @@ def row_of(values: Sequence[Any]) -> KnownSession:
     row = list(values)
     if isinstance(row[2], str):
         row[2] = dt.date.fromisoformat(row[2])
-    row[3], row[4] = (v if isinstance(v, dt.datetime) else dt.datetime.fromisoformat(v) for v in row[3:5])
-    row[6] = int(row[6] or 0)
+    row[4], row[5] = (v if isinstance(v, dt.datetime) else dt.datetime.fromisoformat(v) for v in row[4:6])
+    row[7] = int(row[7] or 0)
     return KnownSession(*row)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
-from zoneinfo import ZoneInfo
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import numpy as np
 import shapely
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.geodesy.local_time import zone_at
+from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.file_names import leads_out
 from furrowmap.exporters.files.ogr import pyogrio
@@ -123,7 +123,7 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
 
     Args:
         folder: of the products.
-        zone: time zone of the session's date; None for that of the place.
+        zone: time zone of the session's date and times; None for that of the run, else of the place.
 
     Raises:
         InputError: if there is no result, or it cannot be read.
@@ -147,7 +147,8 @@ def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResul
         "recordings": _short_hash(recordings),
         "digest": _digest(folder),
     }
-    date = _local_date(start, driven.shapes[0], crs, zone)
+    zone = zone or _zone(result.report, driven.shapes[0], crs)
+    date = local_time(float(start.astype("datetime64[ms]").astype(np.int64)) / 1000.0, zone).date()
     key = {"session": identity["session"], "date": np.datetime64(date)}
     span = {"start": start, "end": end}
     if "coverage" in layers:
@@ -158,7 +159,7 @@ def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResul
             "Polygon",
             "Where each session took place: the hull of its trajectory and worked ground",
             geometry_array([_footprint(driven, layers.get("coverage"))]),
-            _row({**key, "name": name, **span, **_facts(result)}),
+            _row({**key, "name": name, **span, "time_zone": zone.key, **_facts(result)}),
         ),
         _provenance(result, identity),
         Layer(
@@ -258,15 +259,15 @@ def _track(driven: Layer) -> shapely.Geometry:
     return shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
 
 
-def _local_date(start: np.datetime64, place: shapely.Point, crs: CRS, zone: ZoneInfo | None) -> dt.date:
-    moment = dt.datetime.fromtimestamp(float(start.astype("datetime64[ms]").astype(np.int64)) / 1000.0, dt.UTC)
-    if zone is not None:
-        return moment.astimezone(zone).date()
-    geodetic = crs.geodetic_crs
-    assert geodetic is not None
-    to_lon_lat = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True)
-    longitude, latitude = to_lon_lat.transform(place.x, place.y)
-    return moment.astimezone(zone_at(longitude, latitude)).date()
+def _zone(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo:
+    """The time zone of a run, as its report has it; that of the place where a report has none."""
+    try:
+        return ZoneInfo(report["figures"]["time_zone"])
+    except (KeyError, TypeError, ValueError, ZoneInfoNotFoundError):
+        geodetic = crs.geodetic_crs
+        assert geodetic is not None
+        to_lon_lat = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True)
+        return zone_at(*to_lon_lat.transform(place.x, place.y))
 
 
 def _short_hash(value: object) -> str:

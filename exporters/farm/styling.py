@@ -9,24 +9,34 @@ from collections.abc import Iterable, Sequence
 from importlib.resources import files
 from typing import Final
 from xml.etree import ElementTree as ET
+from zoneinfo import ZoneInfo
 
+from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.files.qgis_project import DOCTYPE
+from furrowmap.exporters.vectors.map_tip_times import in_local_time
 
 _BY_DATE: Final = "coverage"
 _HUES: Final = (0.14, 0.62)
 """From the first day (yellow) over green to the last (blue)."""
 
 
-def styles(layers: Iterable[str], dates: Sequence[dt.date]) -> dict[str, str]:
+def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str, str]:
     """The styles (QML) of those layers that have one.
+
+    Map tips show the local time of the sessions' zone; UTC, which they name, where the zones of sessions differ.
 
     Args:
         layers: by name.
-        dates: each has a colour of its own in the layer of worked ground.
+        sessions: each of their days has a colour of its own in the layer of worked ground.
     """
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
-        found[_BY_DATE] = _by_date(found[_BY_DATE], dates)
+        found[_BY_DATE] = _by_date(found[_BY_DATE], [session.date for session in sessions])
+    zones = {session.time_zone for session in sessions}
+    if len(zones) == 1:
+        first, last = min(session.start for session in sessions), max(session.end for session in sessions)
+        span = (first.timestamp(), last.timestamp())
+        found = {name: in_local_time(text, ZoneInfo(*zones), *span) for name, text in found.items()}
     return found
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+from zoneinfo import ZoneInfo
 
 import msgspec
 import numpy as np
@@ -210,6 +211,16 @@ class ResultFolder:
     def origin(self) -> Origin:
         """Provenance of files made from this result."""
         return result_origin(self.report, self.name)
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """Time zone of the field; UTC where the report has none."""
+        figures = self.report.get("figures")
+        name = figures.get("time_zone") if isinstance(figures, dict) else None
+        try:
+            return ZoneInfo(str(name)) if name else ZoneInfo("UTC")
+        except (OSError, ValueError):  # a damaged report, or a zone that this system does not know
+            return ZoneInfo("UTC")
 
     def layer(self, name: str) -> gpd.GeoDataFrame:
         """The features of a layer in the session's CRS.

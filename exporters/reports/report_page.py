@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.geodesy.local_time import clock_words, local_time, zone_words
+from furrowmap.core.geodesy.local_time import clock_words, in_local_time, local_time, zone_words
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.implement.model import Implement
 from furrowmap.core.surfaces.visits import SwathDifferences
@@ -235,7 +235,7 @@ def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
     ground = work.ground
     if ground is None or not ground.passes:
         return
-    head = ("pass", "from", "to", "length", "area", "±", "speed", "depth", "± depth")
+    head = ("pass", "from", "to", "length", "area", "±", "speed", "depth (approximate)", "±")
     rows = [
         (
             str(one.number),
@@ -246,13 +246,14 @@ def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
             area(2.0 * one.area.sigma_m2),
             _number(3.6 * one.speed_mps, 1, " km/h"),
             _number(100.0 * depth.depth_m, 0, " cm"),
-            _number(100.0 * depth.spread_m, 1, " cm"),
+            _number(200.0 * depth.sigma_m, 0, " cm"),
         )
         for one, depth in zip(ground.passes[:MOST_PASSES], work.depths, strict=False)
     ]
     more = len(ground.passes) - len(rows)
     note = (
-        "Depth is a proxy: the tool's height relative to the soil beside it; its mean is the session's working depth."
+        "Depth is approximate: the tool's height relative to the soil beside it; its mean is the session's working "
+        "depth, and ± holds if that is right."
     )
     if more:
         note = f"{more} more passes are in the layer passes of field.gpkg. {note}"
@@ -304,7 +305,7 @@ def _accuracy(found: RunResult) -> str:
         rows.append(("worked, in the map's plane", f"{area(worked.grid_m2)} {_margin(worked)}"))
         rows.append(("worked, on the ellipsoid", area(worked.ellipsoid_m2)))
     sigmas = table(("median standard deviation", ""), rows) + _conditions(found)
-    notes = "".join(f"<li>{escape(notice.text)}</li>" for notice in found.notices)
+    notes = "".join(f"<li>{escape(in_local_time(notice.text, found.zone))}</li>" for notice in found.notices)
     listed = f'<ul class="warnings">{notes}</ul>' if notes else "<p>No warnings.</p>"
     return sigmas + remark("On this page, ± is twice the standard deviation (95 % confidence).") + listed
 

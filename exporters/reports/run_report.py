@@ -9,14 +9,16 @@ from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
+from zoneinfo import ZoneInfo
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.calibration.boresight import NAMES, Boresight
-from furrowmap.core.geodesy.local_time import local_time
+from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.images.aiding import ImageAid
+from furrowmap.core.pointclouds.position_notices import fix_shares
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -77,7 +79,7 @@ def run_report(
         "image_adjustment": found.image_aid.plain() if found.image_aid is not None else None,
         "strip_adjustment": found.strip_adjustment.plain() if found.strip_adjustment is not None else None,
         "clocks": _clocks(found),
-        "warnings": [in_all_languages(notice) for notice in found.notices],
+        "warnings": [in_all_languages(notice, found.zone) for notice in found.notices],
         "timings": timings_s,
         "products": products,
     }
@@ -148,9 +150,9 @@ def verdict(found: RunResult) -> dict[str, Any]:
 
     `consistent` is null where nothing was matched.
     """
-    text = next((notice.text for notice in found.notices if notice.code == CONTRADICTION), None)
+    text = next((in_local_time(n.text, found.zone) for n in found.notices if n.code == CONTRADICTION), None)
     seen = found.matched.seen.plain() if found.matched is not None else {}
-    doubts = [notice.text for notice in found.notices if notice.code in AT_TOP]
+    doubts = [in_local_time(notice.text, found.zone) for notice in found.notices if notice.code in AT_TOP]
     told = {
         key: value
         for language in LANGUAGES[1:]
@@ -162,10 +164,17 @@ def verdict(found: RunResult) -> dict[str, Any]:
     return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **told}
 
 
-def in_all_languages(notice: Notice) -> dict[str, str]:
-    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`."""
-    others = {f"text_{language}": translated_notice(notice, language).text for language in LANGUAGES[1:]}
-    return {"code": notice.code, "text": notice.text, **others}
+def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
+    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`.
+
+    Args:
+        notice: the warning.
+        zone: time zone of the times in the texts.
+    """
+    others = {
+        f"text_{language}": in_local_time(translated_notice(notice, language).text, zone) for language in LANGUAGES[1:]
+    }
+    return {"code": notice.code, "text": in_local_time(notice.text, zone), **others}
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
@@ -222,6 +231,7 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "duration_s": round(placement.last_s - placement.first_s, 3),
         "distance_m": round(distance_m, 2),
         "standing_s": round(standing_s, 1),
+        "fix": fix_shares(placement.poses),
         "crs": found.frame.name,
         "heights": found.session.crs.heights,
         "bounds_m": [[round(v, 3) for v in corner] for corner in _bounds(found, cloud)],

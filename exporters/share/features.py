@@ -162,7 +162,7 @@ def _area(value: Any, row: Mapping[str, Any]) -> str:
 
 
 def _depth(value: Any, row: Mapping[str, Any]) -> str:
-    spread = f" ± {100.0 * float(row['depth_spread_m']):.1f}" if "depth_spread_m" in row else ""
+    spread = f" ± {200.0 * float(row['depth_sigma_m']):.0f}" if "depth_sigma_m" in row else ""
     return f"{100.0 * float(value):.0f}{spread} cm"
 
 

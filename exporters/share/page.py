@@ -60,7 +60,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         OSError: if a file cannot be written.
     """
     scripts = _scripts()
-    report, zone = result.report, _zone(result)
+    report, zone = result.report, result.zone
     layers, extent, crs = _layers(result, zone)
     pictures = []
     rasters = rasters_of(result)
@@ -117,15 +117,6 @@ def _scripts() -> dict[str, str]:
 def _write_script(path: Path, name: str, content: Any) -> None:
     """Data as a script that sets a global: a page from disk may read scripts, but no other files."""
     path.write_text(f"window.{name}={json.dumps(content, separators=(',', ':'), allow_nan=False)};\n", encoding="ascii")
-
-
-def _zone(result: ResultFolder) -> ZoneInfo:
-    """The field's time zone; UTC where the report has none."""
-    name = result.report["figures"].get("time_zone")
-    try:
-        return ZoneInfo(str(name)) if name else ZoneInfo("UTC")
-    except (OSError, ValueError):  # a damaged report, or a zone that this system does not know
-        return ZoneInfo("UTC")
 
 
 def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]], Box, CRS]:

@@ -44,5 +44,5 @@
   </settings>
  </labeling>
  <layerOpacity>0.65</layerOpacity>
- <mapTip enabled="1">&lt;b&gt;pass [% "pass" %]&lt;/b&gt;, [% format_date("start", 'HH:mm:ss') %] to [% format_date("end", 'HH:mm:ss') %] UTC&lt;br&gt;[% format_number("area_m2", 1) %] m² ± [% format_number(2 * "area_sigma_m2", 1) %] m², [% format_number("length_m", 1) %] m&lt;br&gt;[% format_number("speed_mps", 2) %] m/s, depth [% coalesce(format_number(100 * "depth_m", 0), '?') %] cm</mapTip>
+ <mapTip enabled="1">&lt;b&gt;pass [% "pass" %]&lt;/b&gt;, [% format_date("start", 'HH:mm:ss') %] to [% format_date("end", 'HH:mm:ss') %] UTC&lt;br&gt;[% format_number("area_m2", 1) %] m² [% coalesce('± ' || format_number(2 * "area_sigma_m2", 1) || ' m²', '') %], [% format_number("length_m", 1) %] m&lt;br&gt;[% format_number("speed_mps", 2) %] m/s, depth (approximate) [% coalesce(format_number(100 * "depth_m", 0) || ' cm ± ' || format_number(200 * "depth_sigma_m", 0) || ' cm', 'unknown') %]</mapTip>
 </qgis>

@@ -14,6 +14,7 @@
    <category value="ppp" type="string" symbol="5" label="PPP" render="true"/>
    <category value="dgps" type="string" symbol="2" label="differential" render="true"/>
    <category value="single" type="string" symbol="3" label="single" render="true"/>
+   <category value="none" type="string" symbol="6" label="no position" render="true"/>
    <category value="" type="string" symbol="4" label="other, or from a file" render="true"/>
   </categories>
   <symbols>
@@ -136,7 +137,7 @@
    <symbol type="marker" name="4" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="color" type="QString" value="69,117,180,255"/>
+      <Option name="color" type="QString" value="136,136,136,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
       <Option name="size" type="QString" value="1.6"/>
@@ -166,6 +167,35 @@
     <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
      <Option type="Map">
       <Option name="color" type="QString" value="69,117,180,255"/>
+      <Option name="name" type="QString" value="circle"/>
+      <Option name="outline_style" type="QString" value="no"/>
+      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size_unit" type="QString" value="MM"/>
+     </Option>
+     <data_defined_properties>
+      <Option type="Map">
+       <Option name="name" type="QString" value=""/>
+       <Option name="properties" type="Map">
+        <Option name="angle" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="field" type="QString" value="heading_deg"/>
+         <Option name="type" type="int" value="2"/>
+        </Option>
+        <Option name="name" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+       </Option>
+       <Option name="type" type="QString" value="collection"/>
+      </Option>
+     </data_defined_properties>
+    </layer>
+   </symbol>
+   <symbol type="marker" name="6" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="color" type="QString" value="34,34,34,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
       <Option name="size" type="QString" value="1.6"/>

@@ -190,6 +190,7 @@ def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
                 **_areas([p.area for p in ground.passes]),
                 "speed_mps": _floats(p.speed_mps for p in ground.passes),
                 "depth_m": _floats(depth.depth_m for depth in work.depths),
+                "depth_sigma_m": _floats(depth.sigma_m for depth in work.depths),
                 "depth_spread_m": _floats(depth.spread_m for depth in work.depths),
             },
         ),

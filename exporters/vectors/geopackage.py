@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -16,7 +15,6 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.values.languages.catalogue import ENGLISH
 from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.languages.translation import translated
@@ -28,6 +26,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.layer_words import NAMES, with_words
+from furrowmap.exporters.vectors.map_tip_times import in_local_time
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -76,7 +75,7 @@ def write_field(
         for layer in layers:
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-        clock = (zone, float(poses.t_s[0])) if zone is not None else None
+        clock = (zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
         write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
         _pack(unfinished)
@@ -168,7 +167,7 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
 def write_styles(
     path: Path,
     layers: Sequence[str],
-    clock: tuple[ZoneInfo, float] | None = None,
+    clock: tuple[ZoneInfo, float, float] | None = None,
     *,
     fields: Mapping[str, Sequence[str]] | None = None,
     language: str = ENGLISH,
@@ -178,25 +177,17 @@ def write_styles(
     Args:
         path: of the GeoPackage.
         layers: names of its layers; those without a packaged style get none.
-        clock: time zone of the times in map tips, and a UTC time at which its offset holds; None for UTC.
+        clock: time zone of the times in map tips, and UTC of the first and the last of them; None for UTC.
         fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
         language: of these words.
     """
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
     if clock is not None:
-        styles = {name: _in_local_time(style, *clock) for name, style in styles.items()}
+        styles = {name: in_local_time(style, *clock) for name, style in styles.items()}
     if fields is not None:
         styles = {n: with_words(style, fields[n], language, report=True) for n, style in styles.items()}
     store_styles(path, styles)
-
-
-def _in_local_time(style: str, zone: ZoneInfo, t_s: float) -> str:
-    """A style whose map tips show the local time of a zone instead of UTC."""
-    offset = local_time(t_s, zone).utcoffset()
-    assert offset is not None
-    shift = rf"format_date(\1 + to_interval('{offset.total_seconds():.0f} seconds'),"
-    return re.sub(r'format_date\(("\w+"),', shift, style).replace(" UTC", f" ({zone.key})")
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:

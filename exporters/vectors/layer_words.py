@@ -30,6 +30,7 @@ ALIASES: Final = {
     "worked_share": "share worked",
     "speed_mps": "speed (m/s)",
     "depth_m": "depth, approximate (m)",
+    "depth_sigma_m": "standard deviation of the depth (m)",
     "depth_spread_m": "variation of the depth (m)",
     "kind": "kind",
     "zone": "zone",

@@ -535,6 +535,7 @@
   <message><source>horizontal plane</source><translation>水平面</translation></message>
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
   <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
+  <message><source>no position</source><translation>測位なし</translation></message>
   <message><source>other</source><translation>その他</translation></message>
   <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
   <message><source>pole, post or trunk</source><translation>柱、杭、幹</translation></message>

@@ -10,6 +10,7 @@ import furrowmap
 
 SCENARIO = """title = "One pass"
 seed = 5
+t0 = "2026-06-11T14:59:58.000+00:00"  # midnight in Japan follows
 posts = [[9.0, 4.0, 0.15, 2.0]]
 [field]
 size_e_m = 20.0

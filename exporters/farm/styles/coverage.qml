@@ -25,5 +25,5 @@
   </symbols>
  </renderer-v2>
  <layerOpacity>0.6</layerOpacity>
- <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;worked [% format_number("area_m2", 1) %] m² ± [% format_number(2 * "area_sigma_m2", 1) %] m²</mapTip>
+ <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;worked [% format_number("area_m2", 1) %] m² [% coalesce('± ' || format_number(2 * "area_sigma_m2", 1) || ' m²', '') %]</mapTip>
 </qgis>

@@ -34,7 +34,18 @@ FIELDS = {
     "coverage": ("MultiPolygon", AREAS),
     "passes": (
         "MultiPolygon",
-        ["pass", "start", "end", "length_m", "width_m", *AREAS, "speed_mps", "depth_m", "depth_spread_m"],
+        [
+            "pass",
+            "start",
+            "end",
+            "length_m",
+            "width_m",
+            *AREAS,
+            "speed_mps",
+            "depth_m",
+            "depth_sigma_m",
+            "depth_spread_m",
+        ],
     ),
     "zones": ("Polygon", ["zone", *AREAS]),
 }

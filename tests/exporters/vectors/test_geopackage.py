@@ -181,7 +181,7 @@ def test_qgis__opens_the_layer_in_its_style_and_time(field: Path, qgis: QgisRoot
     )
     assert layer["fields"] == ["fid", *FIELDS]
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field)
-    assert told.splitlines()[-1] == "True time FeatureDateTimeInstantFromField 6"
+    assert told.splitlines()[-1] == "True time FeatureDateTimeInstantFromField 7"
 
 
 def test_file__that_differs_from_what_was_written_is_an_error(poses: ScanPoses, tmp_path: Path) -> None:
