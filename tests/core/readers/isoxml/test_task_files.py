@@ -54,6 +54,15 @@ def test_a_promise_that_no_archive_keeps__is_refused(tmp_path: Path) -> None:
         open_task_files(path)
 
 
+def test_an_entry_shorter_than_the_archive_states__is_damaged(tmp_path: Path) -> None:
+    """Its checksum is right: only the size shows that something is missing."""
+    path = archive(tmp_path / "a.zip", [MAIN])
+    data = path.read_bytes()
+    place = data.rindex(b"PK\x01\x02") + 24
+    path.write_bytes(data[:place] + (len(EMPTY) + 9).to_bytes(4, "little") + data[place + 4 :])
+    assert f"{len(EMPTY)} bytes instead of the {len(EMPTY) + 9}" in refused(path).what
+
+
 def test_entities__are_refused(tmp_path: Path) -> None:
     (tmp_path / MAIN).write_text(f'<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]>{EMPTY}')
     assert refused(tmp_path).code == "xml-hostile"
