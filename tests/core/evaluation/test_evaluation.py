@@ -152,6 +152,18 @@ def test_gaps__nothing_is_taken_across_them() -> None:
     assert match(track(T0 + tested, np.zeros((len(tested), 3))), reference, max_gap_s=30.0).in_gaps == 0
 
 
+def test_gaps__an_epoch_alone_bends_nothing_beyond_them() -> None:
+    """Between the second and the third epoch, and the last but two, a curve would need what is across the gap."""
+    reference_s = np.concatenate([[0.0], np.arange(10.0, 16.0), [26.0]])
+    way = np.column_stack([2.0 * reference_s, np.zeros(8), np.zeros(8)])
+    way[[0, -1], 1] = 40.0
+    tested = np.arange(10.0, 15.01, 0.25)
+    test = track(T0 + tested, np.column_stack([2.0 * tested, 0 * tested, 0 * tested]))
+    found = match(test, track(T0 + reference_s, way), max_gap_s=1.5)
+    assert len(found) == len(tested)
+    assert np.abs(found.error_m).max() < 1e-6
+
+
 def test_logs_without_common_time__are_refused_with_both_spans() -> None:
     t_s, way = straight(20)
     with pytest.raises(InputError, match="no time in common") as error:

@@ -56,6 +56,7 @@ def test_flight__has_the_frames_of_rep_105(shared_data: Path, capfd: pytest.Capt
 def test_tractor__has_an_implement(shared_data: Path) -> None:
     tree = furrowmap.frames(shared_data / "tractor_loop" / "session.toml")
     assert tree["implement_link"].pose is not None
+    assert tree["base_link"].words.endswith("moves as positions show")
     assert "rear axle" in tree["base_link"].words
     assert "rpy" not in tree.text.splitlines()[-1]
 
@@ -102,3 +103,10 @@ def test_session_without_recordings__is_shown(tmp_path: Path) -> None:
     tree = furrowmap.frames(tmp_path / "s.toml")
     assert {"ahrs_link", "compass_link", "gnss_link"} <= {frame.name for frame in tree.frames}
     assert "not stated" in tree["gnss_link"].words
+    assert tree["base_link"].words.startswith("the vehicle's origin;")
+    assert tree["base_link"].words.endswith("moves as positions and attitude logs show")
+    stated = text.removesuffix("[attitude]\n") + '[trajectory]\nfiles = ["c"]\n'
+    (tmp_path / "s.toml").write_text(stated.replace('gnss = ["b"]\n', ""), encoding="utf-8")
+    tree = furrowmap.frames(tmp_path / "s.toml")
+    assert tree["base_link"].words.endswith("moves as [trajectory] show")
+    assert "gnss_link" not in {frame.name for frame in tree.frames}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.trajectory.heading_hints import Course
+from furrowmap.core.trajectory.heading_hints import LASTING_S, Course, RecordedHeading
 
 FloatArray = NDArray[np.float64]
 LEVER_M = np.array([0.8, 0.3, 1.0])
@@ -75,3 +75,27 @@ def test_derivatives__are_those_of_the_residuals() -> None:
         after = course.rows(turned, bias + np.append(step[3:], np.zeros(3)), drive)
         change = -(after.residual - rows.residual) / 1e-6
         assert change == pytest.approx(rows.design[:, k], abs=2e-3 * max(1.0, np.abs(rows.design[:, k]).max()))
+
+
+@pytest.mark.parametrize("known", [2400, 1000, 0])
+def test_recorded_headings__have_a_mean_whose_error_stays_and_changes_that_show_the_gyroscopes(known: int) -> None:
+    """The mean is known to the sigma of one heading, however many there are."""
+    drive = Drive.of(0.5, 0.0, 0.0)
+    yaw = np.arctan2(drive.turned[:, 1, 0], drive.turned[:, 0, 0]) + 0.3
+    yaw[known:] = np.nan
+    hint = RecordedHeading(yaw, 0.02)
+    rows = hint.rows(np.eye(3), np.zeros(6), drive)
+    if not known:
+        assert (rows.design.shape, len(rows.residual), len(rows.weight)) == ((0, 9), 0, 0)
+        assert hint.starts(np.eye(3), drive) == []
+        return
+    assert len(rows.design) == len(rows.residual) == len(rows.weight) == known + 1
+    about_z = rows.weight * rows.design[:, 2]
+    assert 1.0 / (about_z @ rows.design[:, 2]) == pytest.approx(0.02**2)
+    assert about_z @ rows.residual / (about_z @ rows.design[:, 2]) == pytest.approx(0.3)
+    assert rows.weight[1:] == pytest.approx(np.full(known, STEP_S / LASTING_S / 0.02**2))
+    (start,) = hint.starts(np.eye(3), drive)
+    assert Rotation.from_matrix(start).as_euler("ZYX")[0] == pytest.approx(0.3)
+    step = np.append(np.zeros(3), [1e-6, -2e-6, 3e-6])
+    change = hint.rows(np.eye(3), np.append(step[3:], np.zeros(3)), drive).residual - rows.residual
+    assert change == pytest.approx(-(rows.design[:, 3:6] @ step[3:]), abs=1e-8)

@@ -157,6 +157,8 @@ def test_quality_graph__without_sigmas_has_only_the_bar_of_fixes() -> None:
         assert sum(shape.attrib.get("class") == "curve" for shape in root) == curves
         bars = [float(shape.attrib["width"]) for shape in root if shape.tag.endswith("rect")]
         assert sum(bars) == pytest.approx(WIDTH - 86.0, abs=0.5)
+        height = float(root.attrib["viewBox"].split()[3])
+        assert all(0.0 < float(shape.attrib["y"]) < height for shape in root if shape.tag.endswith("text"))
     assert float(unknown.attrib["viewBox"].split()[3]) < float(known.attrib["viewBox"].split()[3])
 
 
