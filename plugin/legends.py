@@ -80,10 +80,15 @@ def name_node(node):
     Args:
         node: of the layer in a tree.
     """
-    name = NAMES.get(node.layer().name())
-    if name:
+    layer = node.layer().name()
+    if layer in NAMES:
         node.setUseLayerName(False)
-        node.setName(QCoreApplication.translate("Legends", name))
+        node.setName(shown_name(layer))
+
+
+def shown_name(layer):
+    """The name for people of a layer of the products, in the panel and in legends."""
+    return QCoreApplication.translate("Legends", NAMES[layer]) if layer in NAMES else layer
 
 
 def translate_categories(layer):

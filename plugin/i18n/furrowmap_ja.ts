@@ -629,14 +629,15 @@
 </context>
 <context>
   <name>SessionLayout</name>
-  <message><source>Events</source><translation>イベント</translation></message>
-  <message><source>Height change</source><translation>高さの変化</translation></message>
-  <message><source>Missed</source><translation>作業残し</translation></message>
-  <message><source>Overlap</source><translation>重複</translation></message>
-  <message><source>Passes</source><translation>行程</translation></message>
-  <message><source>Trajectory</source><translation>軌跡</translation></message>
-  <message><source>Worked</source><translation>作業した範囲</translation></message>
+  <message><source>Area</source><translation>面積</translation></message>
+  <message><source>Depth (approximate)</source><translation>深さ（目安）</translation></message>
+  <message><source>Length</source><translation>長さ</translation></message>
+  <message><source>Pass</source><translation>行程</translation></message>
+  <message><source>Speed</source><translation>速度</translation></message>
+  <message><source>Time</source><translation>時刻</translation></message>
+  <message><source>Width</source><translation>幅</translation></message>
   <message><source>pass</source><translation>行程</translation></message>
+  <message><source>unknown</source><translation>不明</translation></message>
   <message><source>{path} cannot be written.</source><translation>{path} に書き込めません。</translation></message>
   <message><source>▲ north</source><translation>▲ 北</translation></message>
 </context>

@@ -2,6 +2,7 @@
 """The print layout of a session: A4 with map, legend, figures and scale, and an atlas with a page per pass."""
 
 from functools import partial
+from html import escape
 
 from qgis.core import (
     Qgis,
@@ -17,11 +18,11 @@ from qgis.core import (
     QgsPrintLayout,
     QgsRectangle,
 )
-from qgis.PyQt.QtCore import QCoreApplication
+from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from ..basemap import attribution_of
 from ..figures import figures_html
-from ..legends import label_band
+from ..legends import label_band, shown_name
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
 
@@ -32,6 +33,9 @@ FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
 LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
 NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
 """North is up on all pages."""
+TABLE = '<table style="font-family: sans-serif; font-size: 8pt">'
+NO_PAGE = "@atlas_pagename is null or @atlas_pagename = ''"
+"""Whether a page shows the whole session."""
 LEGEND = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
 """Layers in the legend."""
 MARGIN = 1.08
@@ -62,7 +66,7 @@ def session_layout(project, group, report):
     passes = next((node.layer() for node in group.findLayers() if node.layer().name() == "passes"), None)
     page_map = _map(layout, project, shown, _extent(project, group))
     _label(layout, _title(group.name()), (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
-    _label(layout, _figures(report), (*SIDE_MM, FIGURES_MM), rich=True)
+    _label(layout, _figures(report, passes), (*SIDE_MM, FIGURES_MM), rich=True)
     _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND])
     _scale(layout, page_map)
     _label(layout, tr("▲ north"), NORTH_MM)
@@ -151,7 +155,7 @@ def _legend(layout, page_map, layers):
     tree.clear()
     for layer in layers:
         node = tree.addLayer(layer)
-        node.setCustomProperty("legend/title-label", layer_title(layer.name()))
+        node.setCustomProperty("legend/title-label", shown_name(layer.name()))
         label_band(node)
     legend.setLegendFilterByMapEnabled(True)
     for name, size in LEGEND_FONTS.items():
@@ -164,22 +168,48 @@ def _legend(layout, page_map, layers):
     legend.adjustBoxSize()
 
 
-def layer_title(name):
-    """A layer's title in the legend."""
-    titles = {
-        "events": tr("Events"),
-        "trajectory": tr("Trajectory"),
-        "misses": tr("Missed"),
-        "overlaps": tr("Overlap"),
-        "coverage": tr("Worked"),
-        "passes": tr("Passes"),
-        "change": tr("Height change"),
-    }
-    return titles.get(name, name)
+def _figures(report, passes):
+    """The figures of the session; on pages of the atlas those of the pass."""
+    whole = f"{TABLE}{figures_html(report)}</table>"
+    if passes is None:
+        return whole
+    rows = "".join(
+        f" || '<tr><td>{escape(label)}&nbsp;&nbsp;</td><td><b>' || {value} || '</b></td></tr>'"
+        for label, value in _pass_rows(report)
+    )
+    of_pass = f"{_literal(TABLE)}{rows} || '</table>'"
+    return f"[% if({NO_PAGE}, {_literal(whole)}, {of_pass}) %]"
 
 
-def _figures(report):
-    return f"<table style='font-family: sans-serif; font-size: 8pt'>{figures_html(report)}</table>"
+def _pass_rows(report):
+    """Pairs of a label and an expression for the figures of a pass."""
+    figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
+    moment = QDateTime.fromString(str(figures.get("start_local")), Qt.DateFormat.ISODateWithMs)
+    zone, offset_s = (figures.get("time_zone"), moment.offsetFromUtc()) if moment.isValid() else ("UTC", 0)
+    times = [f"format_date(\"{name}\" + to_interval('{offset_s} seconds'), 'HH:mm:ss')" for name in ("start", "end")]
+    unknown = _literal(tr("unknown"))
+    return (
+        (tr("Pass"), 'to_string("pass")'),
+        (tr("Time"), f"{times[0]} || ' – ' || {times[1]} || {_literal(f' ({zone})')}"),
+        (tr("Length"), "format_number(\"length_m\", 1) || ' m'"),
+        (tr("Width"), "format_number(\"width_m\", 2) || ' m'"),
+        (tr("Area"), _with_sigma("area_m2", 1.0, 1, "m²", unknown)),
+        (tr("Speed"), "format_number(3.6 * \"speed_mps\", 1) || ' km/h'"),
+        (tr("Depth (approximate)"), _with_sigma("depth_m", 100.0, 0, "cm", unknown)),
+    )
+
+
+def _with_sigma(field, factor, digits, unit, unknown):
+    """A value and, where it is known, twice its standard deviation."""
+    sigma = f"{field.rpartition('_')[0]}_sigma_{field.rpartition('_')[2]}"
+    value, spread = (f'format_number({k * factor} * "{name}", {digits})' for k, name in ((1, field), (2, sigma)))
+    return f"coalesce({value} || coalesce(' ± ' || {spread}, '') || ' {unit}', {unknown})"
+
+
+def _literal(text):
+    """A text within an expression within a label."""
+    plain = text.replace("\\", "\\\\").replace("'", "''")
+    return "'{}'".format(plain.replace("%]", "% ]"))
 
 
 def _scale(layout, page_map):
@@ -207,7 +237,7 @@ def _atlas(layout, page_map, passes):
 
 def _title(name):
     """The session's name, and on pages of the atlas the pass."""
-    page = "[% if(@atlas_pagename is null or @atlas_pagename = '', '', ', ' || @atlas_pagename) %]"
+    page = f"[% if({NO_PAGE}, '', ', ' || @atlas_pagename) %]"
     return name.replace("[%", "[ %") + page
 
 

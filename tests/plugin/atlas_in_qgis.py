@@ -1,0 +1,31 @@
+"""Runs inside QGIS: the atlas of a session's print layout, and its overview, as PDF.
+
+The arguments are the folder with the plugin, the result folder and the folder for the PDFs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from pathlib import Path
+
+from qgis.core import QgsApplication, QgsProject, QgsVectorLayer
+
+plugin, result, out = (Path(word) for word in sys.argv[1:])
+application = QgsApplication([], True)
+application.initQgis()
+sys.path.insert(0, str(plugin.parent))
+printing = importlib.import_module("furrowmap.layout.session_layout")
+project = QgsProject.instance()
+group = project.layerTreeRoot().addGroup("North field")
+for name in ("trajectory", "passes", "coverage"):
+    layer = QgsVectorLayer(f"{result / 'field.gpkg'}|layername={name}", name, "ogr")
+    project.addMapLayer(layer, False)
+    group.addLayer(layer)
+    project.setCrs(layer.crs())
+layout = printing.session_layout(project, group, json.loads((result / "report.json").read_text(encoding="utf-8")))
+printing.export_pdf(layout, out / "page.pdf")
+printing.export_atlas(layout, out / "atlas.pdf")
+project.clear()
+application.exitQgis()
