@@ -44,11 +44,18 @@ from furrowmap.core.values.errors import RefusedError, printable
     is_flag=True,
     help="Exit status 4 if the results contradict each other; they are written all the same.",
 )
+@click.option(
+    "--within",
+    type=FILE,
+    metavar="POLYGONS",
+    help="Map the ground in these polygons alone: a vector file, or task data; instead of [field] within.",
+)
 @common_options
 def run(
     console: Console,
     session: Path,
     output: Path | None,
+    within: Path | None,
     *,
     overwrite: bool,
     resume: bool,
@@ -65,7 +72,8 @@ def run(
             folder = output or session.resolve().parent / f"{session.stem}_preview"
             report = furrowmap.preview(session, folder, progress=progress)
         else:
-            result = furrowmap.run(session, output, overwrite=overwrite, resume=resume, progress=progress)
+            options = {"overwrite": overwrite, "resume": resume}
+            result = furrowmap.run(session, output, **options, within=within, progress=progress)
             folder, report = result.path, result.report
     console.warn_of(report)
     console.answer({"folder": folder, **report}, _words(report, folder))

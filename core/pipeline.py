@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
+from furrowmap.core.areas.area import nothing_within
 from furrowmap.core.calibration.boresight import Boresight, boresight_notices
 from furrowmap.core.calibration.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
@@ -43,7 +45,7 @@ from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.boundary import field_boundary
+from furrowmap.core.work.boundary import field_boundary, ground_to_map
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_ground
 from furrowmap.core.work.run_result import RunResult
@@ -149,7 +151,7 @@ def run(
     moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
     with behind(sink.add, SCANS_AHEAD) as add:
-        placement = place_scans(scans, placer, standing=session.run.standing, sink=add, classify=classifier(machine))
+        placement = _placed(opened, scans, placer, add, classifier(machine))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, states)
@@ -161,6 +163,28 @@ def run(
         notices += boresight_notices(flown.boresight, session.lidar.mounting)
     found = _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
     return replace(found, image_aid=aid, **vars(flown))
+
+
+def _placed(
+    opened: OpenSession,
+    scans: Iterator[Scan],
+    placer: Placer,
+    sink: Callable[[PlacedScan], None],
+    classify: Callable[[Scan], NDArray[np.uint8]],
+) -> Placement:
+    """Place the scans and hand on the points that lie on the ground to map.
+
+    Raises:
+        InputError: if none does.
+    """
+    file = opened.inputs.within
+    area = ground_to_map(file, opened.frame) if file is not None else None
+    standing = opened.session.run.standing
+    placement = place_scans(scans, placer, standing=standing, sink=sink, classify=classify, within=area)
+    if area is not None and not placement.points and placement.points_elsewhere:
+        east_m, north_m = np.median(placement.poses.xyz_m[:, :2], axis=0).tolist()
+        raise nothing_within(area, f"{placement.points_elsewhere:,} points", (east_m, north_m))
+    return placement
 
 
 def _aided_by_images(

@@ -49,6 +49,7 @@ ROOMS = {
     "pointclouds": ["areas", "geodesy", "implement", "readers", "session", "surfaces", "trajectory", "values"],
     "work": [
         "adjustment",
+        "areas",
         "calibration",
         "geodesy",
         "images",

@@ -23,6 +23,7 @@ from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scratch import release, scratch_in
 from furrowmap.core.values.threads import using_threads
+from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
@@ -47,6 +48,7 @@ def run(
     *,
     overwrite: bool = False,
     resume: bool = False,
+    within: str | Path | None = None,
     progress: Progress = silent,
 ) -> Result:
     """Run a session and write its products into a folder.
@@ -60,6 +62,8 @@ def run(
         overwrite: replace the products of other recordings, too.
         resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
             same.
+        within: a file with polygons, or task data: cloud, surfaces and parcels hold what lies in them alone; instead of
+            `[field] within`.
         progress: is called with each stage and its share, 0 to 1.
 
     Raises:
@@ -69,6 +73,10 @@ def run(
     file = Path(session)
     folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_result"
     opened = open_session(file)
+    if within is not None:
+        opened = opened.within(Path(within))
+    if opened.inputs.within is not None:
+        ground_to_map(opened.inputs.within, opened.frame)  # what is wrong with the polygons is told before the work
     _refuse_original(folder, file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
     _expect_space(folder, opened)

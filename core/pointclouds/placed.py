@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.areas.area import Area
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError
@@ -57,6 +58,7 @@ class Placement:
         points_without_pose: at times without a pose.
         points_outside: of them, before the trajectory begins or after it ends.
         points_standing: left out because the vehicle stood.
+        points_elsewhere: left out because they lie outside the ground to map.
         first_s: time of the first return; nan without any.
         last_s: time of the last return.
         poses: of the scans that have one.
@@ -71,6 +73,7 @@ class Placement:
     points_without_pose: int
     points_outside: int
     points_standing: int
+    points_elsewhere: int
     first_s: float
     last_s: float
     poses: ScanPoses
@@ -79,7 +82,7 @@ class Placement:
     def without_scans(cls, trajectory: Trajectory) -> Placement:
         """No scans, and the poses of a trajectory's knots."""
         first_s, last_s = trajectory.span_s
-        return cls(0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, ScanPoses.at_knots(trajectory))
+        return cls(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, ScanPoses.at_knots(trajectory))
 
 
 def unclassified(scan: Scan) -> NDArray[np.uint8]:
@@ -94,6 +97,7 @@ def place_scans(
     standing: bool,
     sink: Callable[[PlacedScan], None],
     classify: Callable[[Scan], NDArray[np.uint8]] = unclassified,
+    within: Area | None = None,
 ) -> Placement:
     """Place every scan and hand it to `sink`, in order; only the poses of the scans are kept.
 
@@ -103,6 +107,7 @@ def place_scans(
         standing: whether scans of a standing vehicle go to `sink`.
         sink: takes the points of each scan that has any.
         classify: gives the classes of a scan's points.
+        within: points elsewhere do not go to `sink`; None for all.
 
     Raises:
         InputError: if time runs back from one scan to the next.
@@ -123,8 +128,13 @@ def place_scans(
         middle_s = _middle_s(scan.t_s, placer.trajectory)
         if not standing and _nearest_motion(placer.trajectory, middle_s) == Motion.STANDING:
             counts.standing(scan, middle_s)
-        else:
-            counts.placed(scan, middle_s)
+            continue
+        if within is not None:
+            inside = within.contains(xyz + placer.origin_m)
+            counts.elsewhere(len(scan) - int(np.count_nonzero(inside)))
+            scan, xyz, classification = scan[inside], xyz[inside], classification[inside]
+        counts.placed(scan, middle_s)
+        if len(scan):
             sink(PlacedScan(scan, xyz, classification))
     return counts.placement()
 
@@ -135,7 +145,7 @@ class _Counts:
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
         self._scans = self._whole = self._scans_lost = self._scans_standing = 0
-        self._read = self._lost = self._outside = self._standing = 0
+        self._read = self._lost = self._outside = self._standing = self._elsewhere = 0
         self._first_s = self._last_s = float("nan")
         self._number: list[int] = []
         self._middle_s: list[float] = []
@@ -164,6 +174,9 @@ class _Counts:
         self._standing += len(scan)
         self._pose(scan.number, middle_s, 0)
 
+    def elsewhere(self, points: int) -> None:
+        self._elsewhere += points
+
     def placed(self, scan: Scan, middle_s: float) -> None:
         self._pose(scan.number, middle_s, len(scan))
 
@@ -183,6 +196,7 @@ class _Counts:
             points_without_pose=self._lost,
             points_outside=self._outside,
             points_standing=self._standing,
+            points_elsewhere=self._elsewhere,
             first_s=self._first_s,
             last_s=self._last_s,
             poses=_poses(self._trajectory, self._number, self._middle_s, self._points),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Final, Protocol, cast
+
+import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.imu_csv import ImuCsv
@@ -62,6 +65,7 @@ class Inputs:
         attitude: logs of roll and pitch, and of the heading.
         mount: attitude of a moving mount.
         boundary: boundary of the field.
+        within: polygons of the ground to map.
         images: table of the camera's images.
         camera: recordings with its images.
         control_points: surveyed points that images show.
@@ -81,6 +85,7 @@ class Inputs:
     attitude: tuple[Path, ...] = ()
     mount: Path | None = None
     boundary: Path | None = None
+    within: Path | None = None
     images: Path | None = None
     camera: tuple[Path, ...] = ()
     control_points: Path | None = None
@@ -116,6 +121,7 @@ class Inputs:
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
+            within=one(session.field.within),
             images=camera_table(session_file, camera),
             camera=several(camera.files if camera is not None and camera.topic is not None else ()),
             control_points=one(camera.control_points if camera is not None else None),
@@ -133,7 +139,14 @@ class Inputs:
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
         single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil, *self.states)
-        single += (self.control_points, self.control_pixels, self.learned, self.parameters, self.geoid_grid)
+        single += (
+            self.control_points,
+            self.control_pixels,
+            self.learned,
+            self.parameters,
+            self.geoid_grid,
+            self.within,
+        )
         return tuple(
             dict.fromkeys(
                 [
@@ -204,6 +217,16 @@ class OpenSession:
     session: Session
     inputs: Inputs
     frame: MapFrame
+
+    def within(self, polygons: Path) -> OpenSession:
+        """The session with other polygons of the ground to map, which may lie anywhere."""
+        try:
+            name = Path(os.path.relpath(polygons.resolve(), self.file.resolve().parent)).as_posix()
+        except ValueError:  # on another drive of Windows
+            name = polygons.resolve().as_posix()
+        field = msgspec.structs.replace(self.session.field, within=name)
+        session = msgspec.structs.replace(self.session, field=field)
+        return replace(self, session=session, inputs=replace(self.inputs, within=polygons.resolve()))
 
     def positions(self) -> Reader:
         """A reader of the GNSS positions, or of the trajectory from elsewhere.

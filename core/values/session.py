@@ -155,11 +155,13 @@ class Field(_Part, frozen=True):
         boundary: a vector file with its polygon, or task data.
         name: of the field in that file, if it holds several.
         time_zone: of the times that people read, such as "Asia/Tokyo", where it is not that of the place.
+        within: a vector file with polygons, or task data: what lies in them goes into cloud, surfaces and parcels.
     """
 
     boundary: str | None = None
     name: str | None = None
     time_zone: str | None = None
+    within: str | None = None
 
 
 class TrajectorySource(_Part, frozen=True):
@@ -489,6 +491,7 @@ EXAMPLES: Final = {
     "field.boundary": '"boundary.geojson"',
     "field.name": '"North field"',
     "field.time_zone": '"Asia/Tokyo"',
+    "field.within": '"part.geojson"',
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",

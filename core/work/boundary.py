@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.areas.area import Area
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.values.errors import InputError, Notice, RefusedError
@@ -56,6 +57,17 @@ def field_boundary(
         "from there. `[field] name` states another."
     )
     return boundary, [Notice("field-chosen", text)]
+
+
+def ground_to_map(file: Path, frame: MapFrame) -> Area:
+    """All polygons of a file, or of task data, as an area of the map.
+
+    Raises:
+        InputError: as :func:`field_boundary`.
+    """
+    shape = boundary_on_map(_union(read_fields(file)), frame)
+    polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
+    return Area(file, tuple(polygons))
 
 
 def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:

@@ -49,7 +49,9 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
                 digest.update(block)
                 done += len(block)
                 progress("hashing inputs", min(1.0, done / max(total, 1)))
-        records.append(FileRecord(path.relative_to(root).as_posix(), done - begun, digest.hexdigest()))
+        inside = path.is_relative_to(root)  # polygons that a command named may lie anywhere
+        name = path.relative_to(root).as_posix() if inside else path.name
+        records.append(FileRecord(name, done - begun, digest.hexdigest()))
     return records
 
 

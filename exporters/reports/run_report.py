@@ -197,6 +197,8 @@ def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
         parameters["geoid"] = frame.heights.source
     if frame.parameters is not None:
         parameters["epoch_parameters"] = frame.parameters.name
+    if session.field.within is not None:
+        parameters["within"] = session.field.within
     if session.unstated:
         parameters["not_stated"] = f"{', '.join(session.unstated)}: assumed to be zero, so the accuracy is unknown"
     if frame.stated is not None:
@@ -220,6 +222,7 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "points_read": placement.points_read,
         "points_without_pose": placement.points_without_pose,
         "points_standing_left_out": placement.points_standing,
+        "points_elsewhere_left_out": placement.points_elsewhere,
         "scans": placement.scans,
         "scans_whole": placement.scans_whole,
         "scans_without_pose": placement.scans_without_pose,

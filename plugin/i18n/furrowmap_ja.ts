@@ -224,6 +224,7 @@
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
+  <message><source>Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.</source><translation>その中の地面だけを地図にします：GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、作業データ。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
   <message><source>Other end of the base line: the outer corner of the first row's last plot.</source><translation>基線のもう一方の端。最初の行の最後の試験区の外側の角です。</translation></message>
   <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>

@@ -177,7 +177,16 @@ ALGORITHMS = (
                 "OUTPUT", "Output folder", "Products of the same recording in it are replaced.", required=True
             ),
         },
-        advanced={"--overwrite": parameter("OVERWRITE", "Replace the products of another recording")},
+        advanced={
+            "--overwrite": parameter("OVERWRITE", "Replace the products of another recording"),
+            "--within": parameter(
+                "WITHIN",
+                "Within polygons",
+                "Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.",
+                kind="file",
+                filter=POLYGONS,
+            ),
+        },
         outputs=(
             Output("FOLDER", "folder", "Output folder", item("folder")),
             Output("REPORT", "text", "Report (HTML)", product("report.html")),
